@@ -1,0 +1,111 @@
+"""One family of errors; each message says what was got, what was expected and which choices exist."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+T = TypeVar("T")
+
+
+class HcbfError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class InvalidInputError(HcbfError, ValueError):
+    """An argument, a file or an array was refused before anything was changed."""
+
+
+class UnknownNameError(InvalidInputError):
+    """A name is not among the registered ones; the message lists them."""
+
+
+class RobotModelError(InvalidInputError):
+    """A robot description does not match what the controller drives."""
+
+
+class SolverError(HcbfError, RuntimeError):
+    """A quadratic program that must have a solution was not solved by any solver."""
+
+
+class RenderingError(HcbfError, RuntimeError):
+    """No OpenGL context could be made; the message says what to install."""
+
+
+class MissingDependencyError(HcbfError, ImportError):
+    """An optional dependency is needed; the message names the extra that brings it."""
+
+
+def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:
+    """Return ``choices[name]``.
+
+    Args:
+        kind: what is being chosen, for the message ("program", "scenario", …).
+        name: the name asked for.
+        choices: the registered names and what they stand for.
+
+    Raises:
+        UnknownNameError: if `name` is not registered; the message lists the names that are.
+    """
+    if name not in choices:
+        raise UnknownNameError(f"unknown {kind}: got {name!r}, expected one of {sorted(choices)}")
+    return choices[name]
+
+
+def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> None:
+    """Refuse keyword options that nobody reads.
+
+    Raises:
+        InvalidInputError: if an option is not allowed; the message lists those that are.
+    """
+    allowed = sorted(allowed)
+    unknown = sorted(set(options) - set(allowed))
+    if unknown:
+        raise InvalidInputError(f"{kind}: got unknown option(s) {unknown}, expected among {allowed}")
+
+
+def finite_array(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...]
+) -> NDArray[np.float64]:
+    """Return `value` as a new float64 array of the given shape with finite entries.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything NumPy can read as numbers.
+        shape: the expected shape; None stands for any length.
+
+    Raises:
+        InvalidInputError: on text, ragged lists, another shape, NaN or infinity.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name}: got {value!r}, expected numbers") from error
+    expected = tuple("any" if n is None else n for n in shape)
+    matches = len(array.shape) == len(shape) and all(
+        n is None or n == got for n, got in zip(shape, array.shape, strict=True)
+    )
+    if not matches:
+        raise InvalidInputError(f"{name}: got shape {array.shape}, expected {expected}")
+    if not np.isfinite(array).all():
+        raise InvalidInputError(f"{name}: got {array.tolist()}, expected finite numbers")
+    return array
+
+
+def finite_float(
+    name: str, value: Any, *, minimum: float = -np.inf, exclusive: bool = False
+) -> float:
+    """Return `value` as a finite float not below `minimum` (above it if `exclusive`).
+
+    Raises:
+        InvalidInputError: on anything else.
+    """
+    bound = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else "finite"
+    if isinstance(value, bool | str) or not np.isscalar(value):
+        raise InvalidInputError(f"{name}: got {value!r}, expected a number {bound}")
+    number = float(value)
+    too_low = number <= minimum if exclusive else number < minimum
+    if not np.isfinite(number) or too_low:
+        raise InvalidInputError(f"{name}: got {value!r}, expected a number {bound}")
+    return number
