@@ -62,12 +62,12 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
     allowed = sorted(allowed)
     unknown = sorted(set(options) - set(allowed))
     if unknown:
-        raise InvalidInputError(f"{kind}: got unknown option(s) {unknown}, expected among {allowed}")
+        raise InvalidInputError(
+            f"{kind}: got unknown option(s) {unknown}, expected among {allowed}"
+        )
 
 
-def finite_array(
-    name: str, value: ArrayLike, shape: tuple[int | None, ...]
-) -> NDArray[np.float64]:
+def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Return `value` as a new float64 array of the given shape with finite entries.
 
     Args:

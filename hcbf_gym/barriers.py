@@ -1,0 +1,429 @@
+"""Barrier functions h(x, t) ≥ 0 and the linear rows they put on the input of a reduced-order model.
+
+Every planar barrier is a function H of the position seen from its own, possibly moving, frame,
+``h(x, t) = H(p − w t)``; a built-in one also exists as a compiled kernel in `barrier_kernels`,
+tested against the readable form here.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.class_k import ClassK
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.reduced_order import ReducedOrderModel
+from hcbf_gym.rows import CbfRows
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+MAX_VERTICES = 8
+"""Most corners of a polygon; fixes the size of the compiled kernels' parameter block."""
+
+_TINY = 1e-9
+"""Below this distance [m] from a region's centre its gradient is taken along +x."""
+
+
+class Jet(NamedTuple):
+    """A barrier and its derivatives at one state and time.
+
+    Attributes:
+        h: value [m], or [m/s] for a speed limit.
+        gradient: (n,) ∂h/∂x.
+        hessian: (n, n) ∂²h/∂x².
+        rate: ∂h/∂t.
+        gradient_rate: (n,) ∂²h/∂x∂t.
+        rate_rate: ∂²h/∂t².
+    """
+
+    h: float
+    gradient: Array
+    hessian: Array
+    rate: float
+    gradient_rate: Array
+    rate_rate: float
+
+
+@dataclass(frozen=True)
+class Barrier(ABC):
+    """A named, ranked safety condition ``h(x, t) ≥ 0``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict; larger numbers give way first.
+
+    Raises:
+        InvalidInputError: if the name is empty or the priority is not a positive integer.
+    """
+
+    name: str
+    priority: int
+    kind: ClassVar[int]
+    reads_position: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"barrier name: got {self.name!r}, expected non-empty text")
+        if isinstance(self.priority, bool) or not isinstance(self.priority, int | np.integer):
+            raise InvalidInputError(f"{self.name}: priority: got {self.priority!r}, expected int")
+        if self.priority < 1:
+            raise InvalidInputError(f"{self.name}: priority: got {self.priority}, expected >= 1")
+
+    @abstractmethod
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives.
+
+        Args:
+            x: (n,) state of the reduced-order model, position first.
+            t: time [s].
+        """
+
+    def h(self, x: Array, t: float = 0.0) -> float:
+        """Return h(x, t)."""
+        return self.jet(x, t).h
+
+    @abstractmethod
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+
+
+@dataclass(frozen=True)
+class PlanarBarrier(Barrier):
+    """A condition on the position alone, in a frame that may move at constant velocity.
+
+    ``h(x, t) = H(q)`` with ``q = p − w t``, so that ∂h/∂t = −∇H·w.
+    """
+
+    @property
+    def frame_velocity(self) -> Array:
+        """(2,) the velocity w of the barrier's frame [m/s]."""
+        return np.asarray(getattr(self, "velocity", (0.0, 0.0)))
+
+    @abstractmethod
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H (2,) and ∇²H (2, 2) at the position q (2,) in the barrier's frame."""
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives."""
+        w = self.frame_velocity
+        value, planar_gradient, planar_hessian = self.planar_jet(x[:2] - w * t)
+        gradient, hessian, gradient_rate = (
+            np.zeros(len(x)),
+            np.zeros((len(x),) * 2),
+            np.zeros(len(x)),
+        )
+        gradient[:2] = planar_gradient
+        hessian[:2, :2] = planar_hessian
+        gradient_rate[:2] = -planar_hessian @ w
+        return Jet(
+            h=float(value),
+            gradient=gradient,
+            hessian=hessian,
+            rate=float(-planar_gradient @ w),
+            gradient_rate=gradient_rate,
+            rate_rate=float(w @ planar_hessian @ w),
+        )
+
+
+@dataclass(frozen=True)
+class HalfPlane(PlanarBarrier):
+    """The allowed side of a straight wall, ``h = n·p − offset``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        normal: (2,) unit vector that points into the allowed side.
+        offset: n·p on the wall [m].
+
+    Raises:
+        InvalidInputError: if the normal is not a unit vector or a number is not finite.
+    """
+
+    normal: Pair = (1.0, 0.0)
+    offset: float = 0.0
+    kind: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        normal = finite_array(f"{self.name}: normal", self.normal, (2,))
+        length = float(np.linalg.norm(normal))
+        if abs(length - 1.0) > 1e-6:
+            raise InvalidInputError(f"{self.name}: normal: got length {length}, expected 1")
+        object.__setattr__(self, "normal", tuple(normal.tolist()))
+        object.__setattr__(self, "offset", finite_float(f"{self.name}: offset", self.offset))
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H and ∇²H."""
+        normal = np.array(self.normal)
+        return float(normal @ q - self.offset), normal, np.zeros((2, 2))
+
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+        return [0.0, 0.0, *self.normal, self.offset]
+
+
+@dataclass(frozen=True)
+class Disc(PlanarBarrier):
+    """The outside of a disc, ``h = ‖p − c‖ − r``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        center: (2,) c at t = 0 [m].
+        radius: r [m], positive.
+        velocity: (2,) of the centre [m/s].
+
+    Raises:
+        InvalidInputError: if the radius is not positive or a number is not finite.
+
+    Source: section IV-A of the paper, h₃ and h₄.
+    """
+
+    center: Pair = (0.0, 0.0)
+    radius: float = 1.0
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _set_pairs(self, "center", "velocity")
+        radius = finite_float(f"{self.name}: radius", self.radius, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "radius", radius)
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H and ∇²H; at the very centre the gradient is taken along +x."""
+        distance, direction, curvature = _norm_jet(q - np.array(self.center))
+        return distance - self.radius, direction, curvature
+
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+        return [*self.velocity, *self.center, self.radius]
+
+
+@dataclass(frozen=True)
+class Ellipse(PlanarBarrier):
+    """The outside of an ellipse, ``h = min(a, b) (√(zᵀz) − 1)``, ``z = diag(1/a, 1/b) Rᵀ(p − c)``.
+
+    h is zero on the ellipse and never exceeds the distance to it, as |∇h| ≤ 1.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        center: (2,) c at t = 0 [m].
+        semi_axes: (2,) a and b [m], positive.
+        angle: of the first semi-axis from the world's x axis [rad].
+        velocity: (2,) of the centre [m/s].
+
+    Raises:
+        InvalidInputError: if a semi-axis is not positive or a number is not finite.
+    """
+
+    center: Pair = (0.0, 0.0)
+    semi_axes: Pair = (1.0, 1.0)
+    angle: float = 0.0
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _set_pairs(self, "center", "velocity", "semi_axes")
+        for axis in self.semi_axes:
+            finite_float(f"{self.name}: semi_axes", axis, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "angle", finite_float(f"{self.name}: angle", self.angle))
+
+    @property
+    def scaling(self) -> Array:
+        """(2, 2) the map A from p − c to z."""
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        return np.diag(1.0 / np.array(self.semi_axes)) @ np.array([[cos, sin], [-sin, cos]])
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H and ∇²H; at the very centre the gradient is taken along the first axis."""
+        scaling, scale = self.scaling, min(self.semi_axes)
+        norm, direction, curvature = _norm_jet(scaling @ (q - np.array(self.center)))
+        return (
+            scale * (norm - 1.0),
+            scale * scaling.T @ direction,
+            scale * scaling.T @ curvature @ scaling,
+        )
+
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+        return [*self.velocity, *self.center, *self.scaling.ravel(), min(self.semi_axes)]
+
+
+@dataclass(frozen=True)
+class ConvexPolygon(PlanarBarrier):
+    """The outside of a convex polygon: h is the signed distance to it.
+
+    Outside, h is continuously differentiable (its curvature jumps where the nearest point passes
+    from an edge to a corner); inside, it is the depth below the nearest edge.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        vertices: (k, 2) corners [m], counter-clockwise, 3 ≤ k ≤ 8, strictly convex.
+        velocity: (2,) of the polygon [m/s].
+
+    Raises:
+        InvalidInputError: if the corners are too few, too many, clockwise or not strictly convex.
+    """
+
+    vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[int] = 3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _set_pairs(self, "velocity")
+        corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 2))
+        if not 3 <= len(corners) <= MAX_VERTICES:
+            raise InvalidInputError(
+                f"{self.name}: vertices: got {len(corners)}, expected 3 to {MAX_VERTICES}"
+            )
+        edges = np.roll(corners, -1, axis=0) - corners
+        following = np.roll(edges, -1, axis=0)
+        turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+        winding = np.arctan2(turns, np.sum(edges * following, axis=1)).sum()
+        if (turns <= 0.0).any() or winding > 2.5 * np.pi:
+            raise InvalidInputError(
+                f"{self.name}: vertices: got {corners.tolist()}, "
+                "expected the corners of a strictly convex polygon, counter-clockwise"
+            )
+        object.__setattr__(self, "vertices", tuple(tuple(c) for c in corners.tolist()))
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H and ∇²H."""
+        corners = np.array(self.vertices)
+        edges = np.roll(corners, -1, axis=0) - corners
+        lengths = np.linalg.norm(edges, axis=1)
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
+        heights = np.sum(normals * (q - corners), axis=1)
+        nearest = int(np.argmax(heights))
+        if heights[nearest] <= 0.0:
+            return float(heights[nearest]), normals[nearest], np.zeros((2, 2))
+        along = np.clip(np.sum((q - corners) * edges, axis=1) / lengths**2, 0.0, 1.0)
+        offsets = q - (corners + along[:, None] * edges)
+        nearest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+        distance, direction, curvature = _norm_jet(offsets[nearest])
+        on_edge = 0.0 < along[nearest] < 1.0
+        return distance, direction, np.zeros((2, 2)) if on_edge else curvature
+
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+        return [*self.velocity, float(len(self.vertices)), *np.ravel(self.vertices)]
+
+
+@dataclass(frozen=True)
+class SpeedLimit(Barrier):
+    """A cap on the speed of a second-order model, ``h = (v_max² − ‖v‖²) / (2 v_max)``.
+
+    Smooth everywhere, and equal to v_max − ‖v‖ [m/s] to first order at the limit.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        v_max: [m/s], positive.
+
+    Raises:
+        InvalidInputError: if v_max is not positive.
+    """
+
+    v_max: float = 1.0
+    kind: ClassVar[int] = 4
+    reads_position: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        v_max = finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "v_max", v_max)
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives."""
+        velocity = x[2:4]
+        gradient, hessian = np.zeros(len(x)), np.zeros((len(x),) * 2)
+        gradient[2:4] = -velocity / self.v_max
+        hessian[2:4, 2:4] = -np.eye(2) / self.v_max
+        h = (self.v_max**2 - velocity @ velocity) / (2.0 * self.v_max)
+        return Jet(float(h), gradient, hessian, 0.0, np.zeros(len(x)), 0.0)
+
+    def parameters(self) -> list[float]:
+        """Return the numbers that the compiled kernel of this kind reads."""
+        return [0.0, 0.0, self.v_max]
+
+
+KINDS: dict[str, type] = {
+    "half-plane": HalfPlane,
+    "disc": Disc,
+    "ellipse": Ellipse,
+    "convex-polygon": ConvexPolygon,
+    "speed-limit": SpeedLimit,
+}
+
+
+def cbf_rows(
+    model: ReducedOrderModel,
+    barriers: tuple[Barrier, ...],
+    x: Array,
+    t: float,
+    alpha1: ClassK,
+    alpha2: ClassK,
+    margin: float = 0.0,
+) -> CbfRows:
+    """Return the rows ``a·u ≥ b`` that keep every barrier at the state x.
+
+    At relative degree 2 ``ψ = ḣ + α₁(h)``, at relative degree 1 ``ψ = h``; the row is
+    ``ψ̇(x, u) ≥ −α₂(ψ)``, that is ``a = L_g ψ`` and ``b = −α₂(ψ) − L_f ψ − ∂ψ/∂t``.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        barriers: m safety conditions.
+        x: (n,) state.
+        t: time [s].
+        alpha1: α₁, applied to h at relative degree 2.
+        alpha2: α₂, applied to ψ.
+        margin: what strict rows (priority 1) on the position keep between h and zero [m].
+
+    Source: section II-C of the paper with the high-order form for L_g h = 0.
+    """
+    a, b, h, alpha2_psi = [], [], [], []
+    drift, input_matrix, drift_jacobian = model.f(x), model.g(x), model.f_jacobian(x)
+    for barrier in barriers:
+        jet = barrier.jet(x, t)
+        kept = margin if barrier.priority == 1 and barrier.reads_position else 0.0
+        psi, gradient, rate = jet.h - kept, jet.gradient, jet.rate
+        if model.relative_degree(barrier.reads_position) == 2:
+            slope = alpha1.derivative(psi)
+            h_dot = jet.gradient @ drift + jet.rate
+            gradient = (
+                jet.hessian @ drift
+                + drift_jacobian.T @ jet.gradient
+                + jet.gradient_rate
+                + slope * jet.gradient
+            )
+            rate = jet.gradient_rate @ drift + jet.rate_rate + slope * jet.rate
+            psi = h_dot + alpha1(psi)
+        a.append(gradient @ input_matrix)
+        b.append(-alpha2(psi) - gradient @ drift - rate)
+        h.append(jet.h)
+        alpha2_psi.append(alpha2(psi))
+    priority = np.array([barrier.priority for barrier in barriers])
+    return CbfRows(np.array(a), np.array(b), np.array(h), priority, np.array(alpha2_psi))
+
+
+def _norm_jet(r: Array) -> tuple[float, Array, Array]:
+    """Return ‖r‖, its gradient and its Hessian; at r = 0 the direction is taken along +x."""
+    distance = float(np.linalg.norm(r))
+    if distance < _TINY:
+        return distance, np.array([1.0, 0.0]), np.zeros((2, 2))
+    direction = r / distance
+    return distance, direction, (np.eye(2) - np.outer(direction, direction)) / distance
+
+
+def _set_pairs(barrier: Barrier, *names: str) -> None:
+    for name in names:
+        pair = finite_array(f"{barrier.name}: {name}", getattr(barrier, name), (2,))
+        object.__setattr__(barrier, name, tuple(pair.tolist()))

@@ -1,0 +1,1 @@
+"""The Gymnasium environments; the only place that steps MuJoCo."""

@@ -1,0 +1,151 @@
+"""HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import scenarios
+from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.envs import task
+from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.envs.top_down import TopDownView
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+
+class RegionsEnv(gym.Env[Array, Array]):
+    """The reduced-order robot walks through dangerous regions that are ranked by priority.
+
+    ## Description
+    A double integrator ``p̈ = u`` in the plane follows a reference (task "track") or runs to a goal
+    (task "reach") among regions that it should not enter. The regions carry priorities: 1 is
+    strict, higher numbers may be entered as far as the lower ones leave no other way. Nothing in
+    the environment enforces that: wrap it in `hcbf_gym.wrappers.SafetyFilter`.
+
+    ## Action Space
+    `Box(low, high, (2,), float32)`, the acceleration u [m/s²] held for 0.02 s; ±5 m/s² in the
+    paper's scenes. Values outside are clipped; NaN and other shapes are refused.
+
+    ## Observation Space
+    `Box(-inf, inf, (8 + 4 m,), float64)` for a scenario of m barriers:
+
+    | index | meaning | unit |
+    |---|---|---|
+    | 0, 1 | position error, p_ref − p | m |
+    | 2, 3 | velocity error, v_ref − v | m/s |
+    | 4, 5 | velocity v | m/s |
+    | 6, 7 | acceleration of the reference | m/s² |
+    | 8 + 4k | value h_k of barrier k | m |
+    | 9 + 4k, 10 + 4k | its unit gradient ∇h_k/‖∇h_k‖ | - |
+    | 11 + 4k | its own motion ∂h_k/∂t | m/s |
+
+    In a "reach" task p_ref is the goal, v_ref and its acceleration are zero.
+
+    ## Rewards
+    The sum of the terms in info. track: `reward_tracking` = −‖p_ref − p‖. reach:
+    `reward_progress`, the distance to the goal gained [m], and `reward_goal` = 10 when it is
+    reached. Both: `reward_effort` = −10⁻³‖u‖². Safety is not in the reward but in `info["cost"]`.
+
+    ## Starting State
+    At rest at the scenario's start. `scenario="random"` draws another scene at every reset.
+
+    ## Episode End
+    Terminated when a "reach" task's goal is within the scenario's `goal_radius`; truncated after
+    1000 steps (20 s).
+
+    ## Infos
+    `h` (m,) at the step's end, `min_h` (m,) the least over its ten substeps, `violation` (m,)
+    max(0, −h), `cost` their sum, `tracking_error` ‖p_ref − p‖ [m], and the reward's terms. A speed
+    limit that the scenario sets comes after its own barriers.
+
+    ## Arguments
+    * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
+      a `Scenario`.
+    * `render_mode`: None or "rgb_array", a top-down picture.
+
+    ## Version History
+    * v0: first release.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's form
+
+    def __init__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InvalidInputError(
+                f"render_mode: got {render_mode!r}, expected None or one of "
+                f"{self.metadata['render_modes']}"
+            )
+        self.render_mode = render_mode
+        self._source = scenario
+        self.scenario = scenarios.make(scenario, np.random.default_rng(0))
+        self._batch = RegionsBatch([self.scenario])
+        self.action_space = task.action_space(self.scenario.input_set)
+        self.observation_space = task.observation_space(len(self.scenario.barriers))
+        self._view: TopDownView | None = None
+        self._path: list[Array] = []
+
+    @property
+    def rom_state(self) -> Array:
+        """(4,) position [m] and velocity [m/s]."""
+        return self._batch.x[0].copy()
+
+    @property
+    def margin(self) -> float:
+        """What strict rows keep by default, against the hold between two actions [m]."""
+        return task.ROM_MARGIN
+
+    @property
+    def barrier_set(self) -> BarrierSet:
+        """The scenario's barriers, then the environment's own, as one scene."""
+        return self._batch.barrier_set
+
+    @property
+    def time(self) -> float:
+        """Time since the reset [s]."""
+        return float(self._batch.time[0])
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Start a new episode; a seed decides everything that follows."""
+        super().reset(seed=seed)
+        if scenarios.is_random(self._source):
+            self.scenario = scenarios.make(self._source, self.np_random)
+            self._batch.set_scene(0, self.scenario)
+        self._batch.restart(np.ones(1, dtype=np.bool_))
+        self._path = [self.rom_state[:2]]
+        observation, h, error = self._batch.look()
+        return observation[0], task.first(task.step_info(h, h.copy(), error))
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold the acceleration u (2,) [m/s²] for one control step."""
+        u = task.check_action(action, (2,))
+        step = self._batch.step(u[None])
+        self._path.append(self.rom_state[:2])
+        info = task.first(step.info) | task.first(step.reward_terms)
+        reward = float(sum(terms[0] for terms in step.reward_terms.values()))
+        return step.observation[0], reward, bool(step.reached[0]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return an (h, w, 3) top-down picture, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._view is None:
+            self._view = TopDownView()
+        return self._view.draw(self.scenario, self.time, np.array(self._path))
+
+    def close(self) -> None:
+        """Release the picture's memory; safe to call twice."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None

@@ -1,0 +1,158 @@
+"""N reduced-order robots in N scenes, stepped together: the core of both ROM environments."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym import barrier_kernels
+from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.envs.task import (
+    CONTROL_DT,
+    PHYSICS_DT,
+    SUBSTEPS,
+    barriers_of,
+    observe,
+    reference_table,
+    reward_terms,
+    step_info,
+)
+from hcbf_gym.reduced_order import double_integrator_step
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+
+class BatchStep(NamedTuple):
+    """What one step of N environments yields.
+
+    Attributes:
+        observation: (N, 8 + 4 m).
+        reward_terms: name → (N,), which sum to the reward.
+        reached: (N,) bool, whether a "reach" task's goal is reached.
+        info: name → (N, …).
+    """
+
+    observation: Array
+    reward_terms: dict[str, Array]
+    reached: NDArray[np.bool_]
+    info: dict[str, Array]
+
+
+class RegionsBatch:
+    """N double integrators, each in its own scene.
+
+    Args:
+        scenes: N scenarios of one task and one number of barriers.
+        own_references: whether each keeps a reference table of its own, so that `set_scene` may
+            change it; False where all scenes are the same for good.
+
+    Attributes:
+        x: (N, 4) positions [m] and velocities [m/s].
+        steps: (N,) control steps since each reset.
+        barrier_set: the N scenes' barriers, the environment's speed limit last.
+    """
+
+    def __init__(self, scenes: list[Scenario], own_references: bool = True):
+        self.task = scenes[0].task
+        self.n_barriers = len(scenes[0].barriers)
+        corners = scenes[0].input_set.vertices()
+        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        self.barrier_set = BarrierSet([barriers_of(s, s.v_max) for s in scenes])
+        self.x = np.zeros((len(scenes), 4))
+        self.steps = np.zeros(len(scenes), dtype=np.int64)
+        self._v_max = np.array([np.inf if s.v_max is None else s.v_max for s in scenes])
+        self._goal_radius = np.array([s.goal_radius for s in scenes])
+        owners = scenes if own_references else scenes[:1]
+        self._tables = np.stack([reference_table(scene) for scene in owners])
+        self._table_of = np.arange(len(scenes)) % len(owners)
+        self._start = np.array([s.start for s in scenes])
+        self.restart(np.ones(len(scenes), dtype=np.bool_))
+
+    def set_scene(self, i: int, scene: Scenario) -> None:
+        """Put another scene into environment `i`, which must own its reference table."""
+        self.barrier_set.set_scene(i, barriers_of(scene, scene.v_max))
+        self._tables[i] = reference_table(scene)
+        self._goal_radius[i] = scene.goal_radius
+        self._start[i] = scene.start
+
+    def restart(self, mask: NDArray[np.bool_]) -> None:
+        """Put the masked environments (N,) at rest at their starts, time zero."""
+        self.x[mask, :2] = self._start[mask]
+        self.x[mask, 2:] = 0.0
+        self.steps[mask] = 0
+
+    @property
+    def time(self) -> Array:
+        """(N,) [s] since each reset."""
+        return CONTROL_DT * self.steps
+
+    def reference(self) -> Array:
+        """Return (N, 6) position, velocity and acceleration of the references now."""
+        last = self._tables.shape[1] - 1
+        return self._tables[self._table_of, np.minimum(self.steps, last)]
+
+    def look(self) -> tuple[Array, Array, Array]:
+        """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
+        reference = self.reference()
+        h, sensed = self.barrier_set.sense(self.x, self.time)
+        error = np.hypot(reference[:, 0] - self.x[:, 0], reference[:, 1] - self.x[:, 1])
+        return observe(self.x, reference, sensed[:, : self.n_barriers]), h, error
+
+    def step(self, action: Array, restarting: NDArray[np.bool_] | None = None) -> BatchStep:
+        """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
+
+        Args:
+            action: (N, 2) accelerations [m/s²].
+            restarting: (N,) environments that start a new episode in this step instead, at no
+                reward.
+        """
+        u = np.clip(action, self.low, self.high)
+        before = self.reference()
+        distance_before = np.hypot(before[:, 0] - self.x[:, 0], before[:, 1] - self.x[:, 1])
+        min_h = np.empty(self.barrier_set.kind.shape)
+        _advance(
+            self.barrier_set.kind,
+            self.barrier_set.parameters,
+            self.x,
+            self.time,
+            u,
+            self._v_max,
+            min_h,
+        )
+        self.steps += 1
+        if restarting is not None:
+            self.restart(restarting)
+        observation, h, error = self.look()
+        reached = (error <= self._goal_radius) & (self.task == "reach")
+        terms = reward_terms(self.task, distance_before, error, reached, u)
+        if restarting is not None:
+            min_h[restarting] = h[restarting]
+            reached[restarting] = False
+            for term in terms.values():
+                term[restarting] = 0.0
+        return BatchStep(observation, terms, reached, step_info(h, min_h, error))
+
+
+@njit(cache=True)
+def _advance(
+    kind: NDArray[np.int64],
+    parameters: Array,
+    x: Array,
+    t: Array,
+    u: Array,
+    v_max: Array,
+    min_h: Array,
+) -> None:
+    """Advance x (N, 4) in place over one control step; write the least h (N, m) on the way."""
+    for i in range(x.shape[0]):
+        for k in range(kind.shape[1]):
+            min_h[i, k] = np.inf
+        for s in range(1, SUBSTEPS + 1):
+            x[i, 0], x[i, 1], x[i, 2], x[i, 3] = double_integrator_step(
+                x[i], u[i], PHYSICS_DT, v_max[i]
+            )
+            for k in range(kind.shape[1]):
+                h = barrier_kernels.value(kind[i, k], parameters[i, k], x[i], t[i] + s * PHYSICS_DT)
+                min_h[i, k] = min(min_h[i, k], h)

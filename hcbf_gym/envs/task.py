@@ -1,0 +1,142 @@
+"""What both environments share: time steps, observation, reward and the infos of a step."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import Barrier, SpeedLimit
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.input_sets import InputSet
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+CONTROL_DT = 0.02
+"""Time between two actions [s]."""
+PHYSICS_DT = 0.002
+"""Time between two looks at the barriers [s], and one physics step of the full model."""
+SUBSTEPS = 10
+MAX_EPISODE_STEPS = 1000
+
+ROM_MARGIN = 0.01
+"""What strict rows keep by default against the dip between two samples of the ROM [m]."""
+
+EFFORT_WEIGHT = 1e-3
+GOAL_REWARD = 10.0
+
+
+def action_space(input_set: InputSet) -> spaces.Box:
+    """Return the smallest float32 Box around U [m/s²]."""
+    corners = input_set.vertices().astype(np.float32)
+    return spaces.Box(corners.min(axis=0), corners.max(axis=0))
+
+
+def observation_space(n_barriers: int) -> spaces.Box:
+    """Return the unbounded float64 Box of `observe`."""
+    return spaces.Box(-np.inf, np.inf, shape=(8 + 4 * n_barriers,), dtype=np.float64)
+
+
+def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
+    """Return the scenario's barriers, then the environment's own strict speed limit if there is one."""
+    if v_max is None:
+        return scenario.barriers
+    return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max))
+
+
+def reference_table(scenario: Scenario) -> Array:
+    """Return (k, 6) position, velocity and acceleration at the control times up to the goal."""
+    steps = int(np.ceil(scenario.reference.duration / CONTROL_DT))
+    times = CONTROL_DT * np.arange(steps + 1)
+    return np.array(
+        [
+            np.concatenate([*scenario.reference(t), scenario.reference.acceleration(t)])
+            for t in times
+        ]
+    )
+
+
+def observe(x: Array, reference: Array, sensed: Array) -> Array:
+    """Return (N, 8 + 4 m) what a policy sees.
+
+    ``p_ref − p, v_ref − v, v, a_ref``, then per barrier ``h, ∇h/‖∇h‖, ∂h/∂t``.
+
+    Args:
+        x: (N, 4) position [m] and velocity [m/s].
+        reference: (N, 6) position, velocity and acceleration of the reference.
+        sensed: (N, m, 4) what `BarrierSet.sense` returns.
+    """
+    return np.concatenate(
+        [
+            reference[:, :4] - x,
+            x[:, 2:],
+            reference[:, 4:],
+            sensed.reshape(len(x), -1),
+        ],
+        axis=1,
+    )
+
+
+def reward_terms(
+    task: str, distance_before: Array, distance_after: Array, reached: Array, u: Array
+) -> dict[str, Array]:
+    """Return the terms (N,) that sum to the reward.
+
+    track: ``−‖p_ref − p‖``; reach: the distance to the goal that the step gained, and a bonus when
+    it is reached; both: ``−10⁻³ ‖u‖²``.
+
+    Args:
+        task: "track" or "reach".
+        distance_before: (N,) to the reference's position before the step [m].
+        distance_after: (N,) to the reference's position after it [m].
+        reached: (N,) whether the goal is reached.
+        u: (N, 2) the applied acceleration [m/s²].
+    """
+    effort = -EFFORT_WEIGHT * np.sum(u * u, axis=1)
+    if task == "track":
+        return {"reward_tracking": -distance_after, "reward_effort": effort}
+    return {
+        "reward_progress": distance_before - distance_after,
+        "reward_goal": GOAL_REWARD * reached,
+        "reward_effort": effort,
+    }
+
+
+def step_info(h: Array, min_h: Array, tracking_error: Array) -> dict[str, Array]:
+    """Return the infos that every step carries, each with a leading axis N.
+
+    Args:
+        h: (N, m) barrier values at the step's end.
+        min_h: (N, m) their least values over its physics steps.
+        tracking_error: (N,) ‖p_ref − p‖ [m].
+    """
+    violation = np.maximum(-h, 0.0)
+    return {
+        "h": h,
+        "min_h": min_h,
+        "violation": violation,
+        "cost": violation.sum(axis=1),
+        "tracking_error": tracking_error,
+    }
+
+
+def first(info: dict[str, Array]) -> dict[str, Any]:
+    """Return the infos of environment 0: arrays as copies, numbers as floats."""
+    return {
+        key: value[0].copy() if value.ndim > 1 else float(value[0]) for key, value in info.items()
+    }
+
+
+def check_action(action: Any, shape: tuple[int, ...]) -> Array:
+    """Return the action as float64.
+
+    Raises:
+        InvalidInputError: if it has another shape, or an entry is NaN or infinite.
+    """
+    array = np.asarray(action, dtype=np.float64)
+    if array.shape != shape:
+        raise InvalidInputError(f"action: got shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
+    return array

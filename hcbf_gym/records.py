@@ -1,0 +1,79 @@
+"""Plain-dict form of frozen dataclasses, so that scenes and options travel through JSON."""
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.errors import InvalidInputError, choose
+
+
+def to_dict(record: Any, kinds: Mapping[str, type]) -> dict[str, Any]:
+    """Return ``{"kind": …, field: value, …}`` with JSON types only.
+
+    Args:
+        record: a dataclass instance whose class is among `kinds`.
+        kinds: the registered names and their classes.
+    """
+    kind = next(name for name, cls in kinds.items() if type(record) is cls)
+    return {"kind": kind} | {f.name: plain(getattr(record, f.name)) for f in fields(record)}
+
+
+def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
+    """Build the dataclass that ``data["kind"]`` names from the other entries.
+
+    Args:
+        what: what is being read, for the message ("barrier", "reference", …).
+        data: a mapping as `to_dict` makes it.
+        kinds: the registered names and their classes.
+
+    Raises:
+        InvalidInputError: if `data` is no mapping, or a field is missing, unknown or mistyped.
+        UnknownNameError: if the kind is not registered.
+    """
+    check_mapping(what, data)
+    if "kind" not in data:
+        raise InvalidInputError(f"{what}: got no 'kind', expected one of {sorted(kinds)}")
+    cls = choose(f"{what} kind", data["kind"], kinds)
+    return build(f"{what} ({data['kind']})", cls, {k: v for k, v in data.items() if k != "kind"})
+
+
+def build(what: str, cls: type, values: Mapping[str, Any]) -> Any:
+    """Call a dataclass with the fields in `values` after checking their names.
+
+    Raises:
+        InvalidInputError: if a field is missing or unknown; the message lists the fields.
+    """
+    assert is_dataclass(cls)
+    known = [f.name for f in fields(cls)]
+    required = [
+        f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING
+    ]
+    unknown = sorted(set(values) - set(known))
+    missing = [name for name in required if name not in values]
+    if unknown or missing:
+        raise InvalidInputError(
+            f"{what}: got missing field(s) {missing} and unknown field(s) {unknown}, "
+            f"expected the fields {known}"
+        )
+    return cls(**values)
+
+
+def check_mapping(what: str, data: Any) -> None:
+    """Refuse anything but a mapping with text keys.
+
+    Raises:
+        InvalidInputError: on anything else.
+    """
+    if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
+        raise InvalidInputError(f"{what}: got {data!r}, expected a mapping with text keys")
+
+
+def plain(value: Any) -> Any:
+    """Return `value` with tuples and arrays turned into lists and NumPy scalars into numbers."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return value

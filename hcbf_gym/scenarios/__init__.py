@@ -1,0 +1,61 @@
+"""Scenes by name, from a plain dict, or from a JSON file."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.scenarios import paper
+from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
+
+__all__ = ["BoxObstacle", "Scenario", "from_dict", "is_random", "load", "make", "names"]
+
+_NAMED: dict[str, Callable[[], Scenario]] = {
+    "paper-simulation": paper.simulation,
+    "paper-simulation-as-printed": paper.simulation_as_printed,
+    "paper-four-levels": paper.four_levels,
+    "paper-experiment": paper.experiment,
+    "paper-experiment-straight": paper.experiment_straight,
+}
+
+
+def names() -> list[str]:
+    """Return the names that `make` knows."""
+    return sorted(_NAMED)
+
+
+def is_random(scenario: str | Path | Mapping[str, Any] | Scenario) -> bool:
+    """Return whether `make` draws another scene at every call."""
+    return scenario == "random"
+
+
+def make(
+    scenario: str | Path | Mapping[str, Any] | Scenario, rng: np.random.Generator | None = None
+) -> Scenario:
+    """Return a scenario.
+
+    Args:
+        scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`.
+        rng: what decides a random scene.
+
+    Raises:
+        UnknownNameError: if the name is not registered; the message lists those that are.
+        InvalidInputError: if the file or dict is no scenario.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Mapping):
+        return from_dict(scenario)
+    if not isinstance(scenario, str | Path):
+        raise InvalidInputError(
+            f"scenario: got {scenario!r}, expected a name, a dict, a JSON file or a Scenario"
+        )
+    if str(scenario) in _NAMED:
+        return _NAMED[str(scenario)]()
+    if str(scenario).endswith(".json"):
+        return load(scenario)
+    raise UnknownNameError(
+        f"unknown scenario: got {str(scenario)!r}, expected one of {names()} or a .json file"
+    )

@@ -1,0 +1,178 @@
+"""The record of one scene: ranked barriers, a reference, an input set, boxes that stand in it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import barriers as barrier_kinds
+from hcbf_gym import input_sets, records, references
+from hcbf_gym.barriers import Barrier
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.input_sets import Box, InputSet
+from hcbf_gym.references import Reference
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+TASKS = ("track", "reach")
+
+
+@dataclass(frozen=True)
+class BoxObstacle:
+    """A box on the floor of the full-physics scene.
+
+    Args:
+        name: what contacts are reported under.
+        center: (2,) [m].
+        size: (3,) full length, width and height [m], positive.
+        yaw: [rad].
+        mass: [kg], positive; None stands for a box too heavy to move.
+
+    Raises:
+        InvalidInputError: if a size or the mass is not positive, or a number is not finite.
+    """
+
+    name: str
+    center: Pair
+    size: tuple[float, float, float]
+    yaw: float = 0.0
+    mass: float | None = None
+
+    def __post_init__(self) -> None:
+        center = finite_array(f"{self.name}: center", self.center, (2,))
+        size = finite_array(f"{self.name}: size", self.size, (3,))
+        for side in size:
+            finite_float(f"{self.name}: size", side, minimum=0.0, exclusive=True)
+        finite_float(f"{self.name}: yaw", self.yaw)
+        if self.mass is not None:
+            finite_float(f"{self.name}: mass", self.mass, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "center", tuple(center.tolist()))
+        object.__setattr__(self, "size", tuple(size.tolist()))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scene: what is dangerous, how much, where to go and with which inputs.
+
+    Args:
+        name: what tables and figures call it.
+        barriers: m ranked safety conditions; priorities 1, 2, … without a gap.
+        reference: where the nominal policy wants to be; the last point is the goal.
+        start: (2,) where the robot starts [m].
+        input_set: U of the reduced-order model.
+        task: "track" follows the reference to its end, "reach" ends at the goal.
+        goal_radius: within which the goal counts as reached [m].
+        v_max: strict cap on the speed that the environments add [m/s]; None for none.
+        obstacles: boxes of the full-physics scene.
+
+    Raises:
+        InvalidInputError: if the barriers are none, share a name or skip a priority, or another
+            field is out of range.
+    """
+
+    name: str
+    barriers: tuple[Barrier, ...]
+    reference: Reference
+    start: Pair = (0.0, 0.0)
+    input_set: InputSet = field(default_factory=lambda: Box.symmetric(5.0))
+    task: str = "track"
+    goal_radius: float = 0.25
+    v_max: float | None = None
+    obstacles: tuple[BoxObstacle, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [barrier.name for barrier in self.barriers]
+        if not names or len(set(names)) != len(names):
+            raise InvalidInputError(
+                f"{self.name}: barriers: got the names {names}, expected one or more, all different"
+            )
+        ranks = sorted({barrier.priority for barrier in self.barriers})
+        if ranks != list(range(1, len(ranks) + 1)):
+            raise InvalidInputError(
+                f"{self.name}: priorities: got {ranks}, expected 1, 2, … without a gap"
+            )
+        if self.task not in TASKS:
+            raise InvalidInputError(f"{self.name}: task: got {self.task!r}, expected {TASKS}")
+        start = finite_array(f"{self.name}: start", self.start, (2,))
+        object.__setattr__(self, "start", tuple(start.tolist()))
+        finite_float(f"{self.name}: goal_radius", self.goal_radius, minimum=0.0, exclusive=True)
+        if self.v_max is not None:
+            finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)
+
+    @property
+    def goal(self) -> Array:
+        """(2,) where the reference ends [m]."""
+        return self.reference(self.reference.duration)[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scene as a plain dict that `from_dict` reads and JSON keeps."""
+        return {
+            "name": self.name,
+            "barriers": [records.to_dict(b, barrier_kinds.KINDS) for b in self.barriers],
+            "reference": records.to_dict(self.reference, references.KINDS),
+            "start": list(self.start),
+            "input_set": self.input_set.to_dict(),
+            "task": self.task,
+            "goal_radius": self.goal_radius,
+            "v_max": self.v_max,
+            "obstacles": [
+                {f.name: records.plain(getattr(o, f.name)) for f in fields(o)}
+                for o in self.obstacles
+            ],
+        }
+
+
+def from_dict(data: Mapping[str, Any]) -> Scenario:
+    """Build a scenario from a plain dict.
+
+    Args:
+        data: as `Scenario.to_dict` makes it; fields with a default may be left out.
+
+    Raises:
+        InvalidInputError: if a field is missing, unknown or mistyped, with the fields listed.
+    """
+    records.check_mapping("scenario", data)
+    values = dict(data)
+    if "barriers" in values:
+        values["barriers"] = tuple(
+            records.from_dict("barrier", item, barrier_kinds.KINDS)
+            for item in _items("scenario: barriers", values["barriers"])
+        )
+    if "reference" in values:
+        values["reference"] = records.from_dict("reference", values["reference"], references.KINDS)
+    if "input_set" in values:
+        values["input_set"] = input_sets.from_dict(values["input_set"])
+    if "obstacles" in values:
+        values["obstacles"] = tuple(
+            records.build("obstacle", BoxObstacle, item)
+            for item in _items("scenario: obstacles", values["obstacles"])
+        )
+    return records.build("scenario", Scenario, values)
+
+
+def load(path: str | Path) -> Scenario:
+    """Read a scenario from a JSON file.
+
+    Raises:
+        InvalidInputError: if the file cannot be read, is not JSON or is no scenario.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InvalidInputError(
+            f"scenario file: got {str(path)!r} ({error}), expected a readable JSON file"
+        ) from error
+    return from_dict(data)
+
+
+def _items(what: str, value: Any) -> list[Any]:
+    if not isinstance(value, list | tuple):
+        raise InvalidInputError(f"{what}: got {value!r}, expected a list")
+    for item in value:
+        records.check_mapping(what, item)
+    return list(value)

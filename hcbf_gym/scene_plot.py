@@ -1,0 +1,95 @@
+"""A scene seen from above, drawn on matplotlib axes: regions, walls, boxes and the reference."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Ellipse as EllipsePatch
+
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.scenarios import Scenario
+
+PRIORITY_COLORS = ("#c0392b", "#e69f00", "#56b4e9", "#8e6bbf", "#7f8c8d")
+"""Colours of the priorities 1, 2, …; the last one serves all that follow."""
+
+PROGRAM_COLORS = {
+    "none": "#7f7f7f",
+    "cbf-qp": "#8c564b",
+    "r-cbf-qp": "#000000",
+    "h-cbf-qp": "#0072b2",
+    "ih-cbf-qp": "#cc79a7",
+    "eh-cbf-qp": "#d55e00",
+    "lex-cbf-qp": "#009e73",
+}
+"""One colour for a program throughout all figures."""
+
+_FAR = 100.0
+
+
+def priority_color(priority: int) -> str:
+    """Return the colour of a priority (1, 2, …)."""
+    return PRIORITY_COLORS[min(priority, len(PRIORITY_COLORS)) - 1]
+
+
+def outline(barrier: Barrier, t: float = 0.0) -> Patch | None:
+    """Return what a planar barrier forbids at time t as a patch; None for a speed limit."""
+    if not isinstance(barrier, PlanarBarrier):
+        return None
+    shift = barrier.frame_velocity * t
+    if isinstance(barrier, HalfPlane):
+        normal = np.array(barrier.normal)
+        along = np.array([-normal[1], normal[0]])
+        foot = barrier.offset * normal
+        corners = [foot - _FAR * along, foot + _FAR * along]
+        return Polygon([*corners, corners[1] - _FAR * normal, corners[0] - _FAR * normal])
+    if isinstance(barrier, Disc):
+        return Circle(tuple(np.array(barrier.center) + shift), barrier.radius)
+    if isinstance(barrier, Ellipse):
+        width, height = 2 * np.array(barrier.semi_axes)
+        center = np.array(barrier.center) + shift
+        return EllipsePatch(tuple(center), width, height, angle=np.degrees(barrier.angle))
+    if isinstance(barrier, ConvexPolygon):
+        return Polygon(np.array(barrier.vertices) + shift)
+    return None
+
+
+def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
+    """Draw a scenario's regions at time t, its boxes, its reference, start and goal.
+
+    Args:
+        axes: where to draw; limits, labels and aspect are set.
+        scenario: the scene.
+        t: time [s], for regions that move.
+    """
+    for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
+        patch = outline(barrier, t)
+        if patch is not None:
+            color = priority_color(barrier.priority)
+            patch.set(facecolor=(color, 0.25), edgecolor=color, lw=1.2, zorder=1)
+            axes.add_patch(patch)
+    for box in scenario.obstacles:
+        cos, sin = np.cos(box.yaw), np.sin(box.yaw)
+        half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(box.size[:2]) / 2
+        corners = half @ np.array([[cos, sin], [-sin, cos]]) + np.array(box.center)
+        color = "#f1c40f" if box.mass is not None else "#8d6e63"
+        axes.add_patch(Polygon(corners, facecolor=color, edgecolor="k", lw=0.6, zorder=2))
+    times = np.linspace(0.0, scenario.reference.duration, 200)
+    reference = np.array([scenario.reference(s)[0] for s in times])
+    axes.plot(*reference.T, "--", color="0.35", lw=1.0, zorder=3, label="reference")
+    axes.plot(*scenario.start, "o", color="k", ms=4, zorder=3)
+    axes.plot(*scenario.goal, "*", color="k", ms=10, zorder=3)
+    low, high = limits(scenario)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
+
+
+def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (2,), (2,) of a window that shows start, goal and the bounded regions."""
+    times = np.linspace(0.0, scenario.reference.duration, 50)
+    points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
+    for barrier in scenario.barriers:
+        patch = outline(barrier)
+        if patch is not None and not isinstance(barrier, HalfPlane):
+            points.extend(patch.get_extents().corners())
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    pad = 0.05 * np.max(high - low) + 0.3
+    return low - pad, high + pad
