@@ -1,0 +1,112 @@
+"""From the planar input u to where the trunk shall be: the reduced-order model, run at 500 Hz."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.locomotion.rotation import wrap_angle
+from hcbf_gym.locomotion.state import Array
+
+LEASH = 0.15  # [m] the reference never runs further ahead of the robot
+MAX_YAW_RATE = 2.5  # [rad/s]
+MAX_YAW_ACCELERATION = 15.0  # [rad/s²]
+# the heading follows the velocity's direction above the first speed and is held below the second:
+# near rest that direction is noise
+HEADING_STARTS, HEADING_STOPS = 0.15, 0.10  # [m/s]
+
+
+class BodyReference(NamedTuple):
+    """What the trunk shall do in the plane.
+
+    Attributes:
+        position: (2,) [m].
+        velocity: (2,) [m/s].
+        acceleration: (2,) [m/s²].
+        yaw: [rad].
+        yaw_rate: [rad/s].
+        yaw_acceleration: [rad/s²].
+        turning: whether the heading follows the velocity at present.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    yaw: float
+    yaw_rate: float
+    yaw_acceleration: float
+    turning: bool
+
+
+class BodyReferenceGenerator:
+    """Integrates ``p̈ = u`` and turns the trunk to face along the velocity.
+
+    Args:
+        timestep: of the control loop [s].
+        max_speed: the reference's speed is capped here [m/s].
+        follow_velocity: whether the heading follows the velocity; else it stays as it was at reset.
+    """
+
+    def __init__(self, timestep: float, max_speed: float, follow_velocity: bool) -> None:
+        self.timestep = timestep
+        self.max_speed = max_speed
+        self.follow_velocity = follow_velocity
+        self.latest = _at_rest(np.zeros(2), 0.0)
+
+    def reset(self, position: Array, yaw: float) -> None:
+        """Start from rest at `position` (2,) [m], facing `yaw` [rad]."""
+        self.latest = _at_rest(position, yaw)
+
+    def advance(self, u: Array, position: Array) -> BodyReference:
+        """Move on by one tick under u (2,) [m/s²], the robot being at `position` (2+,) [m]."""
+        self.latest = advance(
+            self.latest, u, position, self.timestep, self.max_speed, self.follow_velocity
+        )
+        return self.latest
+
+
+def _at_rest(position: Array, yaw: float) -> BodyReference:
+    return BodyReference(
+        np.array(position[:2], dtype=np.float64), np.zeros(2), np.zeros(2), yaw, 0.0, 0.0, False
+    )
+
+
+@njit(cache=True)
+def advance(
+    reference: BodyReference,
+    u: Array,
+    robot_position: Array,
+    dt: float,
+    max_speed: float,
+    follow_velocity: bool,
+) -> BodyReference:
+    """Return the reference one tick later; exact for a constant u below the speed cap.
+
+    The acceleration handed on is the one that remains after the cap, so that the trunk is never
+    pushed against it.
+    """
+    velocity = reference.velocity + dt * u[:2]
+    speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
+    if speed > max_speed:
+        velocity *= max_speed / speed
+        speed = max_speed
+    position = reference.position + 0.5 * dt * (reference.velocity + velocity)
+    acceleration = (velocity - reference.velocity) / dt
+
+    ahead = position - robot_position[:2]
+    distance = np.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
+    if distance > LEASH:
+        position -= ahead * (1.0 - LEASH / distance)
+
+    turning = follow_velocity and speed > (HEADING_STOPS if reference.turning else HEADING_STARTS)
+    error = 0.0
+    if turning:
+        error = wrap_angle(np.arctan2(velocity[1], velocity[0]) - reference.yaw)
+    # the fastest rate from which the turn can still be braked at the target
+    rate = min(MAX_YAW_RATE, np.sqrt(2.0 * 0.7 * MAX_YAW_ACCELERATION * abs(error)))
+    rate = np.sign(error) * min(rate, abs(error) / dt)
+    step = MAX_YAW_ACCELERATION * dt
+    yaw_rate = reference.yaw_rate + min(max(rate - reference.yaw_rate, -step), step)
+    yaw = wrap_angle(reference.yaw + dt * yaw_rate)
+    yaw_acceleration = (yaw_rate - reference.yaw_rate) / dt
+    return BodyReference(position, velocity, acceleration, yaw, yaw_rate, yaw_acceleration, turning)

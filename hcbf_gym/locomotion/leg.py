@@ -1,0 +1,122 @@
+"""Kinematics of an abad–hip–knee leg in the trunk's axes, in closed form."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.locomotion.state import Array
+
+
+class LegGeometry(NamedTuple):
+    """Lengths of the four legs.
+
+    Attributes:
+        hip: (4, 3) abad joint in the trunk's axes [m].
+        offset: (4,) from the abad axis sideways to the leg's plane, left positive [m].
+        thigh: hip to knee [m].
+        calf: knee to the foot's centre [m].
+    """
+
+    hip: Array
+    offset: Array
+    thigh: float
+    calf: float
+
+
+class FootKinematics(NamedTuple):
+    """Where the feet are and how the joints move them, in the trunk's axes.
+
+    Attributes:
+        position: (4, 3) r, of the foot's centre from the trunk's origin [m].
+        jacobian: (4, 3, 3) J = ∂r/∂q of the leg's own joints.
+        bias: (4, 3) J̇q̇ [m/s²].
+    """
+
+    position: Array
+    jacobian: Array
+    bias: Array
+
+
+@njit(cache=True)
+def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> FootKinematics:
+    """Return the feet's positions, Jacobians and J̇q̇ for joints (12,) and velocities (12,)."""
+    position = np.empty((4, 3))
+    jacobian = np.empty((4, 3, 3))
+    bias = np.empty((4, 3))
+    l2, l3 = geometry.thigh, geometry.calf
+    for leg in range(4):
+        a, h, k = joints[3 * leg], joints[3 * leg + 1], joints[3 * leg + 2]
+        da, dh = velocity[3 * leg], velocity[3 * leg + 1]
+        dhk = dh + velocity[3 * leg + 2]
+        sa, ca = np.sin(a), np.cos(a)
+        s1, c1, s12, c12 = np.sin(h), np.cos(h), np.sin(h + k), np.cos(h + k)
+
+        # the leg's plane: x forwards, d sideways, z upwards, before the abad joint turns it
+        x, d, z = -l2 * s1 - l3 * s12, geometry.offset[leg], -l2 * c1 - l3 * c12
+        position[leg, 0] = geometry.hip[leg, 0] + x
+        position[leg, 1] = geometry.hip[leg, 1] + d * ca - z * sa
+        position[leg, 2] = geometry.hip[leg, 2] + d * sa + z * ca
+
+        jacobian[leg, 0, 0] = 0.0
+        jacobian[leg, 1, 0] = -d * sa - z * ca
+        jacobian[leg, 2, 0] = d * ca - z * sa
+        jacobian[leg, 0, 1] = z
+        jacobian[leg, 1, 1] = x * sa
+        jacobian[leg, 2, 1] = -x * ca
+        jacobian[leg, 0, 2] = -l3 * c12
+        jacobian[leg, 1, 2] = -l3 * s12 * sa
+        jacobian[leg, 2, 2] = l3 * s12 * ca
+
+        dz = l2 * s1 * dh + l3 * s12 * dhk
+        ddy = -(da**2) * d - 2.0 * da * dz
+        ddz = l2 * c1 * dh**2 + l3 * c12 * dhk**2 - da**2 * z
+        bias[leg, 0] = l2 * s1 * dh**2 + l3 * s12 * dhk**2
+        bias[leg, 1] = ddy * ca - ddz * sa
+        bias[leg, 2] = ddy * sa + ddz * ca
+    return FootKinematics(position, jacobian, bias)
+
+
+@njit(cache=True)
+def inverse_kinematics(geometry: LegGeometry, leg: int, foot: Array) -> Array:
+    """Return (3,) the joints that bring the foot to `foot` (3,), knee backwards [rad].
+
+    A target beyond the leg's reach is answered with the leg stretched towards it.
+    """
+    l2, l3 = geometry.thigh, geometry.calf
+    d = geometry.offset[leg]
+    x = foot[0] - geometry.hip[leg, 0]
+    y = foot[1] - geometry.hip[leg, 1]
+    z = foot[2] - geometry.hip[leg, 2]
+    down = np.sqrt(max(y * y + z * z - d * d, 1e-6))  # depth in the leg's plane
+    abad = np.arctan2(z, y) - np.arctan2(-down, d)
+    cos_knee = (x * x + down * down - l2 * l2 - l3 * l3) / (2.0 * l2 * l3)
+    knee = -np.arccos(min(max(cos_knee, -1.0), 1.0))
+    hip = np.arctan2(-x, down) - np.arctan2(l3 * np.sin(knee), l2 + l3 * np.cos(knee))
+    return np.array([(abad + np.pi) % (2.0 * np.pi) - np.pi, hip, knee])
+
+
+@njit(cache=True)
+def inverse_3x3(A: Array) -> Array:
+    """Return the inverse of a (3, 3) matrix by cofactors.
+
+    A leg's Jacobian is singular only when stretched or with the foot on the abad axis; there the
+    determinant is kept away from zero, so that the answer stays finite.
+    """
+    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    determinant = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
+    if abs(determinant) < 1e-5:
+        determinant = 1e-5 if determinant >= 0.0 else -1e-5
+    inverse = np.empty((3, 3))
+    inverse[0, 0] = c00
+    inverse[1, 0] = c01
+    inverse[2, 0] = c02
+    inverse[0, 1] = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
+    inverse[1, 1] = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    inverse[2, 1] = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    inverse[0, 2] = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+    inverse[1, 2] = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+    inverse[2, 2] = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    return inverse / determinant

@@ -1,0 +1,103 @@
+"""The controller's own rigid-body model: M(q), and everything that is not M(q)q̈."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from hcbf_gym.errors import RobotModelError
+from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.robots import a1
+
+FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter
+
+
+class RobotModel:
+    """A floating trunk with four abad–hip–knee legs, read by Pinocchio from an MJCF file.
+
+    Generalised velocities are Pinocchio's: trunk linear and angular in the trunk's axes, then the
+    twelve joints.
+
+    Args:
+        xml_file: the robot alone, no ``<include>``.
+
+    Raises:
+        RobotModelError: if the file cannot be read, or is not a quadruped with the A1's joints.
+    """
+
+    def __init__(self, xml_file: Path) -> None:
+        self.pinocchio = _read(xml_file)
+        self.data = self.pinocchio.createData()
+        self.legs = _leg_geometry(self.pinocchio, xml_file)
+        self.mass = float(sum(inertia.mass for inertia in self.pinocchio.inertias))
+        self._damping = self.pinocchio.damping[6:].copy()
+        self._dry_friction = self.pinocchio.upperDryFrictionLimit[6:].copy()
+
+    def coordinates(self, state: RobotState, R: Array) -> tuple[Array, Array]:
+        """Return Pinocchio's q (19,) and v (18,) of a state whose trunk is rotated by R (3, 3)."""
+        q = np.empty(19)
+        q[:3] = state.position
+        q[3:6] = state.quaternion[1:]
+        q[6] = state.quaternion[0]
+        q[7:] = state.joint_position
+        v = np.empty(18)
+        v[:3] = R.T @ state.linear_velocity
+        v[3:6] = state.angular_velocity
+        v[6:] = state.joint_velocity
+        return q, v
+
+    def dynamics(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return M (18, 18), upper triangle only, and the bias (18,) of ``M q̈ + bias = Sᵀτ + JᵀF``.
+
+        The bias holds Coriolis, centrifugal and gravity forces, and the joints' damping and dry
+        friction: without them the trunk pitches by several degrees.
+        """
+        pin.crba(self.pinocchio, self.data, q)
+        bias = pin.nonLinearEffects(self.pinocchio, self.data, q, v).copy()
+        joint_velocity = v[6:]
+        bias[6:] += self._damping * joint_velocity
+        bias[6:] += self._dry_friction * np.tanh(joint_velocity / FRICTION_VELOCITY)
+        return self.data.M, bias
+
+
+def _read(xml_file: Path) -> pin.Model:
+    if not Path(xml_file).is_file():
+        raise RobotModelError(f"xml_file: got {str(xml_file)!r}, expected an existing MJCF file")
+    try:
+        model = pin.buildModelFromMJCF(str(xml_file))
+    except Exception as error:  # Pinocchio raises whatever its parser throws
+        raise RobotModelError(f"xml_file: {xml_file} is not MJCF that Pinocchio reads") from error
+    sizes = list(model.nqs)[1:]  # the first joint is the universe
+    got = [name for name, nq in zip(list(model.names)[1:], sizes, strict=True) if nq == 1]
+    if sorted(got) != sorted(a1.JOINTS) or model.nq != 19 or model.nv != 18:
+        raise RobotModelError(
+            f"xml_file: got the hinge joints {got} and {model.nq - len(got)} further coordinates, "
+            f"expected a free joint (7 coordinates) and the hinges {list(a1.JOINTS)}"
+        )
+    if got != list(a1.JOINTS):
+        raise RobotModelError(f"xml_file: got the joint order {got}, expected {list(a1.JOINTS)}")
+    return model
+
+
+def _leg_geometry(model: pin.Model, xml_file: Path) -> LegGeometry:
+    """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
+    placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
+    axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]
+    offsets = np.array([placement.translation for placement in placements]).reshape(4, 3, 3)
+    straight = all(np.allclose(placement.rotation, np.eye(3)) for placement in placements)
+    plain = np.allclose(offsets[:, 1, [0, 2]], 0.0) and np.allclose(offsets[:, 2, :2], 0.0)
+    equal = np.allclose(offsets[:, 2, 2], offsets[0, 2, 2])
+    expected = ["JointModelRX", "JointModelRY", "JointModelRY"] * 4
+    if axes != expected or not (straight and plain and equal):
+        raise RobotModelError(
+            f"xml_file: {xml_file} has joint axes {axes} and offsets {offsets.tolist()}, expected "
+            "an abad axis x, hip and knee axes y, the hip straight beside the abad joint, the knee "
+            "straight below the hip, and legs of one length"
+        )
+    return LegGeometry(
+        hip=offsets[:, 0].copy(),
+        offset=offsets[:, 1, 1].copy(),
+        thigh=float(-offsets[0, 2, 2]),
+        calf=a1.CALF_LENGTH,
+    )

@@ -1,0 +1,64 @@
+"""Rotations as the compiled kernels need them."""
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.locomotion.state import Array
+
+
+@njit(cache=True)
+def rotation_matrix(quaternion: Array) -> Array:
+    """Return (3, 3) the rotation body → world of a unit quaternion (4,), w first."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    R = np.empty((3, 3))
+    R[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    R[0, 1] = 2.0 * (x * y - w * z)
+    R[0, 2] = 2.0 * (x * z + w * y)
+    R[1, 0] = 2.0 * (x * y + w * z)
+    R[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    R[1, 2] = 2.0 * (y * z - w * x)
+    R[2, 0] = 2.0 * (x * z - w * y)
+    R[2, 1] = 2.0 * (y * z + w * x)
+    R[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    return R
+
+
+@njit(cache=True)
+def yaw_of(R: Array) -> float:
+    """Return the heading [rad] of a rotation body → world."""
+    return np.arctan2(R[1, 0], R[0, 0])
+
+
+@njit(cache=True)
+def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
+    """Return (3,) log(Rᵀ R_z(yaw)): the turn, in body axes, that levels the body at `yaw`."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    E = np.empty((3, 3))  # Rᵀ R_z
+    for i in range(3):
+        E[i, 0] = R[0, i] * c + R[1, i] * s
+        E[i, 1] = -R[0, i] * s + R[1, i] * c
+        E[i, 2] = R[2, i]
+    twice_sine = np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
+    sine = 0.5 * np.sqrt((twice_sine**2).sum())
+    angle = np.arctan2(sine, 0.5 * (E[0, 0] + E[1, 1] + E[2, 2] - 1.0))
+    return twice_sine * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
+
+
+@njit(cache=True)
+def wrap_angle(angle: float) -> float:
+    """Return the equal angle in [−π, π)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+@njit(cache=True)
+def cross(a: Array, b: Array) -> Array:
+    """Return (3,) a × b; NumPy's own is many times slower in compiled code."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+@njit(cache=True)
+def skew(a: Array) -> Array:
+    """Return (3, 3) the matrix of a×."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

@@ -1,0 +1,97 @@
+"""The tasks y of the task-space controller: which accelerations would mend the errors."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.locomotion.body_reference import BodyReference
+from hcbf_gym.locomotion.feet import FootTargets
+from hcbf_gym.locomotion.leg import FootKinematics
+from hcbf_gym.locomotion.rotation import cross, rotation_vector_to_yaw
+from hcbf_gym.locomotion.state import Array
+
+# stiffness [1/s²] and damping [1/s]
+PLANE_KP, PLANE_KD = 30.0, 10.0
+HEIGHT_KP, HEIGHT_KD = 150.0, 25.0
+TILT_KP, TILT_KD = 300.0, 30.0
+YAW_KP, YAW_KD = 100.0, 20.0
+SWING_KP, SWING_KD = 400.0, 40.0
+
+HEIGHT_WEIGHT = 3.0  # the other tasks weigh 1
+
+
+class TaskAccelerations(NamedTuple):
+    """``ÿ_d + K_d(ẏ_d − ẏ) + K_p(y_d − y)`` of every task.
+
+    Attributes:
+        linear: (3,) of the trunk's origin, in the world's axes [m/s²].
+        angular: (3,) of the trunk, in its own axes [rad/s²].
+        feet: (4, 3) in the world's axes, read for swinging feet only [m/s²].
+    """
+
+    linear: Array
+    angular: Array
+    feet: Array
+
+
+@njit(cache=True)
+def task_accelerations(
+    position: Array,
+    velocity: Array,
+    R: Array,
+    omega: Array,
+    joint_velocity: Array,
+    feet: FootKinematics,
+    reference: BodyReference,
+    targets: FootTargets,
+    trunk_height: float,
+) -> TaskAccelerations:
+    """Return the accelerations that the task-space QP shall come close to.
+
+    Args:
+        position: (3,) of the trunk [m].
+        velocity: (3,) of the trunk in the world's axes [m/s].
+        R: (3, 3) trunk → world.
+        omega: (3,) angular velocity of the trunk in its own axes [rad/s].
+        joint_velocity: (12,) [rad/s].
+        feet: the feet's kinematics in the trunk's axes.
+        reference: of the trunk in the plane.
+        targets: of the feet.
+        trunk_height: desired height of the trunk in the world [m].
+    """
+    linear = np.empty(3)
+    for i in range(2):
+        linear[i] = (
+            reference.acceleration[i]
+            + PLANE_KD * (reference.velocity[i] - velocity[i])
+            + PLANE_KP * (reference.position[i] - position[i])
+        )
+    linear[2] = HEIGHT_KP * (trunk_height - position[2]) - HEIGHT_KD * velocity[2]
+
+    turn = rotation_vector_to_yaw(R, reference.yaw)
+    up = R[2]  # the world's vertical in the trunk's axes
+    angular = np.empty(3)
+    for i in range(3):
+        kp, kd = (YAW_KP, YAW_KD) if i == 2 else (TILT_KP, TILT_KD)
+        angular[i] = (
+            reference.yaw_acceleration * up[i]
+            + kd * (reference.yaw_rate * up[i] - omega[i])
+            + kp * turn[i]
+        )
+
+    swing = np.zeros((4, 3))
+    for foot in range(4):
+        if targets.stance[foot]:
+            continue
+        r = feet.position[foot]
+        relative = cross(omega, r) + feet.jacobian[foot] @ joint_velocity[3 * foot : 3 * foot + 3]
+        foot_position = position + R @ r
+        foot_velocity = velocity + R @ relative
+        desired = targets.motion[foot]
+        swing[foot] = (
+            desired[2]
+            + SWING_KD * (desired[1] - foot_velocity)
+            + SWING_KP * (desired[0] - foot_position)
+        )
+    return TaskAccelerations(linear, angular, swing)

@@ -1,0 +1,1 @@
+"""Robot descriptions that the package brings along."""
