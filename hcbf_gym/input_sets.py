@@ -1,0 +1,174 @@
+"""Input sets U: convex polytopes that contain the braking action u = 0."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
+
+Array = NDArray[np.float64]
+
+
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The box ``low ≤ u ≤ high``, elementwise.
+
+    Args:
+        low: (n_u,) lower limits, at most 0 [m/s² for the double integrator].
+        high: (n_u,) upper limits, at least 0.
+
+    Raises:
+        InvalidInputError: if the limits are not finite, the box is empty or has no interior, or it
+            does not contain the braking action 0.
+    """
+
+    low: Array
+    high: Array
+
+    def __init__(self, low: ArrayLike, high: ArrayLike) -> None:
+        lower = finite_array("low", low, (None,))
+        upper = finite_array("high", high, lower.shape)
+        if not lower.size:
+            raise InvalidInputError("low: got no entries, expected one for each input")
+        got = f"input set: got low {lower.tolist()} and high {upper.tolist()}"
+        if not (lower < upper).all():
+            raise InvalidInputError(f"{got}, expected low < high")
+        if (lower > 0.0).any() or (upper < 0.0).any():
+            raise InvalidInputError(f"{got}, expected a set that contains the braking action 0")
+        object.__setattr__(self, "low", _frozen(lower))
+        object.__setattr__(self, "high", _frozen(upper))
+
+    @classmethod
+    def symmetric(cls, limit: float, n_u: int = 2) -> Self:
+        """Return ``|u_i| ≤ limit`` (paper, section IV-A: limit 5 m/s², two inputs)."""
+        bound = np.full(n_u, finite_float("limit", limit, minimum=0.0, exclusive=True))
+        return cls(-bound, bound)
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs."""
+        return self.low.size
+
+    @property
+    def radius(self) -> float:
+        """The largest norm of an input in the set."""
+        return float(np.linalg.norm(np.maximum(-self.low, self.high)))
+
+    def halfspaces(self) -> tuple[Array, Array]:
+        """Return A (2 n_u, n_u) and b (2 n_u,) with ``U = {u : A u ≥ b}`` and unit rows."""
+        identity = np.eye(self.n_u)
+        return np.vstack((identity, -identity)), np.concatenate((self.low, -self.high))
+
+    def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
+        """Tell whether u (n_u,) lies in the set, or at most `tolerance` outside a limit."""
+        u = np.asarray(u)
+        return bool((u >= self.low - tolerance).all() and (u <= self.high + tolerance).all())
+
+    def project(self, u: ArrayLike) -> Array:
+        """Return the point of the set that is nearest to u (n_u,)."""
+        return np.clip(np.asarray(u, dtype=np.float64), self.low, self.high)
+
+    def vertices(self) -> Array:
+        """Return the corners (2^n_u, n_u); in the plane, counter-clockwise."""
+        if self.n_u == 2:
+            (x0, y0), (x1, y1) = self.low, self.high
+            return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+        limits = zip(self.low, self.high, strict=True)
+        return np.stack(np.meshgrid(*limits, indexing="ij"), axis=-1).reshape(-1, self.n_u)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
+        return {"kind": "box", "low": self.low.tolist(), "high": self.high.tolist()}
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The disc ``‖u‖ ≤ radius`` in the plane, as the regular polygon inscribed in it.
+
+    The polygon is an inner approximation: every input that it allows lies in the disc, and it
+    gives away at most ``radius (1 − cos(π / sides))`` (1.9 % for 16 sides).
+
+    Args:
+        radius: the disc's radius, above 0.
+        sides: the polygon's number of sides, from 3 to 64.
+
+    Raises:
+        InvalidInputError: on other values.
+    """
+
+    radius: float
+    sides: int = 16
+
+    def __post_init__(self) -> None:
+        radius = finite_float("radius", self.radius, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "radius", radius)
+        if isinstance(self.sides, bool) or not isinstance(self.sides, int):
+            raise InvalidInputError(f"sides: got {self.sides!r}, expected an integer from 3 to 64")
+        if not 3 <= self.sides <= 64:
+            raise InvalidInputError(f"sides: got {self.sides}, expected an integer from 3 to 64")
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs, 2."""
+        return 2
+
+    def vertices(self) -> Array:
+        """Return the corners (sides, 2), counter-clockwise, the first on the x axis."""
+        angle = 2.0 * np.pi * np.arange(self.sides) / self.sides
+        return self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+
+    def halfspaces(self) -> tuple[Array, Array]:
+        """Return A (sides, 2) and b (sides,) with ``U = {u : A u ≥ b}`` and unit rows."""
+        angle = 2.0 * np.pi * (np.arange(self.sides) + 0.5) / self.sides
+        inward = -np.column_stack((np.cos(angle), np.sin(angle)))
+        return inward, np.full(self.sides, -self.radius * np.cos(np.pi / self.sides))
+
+    def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
+        """Tell whether u (2,) lies in the polygon, or at most `tolerance` outside a side."""
+        a, b = self.halfspaces()
+        return bool((a @ np.asarray(u) >= b - tolerance).all())
+
+    def project(self, u: ArrayLike) -> Array:
+        """Return the point of the polygon that is nearest to u (2,)."""
+        point = np.array(u, dtype=np.float64)
+        if self.contains(point, 0.0):
+            return point
+        start = self.vertices()
+        side = np.roll(start, -1, axis=0) - start
+        along = np.sum((point - start) * side, axis=1) / np.sum(side**2, axis=1)
+        nearest = start + np.clip(along, 0.0, 1.0)[:, None] * side
+        return nearest[np.argmin(np.sum((nearest - point) ** 2, axis=1))]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
+        return {"kind": "ball", "radius": self.radius, "sides": self.sides}
+
+
+InputSet = Box | Ball
+
+
+def from_dict(fields: Mapping[str, Any]) -> InputSet:
+    """Return the input set that :meth:`Box.to_dict` or :meth:`Ball.to_dict` described.
+
+    Raises:
+        UnknownNameError: if `kind` is neither "box" nor "ball".
+        InvalidInputError: on missing, unknown or malformed fields.
+    """
+    if not isinstance(fields, Mapping) or "kind" not in fields:
+        raise InvalidInputError(f"input set: got {fields!r}, expected a dict with a 'kind'")
+    kind = choose("kind of input set", fields["kind"], {"box": Box, "ball": Ball})
+    arguments = {name: value for name, value in fields.items() if name != "kind"}
+    required, optional = (("low", "high"), ()) if kind is Box else (("radius",), ("sides",))
+    check_options("input set", arguments, (*required, *optional))
+    missing = [name for name in required if name not in arguments]
+    if missing:
+        raise InvalidInputError(f"input set: got no {missing}, expected {list(required)}")
+    return kind(**arguments)

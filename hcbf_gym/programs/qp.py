@@ -1,0 +1,208 @@
+"""The only door to a solver: every stage of every program is a projection on a polyhedron.
+
+After scaling, all of them read ``minimise ½‖x − centre‖² subject to lower ≤ a x ≤ upper`` with unit
+rows. DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows
+can take DAQP's place. No solver is believed: its status is read and its point is checked.
+"""
+
+import functools
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, NamedTuple
+
+import daqp
+import numpy as np
+import qpsolvers
+import scipy.sparse
+from clarabel import (
+    clarabel,  # pyright: ignore[reportAttributeAccessIssue]  # compiled, comes without stubs
+)
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import SolverError, choose
+
+Array = NDArray[np.float64]
+
+# Distance by which a returned point may miss a (unit) row, relative to 1 + |x|.
+PRIMAL_TOLERANCE = 1e-7
+
+# Where a solver's own default is too loose to pass that check.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000, "polishing": True},
+    "scs": {"eps_abs": 1e-9, "eps_rel": 1e-9},
+    "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0},
+    "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-10},
+}
+
+
+class QpProblem(NamedTuple):
+    """``minimise ½‖x − centre‖²  subject to  lower ≤ a x ≤ upper``.
+
+    Attributes:
+        centre: (n,) the point to stay near.
+        a: (k, n) unit rows.
+        lower: (k,) lower bounds, −inf where absent.
+        upper: (k,) upper bounds, +inf where absent; equal to `lower` for an equality.
+    """
+
+    centre: Array
+    a: Array
+    lower: Array
+    upper: Array
+
+
+class QpStatus(Enum):
+    """What is known about a problem after the attempt to solve it."""
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    FAILED = "failed"
+
+
+class QpSolution(NamedTuple):
+    """The outcome of one attempt.
+
+    Attributes:
+        x: (n,) the minimiser; only for status OPTIMAL, else None.
+        status: the outcome.
+        solver: who answered.
+    """
+
+    x: Array | None
+    status: QpStatus
+    solver: str
+
+
+Backend = Callable[[QpProblem], tuple[Array | None, QpStatus]]
+
+
+def solver_names() -> list[str]:
+    """Return the names that `solver` may take on this machine."""
+    return sorted({"daqp", "clarabel", *qpsolvers.available_solvers})
+
+
+def check_solver(name: str) -> str:
+    """Return `name`.
+
+    Raises:
+        UnknownNameError: if no solver of that name is installed; the message lists those that are.
+    """
+    return choose("solver", name, {known: known for known in solver_names()})
+
+
+def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
+    """Solve one problem with one solver, and check what it returns.
+
+    Args:
+        problem: the projection to compute.
+        solver: one of :func:`solver_names`.
+
+    Returns:
+        The solution. A point that misses a row by more than `PRIMAL_TOLERANCE` has status FAILED.
+    """
+    x, status = _backend(solver)(problem)
+    if x is None or status is not QpStatus.OPTIMAL:
+        return QpSolution(None, status, solver)
+    value = problem.a @ x
+    miss = np.maximum(problem.lower - value, value - problem.upper).max(initial=0.0)
+    if not miss <= PRIMAL_TOLERANCE * (1.0 + np.abs(x).max(initial=0.0)):  # NaN fails, too
+        return QpSolution(None, QpStatus.FAILED, solver)
+    return QpSolution(x, status, solver)
+
+
+@functools.cache
+def _backend(name: str) -> Backend:
+    direct: dict[str, Backend] = {"daqp": _daqp, "clarabel": _clarabel}
+    return direct.get(name) or functools.partial(_through_qpsolvers, name)
+
+
+@functools.cache
+def _identity(n: int) -> Array:
+    return np.eye(n)
+
+
+def _daqp(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    centre, a, lower, upper = problem
+    sense = np.where(lower == upper, np.intc(5), np.intc(0))
+    x, _, flag, _ = daqp.solve(
+        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=1e-10
+    )
+    if flag == 1:
+        return x, QpStatus.OPTIMAL
+    return None, QpStatus.INFEASIBLE if flag == -1 else QpStatus.FAILED
+
+
+def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    centre, a, lower, upper = problem
+    equal = lower == upper
+    below, above = ~equal & np.isfinite(lower), ~equal & np.isfinite(upper)
+    rows = scipy.sparse.csc_matrix(np.vstack((a[equal], -a[below], a[above])))
+    bounds = np.concatenate((upper[equal], -lower[below], upper[above]))
+    cones = [
+        clarabel.ZeroConeT(int(equal.sum())),
+        clarabel.NonnegativeConeT(int(below.sum() + above.sum())),
+    ]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
+    identity = scipy.sparse.csc_matrix(_identity(centre.size))
+    answer = clarabel.DefaultSolver(identity, -centre, rows, bounds, cones, settings).solve()
+    status = clarabel.SolverStatus
+    if answer.status in (status.Solved, status.AlmostSolved, status.InsufficientProgress):
+        # the last two missed 1e-12; the check in `solve` decides
+        return np.array(answer.x), QpStatus.OPTIMAL
+    infeasible = answer.status in (status.PrimalInfeasible, status.AlmostPrimalInfeasible)
+    return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
+
+
+def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    centre, a, lower, upper = problem
+    equal = lower == upper
+    below, above = ~equal & np.isfinite(lower), ~equal & np.isfinite(upper)
+    matrix = np.asarray if name in qpsolvers.dense_solvers else scipy.sparse.csc_matrix
+    quadratic = qpsolvers.Problem(
+        matrix(_identity(centre.size)),
+        -centre,
+        matrix(np.vstack((-a[below], a[above]))),
+        np.concatenate((-lower[below], upper[above])),
+        matrix(a[equal]) if equal.any() else None,
+        lower[equal] if equal.any() else None,
+    )
+    answer = qpsolvers.solve_problem(quadratic, solver=name, **SETTINGS.get(name, {}))
+    # qpsolvers does not tell an infeasible problem from a failed attempt
+    if not answer.found or answer.x is None:
+        return None, QpStatus.FAILED
+    return answer.x, QpStatus.OPTIMAL
+
+
+class Solver:
+    """A solver with its second opinion, which counts how often that was needed.
+
+    Args:
+        name: one of :func:`solver_names`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.fallbacks = 0
+
+    def attempt(self, problem: QpProblem) -> Array | None:
+        """Return the minimiser (n,), or None if the problem is infeasible or nobody solved it."""
+        first = solve(problem, self.name)
+        return self._second_opinion(problem) if first.status is QpStatus.FAILED else first.x
+
+    def must(self, problem: QpProblem) -> Array:
+        """Return the minimiser (n,) of a problem that has one by construction.
+
+        Raises:
+            SolverError: if neither solver finds it.
+        """
+        x = solve(problem, self.name).x
+        x = self._second_opinion(problem) if x is None else x
+        if x is None:
+            raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
+        return x
+
+    def _second_opinion(self, problem: QpProblem) -> Array | None:
+        self.fallbacks += 1
+        return solve(problem, "daqp" if self.name == "clarabel" else "clarabel").x

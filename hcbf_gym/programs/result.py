@@ -1,0 +1,84 @@
+"""What a program hands back: the input, what each row pays for it, and how it was found."""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.rows import CbfRows
+
+# Relative to ‖a_k‖ max‖u‖ + |b_k|: below it a row counts as met, and its slack is given as 0.
+SLACK_TOLERANCE = 1e-8
+# |u − u*| below it counts as u = u*, relative to 1 + max‖u‖.
+NOMINAL_TOLERANCE = 1e-9
+
+
+class FilterStatus(IntEnum):
+    """How the input relates to the nominal one and to the rows; the first that applies, from last.
+
+    NOMINAL: u = u*, every row met.  SAFE: u ≠ u*, every row met.  RELAXED: a row of priority 2 or
+    lower is violated.  VIOLATED: a row of priority 1 is violated (for ``cbf-qp``: any row), the
+    violation is the least there is.  BACKUP: every solver failed and u is the braking action 0.
+    """
+
+    NOMINAL = 0
+    SAFE = 1
+    RELAXED = 2
+    VIOLATED = 3
+    BACKUP = 4
+
+
+class FilterResult(NamedTuple):
+    """A program's answer; for a batch of N states every entry has a leading N.
+
+    Attributes:
+        u: (n_u,) the filtered input, in U.
+        slack: (m,) violation of each row at u, ``max(0, b_k − a_k·u)``.
+        delta: (m,) the program's own relaxation δ_k: R-CBF-QP's ``max(δ_min, slack)``, the
+            hierarchical programs' signed ``a_k·(û_k − u)``; elsewhere, and for rows of priority
+            1, the slack.
+        status: a :class:`FilterStatus`; (N,) integers for a batch.
+        fallbacks: how many quadratic programs of this call the second solver had to answer.
+    """
+
+    u: NDArray[np.float64]
+    slack: NDArray[np.float64]
+    delta: NDArray[np.float64]
+    status: Any
+    fallbacks: Any
+
+
+def violation(rows: CbfRows, u: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Return ``max(0, b_k − a_k·u)`` (m,), with what rounding leaves set to 0.
+
+    Args:
+        rows: the rows of one state.
+        u: (n_u,) the input.
+        radius: the largest norm of an input, which sets the scale of rounding.
+    """
+    lack = rows.b - rows.a @ u
+    scale = np.sqrt(np.einsum("ij,ij->i", rows.a, rows.a)) * radius + np.abs(rows.b)
+    return np.where(lack > SLACK_TOLERANCE * scale, lack, 0.0)
+
+
+def classify(
+    u: NDArray[np.float64],
+    u_nominal: NDArray[np.float64],
+    slack: NDArray[np.float64],
+    strict: NDArray[np.bool_],
+    radius: float,
+) -> FilterStatus:
+    """Return the status of an input that a program found.
+
+    Args:
+        u: (n_u,) the input.
+        u_nominal: (n_u,) the nominal input.
+        slack: (m,) each row's violation at u.
+        strict: (m,) which rows may not be relaxed.
+        radius: the largest norm of an input.
+    """
+    if slack.any():
+        return FilterStatus.VIOLATED if slack[strict].any() else FilterStatus.RELAXED
+    moved = np.abs(u - u_nominal).max() > NOMINAL_TOLERANCE * (1.0 + radius)
+    return FilterStatus.SAFE if moved else FilterStatus.NOMINAL

@@ -1,0 +1,231 @@
+"""What the cascades are made of: a feasible set, the nearest point in it, and how a stage locks it.
+
+A feasible set is kept as a point, an orthonormal basis of the directions that are still free, and
+inequalities. A stage that pins a row removes a direction from the basis instead of adding an
+equality, so that no later stage can be infeasible through rounding.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import SolverError
+from hcbf_gym.input_sets import InputSet
+from hcbf_gym.programs.qp import QpProblem, Solver
+
+Array = NDArray[np.float64]
+
+# A row with a smaller gradient is a constant: no input changes its violation.
+ZERO_GRADIENT = 1e-12
+# A unit row whose part along the free directions is smaller does not bind them.
+DEPENDENT = 1e-9
+# A row that misses its bound by less, in the input space and relative to 1 + |u|, is met.
+MET = 1e-9
+
+
+class FeasibleSet(NamedTuple):
+    """``{u : u = point + basis z, a u ≥ b}``.
+
+    Attributes:
+        point: (n_u,) a point of the affine subspace; a member of the set once rows are pinned.
+        basis: (n_u, r) orthonormal free directions.
+        a: (k, n_u) unit rows.
+        b: (k,) their lower bounds.
+        nonempty: whether the set is known to have a member; if so, a solver that finds none has
+            failed.
+    """
+
+    point: Array
+    basis: Array
+    a: Array
+    b: Array
+    nonempty: bool
+
+    @classmethod
+    def of_input_set(cls, input_set: InputSet) -> "FeasibleSet":
+        """Return U."""
+        return cls(np.zeros(input_set.n_u), np.eye(input_set.n_u), *input_set.halfspaces(), True)
+
+    def intersect(self, a: Array, b: Array) -> "FeasibleSet":
+        """Return the inputs of this set that meet the rows ``a u ≥ b`` (rows of any length)."""
+        norm = np.sqrt(np.einsum("ij,ij->i", a, a))
+        keep = norm > ZERO_GRADIENT
+        norm = norm[keep]
+        return self._replace(
+            a=np.concatenate((self.a, a[keep] / norm[:, None])),
+            b=np.concatenate((self.b, b[keep] / norm)),
+            nonempty=False,
+        )
+
+    def pin(self, a: Array, u: Array) -> "FeasibleSet":
+        """Return the inputs of this set on which the rows a (s, n_u) have their value at u."""
+        norm = np.sqrt(np.einsum("ij,ij->i", a, a))
+        pinned = a[norm > ZERO_GRADIENT] / norm[norm > ZERO_GRADIENT, None] @ self.basis
+        _, singular, directions = np.linalg.svd(pinned)
+        rank = int(np.sum(singular > DEPENDENT))
+        return self._replace(point=u, basis=self.basis @ directions[rank:].T, nonempty=True)
+
+    def lock(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
+        """Return the inputs of this set on which no row is violated more than at u.
+
+        Where u minimises a stage's violation, each violated row has one value on all minimisers:
+        those rows are pinned, the others become constraints.
+        """
+        norm = np.maximum(np.sqrt(np.einsum("ij,ij->i", a, a)), ZERO_GRADIENT)
+        violated = (b - a @ u) / norm > MET * (1.0 + np.abs(u).max())
+        met = ~violated
+        return self.intersect(a[met], np.minimum(b[met], a[met] @ u)).pin(a[violated], u)
+
+
+class SoftRows(NamedTuple):
+    """Rows that a stage pays for instead of meeting: ``Σ w_k δ_k²`` with ``a_k u + δ_k ≥ t_k``.
+
+    Attributes:
+        a: (s, n_u) gradients.
+        target: (s,) t_k.
+        weight: (s,) w_k = λ_δk / λ_u, above 0.
+        least: (s,) the least δ_k, or None for the equality ``a_k u + δ_k = t_k``.
+    """
+
+    a: Array
+    target: Array
+    weight: Array
+    least: Array | None
+
+
+def nearest(feasible: FeasibleSet, u_nominal: Array, solver: Solver) -> Array | None:
+    """Return ``argmin ‖u − u*‖²`` over the feasible set, or None where the set is empty."""
+    if not feasible.basis.shape[1]:
+        return feasible.point
+    rows, lower = _reduced(feasible)
+    centre = feasible.basis.T @ (u_nominal - feasible.point)
+    problem = QpProblem(centre, rows, lower, np.full(lower.size, np.inf))
+    z = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
+    return None if z is None else feasible.point + feasible.basis @ z
+
+
+def trade(feasible: FeasibleSet, u_nominal: Array, soft: SoftRows, solver: Solver) -> Array | None:
+    """Return ``argmin ‖u − u*‖² + Σ w_k δ_k²`` over the feasible set, or None where it is empty.
+
+    With ``s_k = √w_k δ_k`` this is the projection of (u*, 0) on a polyhedron of (u, s).
+    """
+    if not feasible.basis.shape[1]:
+        return feasible.point
+    rows, lower = _reduced(feasible)
+    free, count = feasible.basis.shape[1], soft.target.size
+    root = np.sqrt(soft.weight)
+    a = root[:, None] * (soft.a @ feasible.basis)
+    norm = np.sqrt(np.einsum("ij,ij->i", a, a) + 1.0)
+    target = root * (soft.target - soft.a @ feasible.point) / norm
+
+    hard = rows.shape[0]
+    bounded = 0 if soft.least is None else count
+    matrix = np.zeros((hard + count + bounded, free + count))
+    matrix[:hard, :free] = rows
+    matrix[hard : hard + count, :free] = a / norm[:, None]
+    matrix[range(hard, hard + count), range(free, free + count)] = 1.0 / norm
+    upper = np.full(hard + count + bounded, np.inf)
+    if soft.least is None:
+        upper[hard:] = target
+        below = np.concatenate((lower, target))
+    else:
+        matrix[range(hard + count, hard + 2 * count), range(free, free + count)] = 1.0
+        below = np.concatenate((lower, target, root * soft.least))
+    centre = np.zeros(free + count)
+    centre[:free] = feasible.basis.T @ (u_nominal - feasible.point)
+    problem = QpProblem(centre, matrix, below, upper)
+    x = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
+    return None if x is None else feasible.point + feasible.basis @ x[:free]
+
+
+def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: Solver) -> Array:
+    """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set, by proximal points.
+
+    ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²`` converges to a minimiser; the ε used here, 1e-7 of
+    the largest curvature, leaves nothing to see after two or three steps.
+    """
+    curvature = (soft.weight * np.einsum("ij,ij->i", soft.a, soft.a)).max()
+    if curvature <= ZERO_GRADIENT**2:
+        return u_start
+    heavy = soft._replace(weight=soft.weight * (1e7 / curvature))
+    u = u_start
+    for _ in range(50):
+        previous, u = u, required(trade(feasible, u, heavy, solver))
+        if np.abs(u - previous).max() <= 1e-11 * (1.0 + np.abs(u).max()):
+            break
+    return u
+
+
+def meet(
+    feasible: FeasibleSet, a: Array, b: Array, u_nominal: Array, solver: Solver
+) -> tuple[FeasibleSet, Array]:
+    """Meet the rows ``a u ≥ b`` in a nonempty set, or violate them least (``min Σ δ_k²``).
+
+    Returns:
+        The inputs that do so, and the one nearest u*.
+    """
+    met = feasible.intersect(a, b)
+    u = nearest(met, u_nominal, solver)
+    if u is not None:
+        return met._replace(nonempty=True), u
+    steer = np.einsum("ij,ij->i", a, a) > ZERO_GRADIENT**2
+    a, b = a[steer], b[steer]
+    soft = SoftRows(a, b, np.ones(b.size), np.zeros(b.size))
+    start = required(nearest(feasible, u_nominal, solver))
+    locked = feasible.lock(a, b, least_cost(feasible, start, soft, solver))
+    return locked, required(nearest(locked, u_nominal, solver))
+
+
+def relax(
+    feasible: FeasibleSet, u_nominal: Array, soft: SoftRows, lambda_u: float, solver: Solver
+) -> Array | None:
+    """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k δ_k²``, or None where the feasible set is empty.
+
+    Rows of weight 0 drop out. For λ_u = 0 it is the minimiser of ``Σ λ_k δ_k²`` nearest u*.
+
+    Args:
+        feasible: the inputs to choose from.
+        u_nominal: (n_u,) u*.
+        soft: the relaxed rows, with weights λ_k ≥ 0.
+        lambda_u: λ_u ≥ 0.
+        solver: who solves it.
+    """
+    paid = soft.weight > 0.0
+    a, target, weight = soft.a[paid], soft.target[paid], soft.weight[paid]
+    least = None if soft.least is None else soft.least[paid]
+    if not paid.any():
+        return nearest(feasible, u_nominal, solver)
+    if lambda_u > 0.0:
+        return trade(feasible, u_nominal, SoftRows(a, target, weight / lambda_u, least), solver)
+    u = nearest(feasible, u_nominal, solver)
+    if u is None:
+        return None
+    feasible = feasible._replace(nonempty=True)
+    u = least_cost(feasible, u, SoftRows(a, target, weight, least), solver)
+    minimisers = feasible.pin(a, u) if least is None else feasible.lock(a, target - least, u)
+    return nearest(minimisers, u_nominal, solver)
+
+
+def required(u: Array | None) -> Array:
+    """Return u.
+
+    Raises:
+        SolverError: if it is None, although the problem has a solution by construction.
+    """
+    if u is None:
+        raise SolverError("no solver found the solution of a stage that has one")
+    return u
+
+
+def _reduced(feasible: FeasibleSet) -> tuple[Array, Array]:
+    """Return the inequalities in the coordinates z of the free directions."""
+    lower = feasible.b - feasible.a @ feasible.point
+    n_u, free = feasible.basis.shape
+    if free == n_u:
+        return feasible.a @ feasible.basis, lower
+    rows = feasible.a @ feasible.basis
+    norm = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    keep = norm > DEPENDENT
+    # the pinned point belongs to the set; rounding must not take it out
+    return rows[keep] / norm[keep, None], np.minimum(lower[keep] / norm[keep], 0.0)
