@@ -82,7 +82,7 @@ class Barrier(ABC):
         """
 
     def h(self, x: Array, t: float = 0.0) -> float:
-        """Return h(x, t)."""
+        """Return the barrier's value at the state x (n,) and time t [s]."""
         return self.jet(x, t).h
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""One family of errors; each message says what was got, what was expected and which choices exist."""
+"""One family of errors; a message says what was got, what was expected and the choices."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar

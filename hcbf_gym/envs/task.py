@@ -39,7 +39,7 @@ def observation_space(n_barriers: int) -> spaces.Box:
 
 
 def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
-    """Return the scenario's barriers, then the environment's own strict speed limit if there is one."""
+    """Return the scenario's barriers, then the environment's own strict speed limit, if any."""
     if v_max is None:
         return scenario.barriers
     return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max))

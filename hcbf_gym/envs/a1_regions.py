@@ -1,0 +1,252 @@
+"""HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import scenarios
+from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.envs import task
+from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
+from hcbf_gym.envs.simulation import Simulation
+from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.robots import a1
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+V_MAX = 1.2
+"""Strict cap on the speed [m/s] where the scenario sets none: the trot falls far above it."""
+
+MARGIN = 0.03
+"""What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
+
+_FEEDBACK = {
+    "measured": "position and velocity of the trunk",
+    "position": "position of the trunk, velocity of the reduced-order model",
+    "rom": "position and velocity of the reduced-order model",
+}
+
+
+class A1RegionsEnv(gym.Env[Array, Array]):
+    """A Unitree A1 walks through dangerous regions that are ranked by priority.
+
+    ## Description
+    The task of `RegionsEnv` with the whole robot: 12 torque-driven joints in MuJoCo. The action is
+    the acceleration of a reduced-order model of the trunk; a trot with Raibert footholds, a
+    task-space QP and joint impedance, at 500 Hz, carry it to the joints.
+
+    ## Action Space
+    `Box(low, high, (2,), float32)`, the acceleration u [m/s²] of the trunk in the world, held for
+    0.02 s; ±5 m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are
+    refused.
+
+    ## Observation Space
+    `Box(-inf, inf, (8 + 4 m,), float64)`, index by index that of `RegionsEnv`, with the state that
+    `feedback` names; a policy trained there acts here unchanged.
+
+    ## Rewards
+    Those of `RegionsEnv`.
+
+    ## Starting State
+    Standing at the scenario's start, facing along the reference.
+
+    ## Episode End
+    Terminated when the robot falls, or when a "reach" task's goal is within the scenario's
+    `goal_radius`; truncated after 1000 steps (20 s).
+
+    ## Infos
+    Those of `RegionsEnv`, with h of the measured trunk at every physics step in `min_h`; the strict
+    speed limit is the last barrier. Besides, `fallen` (0 or 1), `qp_failures` (task-space QPs
+    without a solution so far) and `obstacle_force` (k,) the largest contact force with each box
+    during the step [N].
+
+    ## Arguments
+    * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
+      a `Scenario`.
+    * `feedback`: "measured" closes the loop on the trunk's position and velocity, "position" on
+      its position and the reduced-order model's velocity, "rom" on that model's own state.
+    * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
+    * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
+    * `render_mode`: None, "rgb_array", or "human" (a window).
+
+    ## Version History
+    * v0: first release.
+    """
+
+    metadata = {  # noqa: RUF012 - Gymnasium's form
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 50,
+    }
+
+    def __init__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        feedback: str = "measured",
+        xml_file: str | None = None,
+        timestep: float = task.PHYSICS_DT,
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InvalidInputError(
+                f"render_mode: got {render_mode!r}, expected None or one of "
+                f"{self.metadata['render_modes']}"
+            )
+        choose("feedback", feedback, _FEEDBACK)
+        self.render_mode = render_mode
+        self.feedback = feedback
+        self._source = scenario
+        self._substeps = _substeps(timestep)
+        self._timestep = timestep
+        self.scenario = scenarios.make(scenario, np.random.default_rng(0))
+        robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
+        self.simulation = Simulation(
+            robot, timestep=timestep, obstacles=self.scenario.obstacles
+        )
+        self._v_max = V_MAX if self.scenario.v_max is None else min(V_MAX, self.scenario.v_max)
+        self.controller = LocomotionController(robot, timestep=timestep, max_speed=self._v_max)
+        self.action_space = task.action_space(self.scenario.input_set)
+        self.observation_space = task.observation_space(len(self.scenario.barriers))
+        self._artist = SceneArtist()
+        self._renderer: OffscreenRenderer | WindowRenderer | None = None
+        self._take_scene(self.scenario)
+
+    @property
+    def rom_state(self) -> Array:
+        """(4,) position [m] and velocity [m/s] on which the loop is closed."""
+        reference = self.controller.reference
+        measured = self.simulation
+        position = reference.position if self.feedback == "rom" else measured.base_position
+        velocity = measured.base_velocity if self.feedback == "measured" else reference.velocity
+        return np.concatenate([position, velocity])
+
+    @property
+    def margin(self) -> float:
+        """What strict rows keep by default, against hold, tracking error and sway [m]."""
+        return MARGIN
+
+    @property
+    def time(self) -> float:
+        """Time since the reset [s]."""
+        return task.CONTROL_DT * self._steps
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Start a new episode; a seed decides everything that follows."""
+        super().reset(seed=seed)
+        if scenarios.is_random(self._source):
+            self._take_scene(scenarios.make(self._source, self.np_random))
+        self._steps = 0
+        yaw = _initial_yaw(self.scenario)
+        self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
+        self.controller.reset(self.simulation.state())
+        self._artist.restart()
+        h = self._barrier_values()
+        return self._observe(), task.first(task.step_info(h, h.copy(), self._error())) | {
+            "fallen": 0.0,
+            "qp_failures": 0.0,
+            "obstacle_force": np.zeros(len(self.scenario.obstacles)),
+        }
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
+        u = np.clip(task.check_action(action, (2,)), *self._bounds)
+        distance_before, min_h = self._error(), np.full(self.barrier_set.kind.shape, np.inf)
+        force = np.zeros(len(self.scenario.obstacles))
+        for _ in range(self._substeps):
+            torque = self.controller.step(self.simulation.state(), u)
+            self.simulation.step(torque)
+            np.minimum(min_h, self._barrier_values(), out=min_h)
+            np.maximum(force, self._obstacle_forces(), out=force)
+        self._steps += 1
+        self._artist.walk(self.simulation.base_position)
+
+        fallen, distance = self.simulation.fallen, self._error()
+        reached = (distance <= self.scenario.goal_radius) & (self.scenario.task == "reach")
+        terms = task.reward_terms(
+            self.scenario.task, distance_before, distance, reached & (not fallen), u[None]
+        )
+        info = task.first(task.step_info(self._barrier_values(), min_h, distance) | terms)
+        info |= {
+            "fallen": float(fallen),
+            "qp_failures": float(self.controller.failed),
+            "obstacle_force": force,
+        }
+        if self.render_mode == "human":
+            self.render()
+        reward = float(sum(term[0] for term in terms.values()))
+        return self._observe(), reward, fallen or bool(reached[0]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return an (480, 640, 3) picture, or show the scene in a window."""
+        if self.render_mode is None:
+            return None
+        simulation = self.simulation
+        if self._renderer is None:
+            self._renderer = (
+                OffscreenRenderer(simulation.model)
+                if self.render_mode == "rgb_array"
+                else WindowRenderer(simulation.model, simulation.data)
+            )
+        if isinstance(self._renderer, OffscreenRenderer):
+            return self._renderer.frame(simulation.data, self._artist, self.scenario, self.time)
+        self._renderer.show(self._artist, self.scenario, self.time)
+        return None
+
+    def close(self) -> None:
+        """Release the renderer; safe to call twice."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _take_scene(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.barrier_set = BarrierSet([task.barriers_of(scenario, self._v_max)])
+        self._references = task.reference_table(scenario)
+        corners = scenario.input_set.vertices()
+        self._bounds = corners.min(axis=0), corners.max(axis=0)
+        self._steps = 0
+
+    def _reference(self) -> Array:
+        return self._references[None, min(self._steps, len(self._references) - 1)]
+
+    def _error(self) -> Array:
+        return np.linalg.norm(self._reference()[:, :2] - self.simulation.base_position, axis=1)
+
+    def _barrier_values(self) -> Array:
+        measured = np.concatenate([self.simulation.base_position, self.simulation.base_velocity])
+        return self.barrier_set.values(measured[None], np.array([self.simulation.data.time]))
+
+    def _observe(self) -> Array:
+        x = self.rom_state[None]
+        _, sensed = self.barrier_set.sense(x, np.array([self.time]))
+        return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
+
+    def _obstacle_forces(self) -> Array:
+        return np.array([self.simulation.contacts_with(box.name) for box in self.scenario.obstacles])
+
+
+def _substeps(timestep: float) -> int:
+    timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
+    substeps = round(task.CONTROL_DT / timestep)
+    if substeps < 1 or abs(substeps * timestep - task.CONTROL_DT) > 1e-9:
+        raise InvalidInputError(
+            f"timestep: got {timestep} s, expected one that divides {task.CONTROL_DT} s"
+        )
+    return substeps
+
+
+def _initial_yaw(scenario: Scenario) -> float:
+    """Return the heading along the reference's first half metre, or towards the goal."""
+    start = np.array(scenario.start)
+    for t in np.linspace(0.0, scenario.reference.duration, 50):
+        ahead = scenario.reference(t)[0] - start
+        if np.linalg.norm(ahead) > 0.5:
+            return float(np.arctan2(ahead[1], ahead[0]))
+    return 0.0
