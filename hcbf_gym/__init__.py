@@ -1,0 +1,21 @@
+"""hcbf-gym: safety filters that know priorities, for any policy, on a walking robot."""
+
+import gymnasium as gym
+
+from hcbf_gym import policies, programs, scenarios, wrappers
+from hcbf_gym.errors import HcbfError
+
+__version__ = "0.1.0"
+__all__ = ["HcbfError", "__version__", "policies", "programs", "scenarios", "wrappers"]
+
+gym.register(
+    id="HCBF-Regions-v0",
+    entry_point="hcbf_gym.envs.regions:RegionsEnv",
+    vector_entry_point="hcbf_gym.envs.regions_vector:RegionsVectorEnv",
+    max_episode_steps=1000,
+)
+gym.register(
+    id="HCBF-A1Regions-v0",
+    entry_point="hcbf_gym.envs.a1_regions:A1RegionsEnv",
+    max_episode_steps=1000,
+)
