@@ -5,7 +5,9 @@ from typing import Any
 from hcbf_gym.errors import check_options, choose
 from hcbf_gym.input_sets import Box, InputSet
 from hcbf_gym.programs.cbf import CbfQp
+from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
 from hcbf_gym.programs.hierarchical import HierarchicalCbfQp
+from hcbf_gym.programs.lexicographic import LexicographicCbfQp
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.relaxed import RelaxedCbfQp
 from hcbf_gym.programs.result import FilterResult, FilterStatus
@@ -26,6 +28,8 @@ _PROGRAMS: dict[str, type[Program]] = {
     "r-cbf-qp": RelaxedCbfQp,
     "h-cbf-qp": HierarchicalCbfQp,
     "ih-cbf-qp": HierarchicalCbfQp,
+    "eh-cbf-qp": ExplicitHierarchicalCbfQp,
+    "lex-cbf-qp": LexicographicCbfQp,
 }
 
 

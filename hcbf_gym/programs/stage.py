@@ -59,23 +59,30 @@ class FeasibleSet(NamedTuple):
         )
 
     def pin(self, a: Array, u: Array) -> "FeasibleSet":
-        """Return the inputs of this set on which the rows a (s, n_u) have their value at u."""
+        """Return the inputs of this set on which the rows a (s, n_u) have their value at u.
+
+        u is a member: rounding must not take it out, so no bound stays above its value at u.
+        """
         norm = np.sqrt(np.einsum("ij,ij->i", a, a))
         pinned = a[norm > ZERO_GRADIENT] / norm[norm > ZERO_GRADIENT, None] @ self.basis
         _, singular, directions = np.linalg.svd(pinned)
         rank = int(np.sum(singular > DEPENDENT))
-        return self._replace(point=u, basis=self.basis @ directions[rank:].T, nonempty=True)
+        return FeasibleSet(
+            u, self.basis @ directions[rank:].T, self.a, np.minimum(self.b, self.a @ u), True
+        )
+
+    def bound(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
+        """Return the inputs of this set on which no row is violated more than at its member u."""
+        return self.intersect(a, np.minimum(b, a @ u))._replace(nonempty=True)
 
     def lock(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
-        """Return the inputs of this set on which no row is violated more than at u.
+        """Return the minimisers of a stage of which u is one, ``min Σ w_k max(0, b_k − a_k u)²``.
 
-        Where u minimises a stage's violation, each violated row has one value on all minimisers:
-        those rows are pinned, the others become constraints.
+        Each violated row has one value on all of them: it is pinned; the others are met.
         """
         norm = np.maximum(np.sqrt(np.einsum("ij,ij->i", a, a)), ZERO_GRADIENT)
         violated = (b - a @ u) / norm > MET * (1.0 + np.abs(u).max())
-        met = ~violated
-        return self.intersect(a[met], np.minimum(b[met], a[met] @ u)).pin(a[violated], u)
+        return self.bound(a[~violated], b[~violated], u).pin(a[violated], u)
 
 
 class SoftRows(NamedTuple):
@@ -219,13 +226,14 @@ def required(u: Array | None) -> Array:
 
 
 def _reduced(feasible: FeasibleSet) -> tuple[Array, Array]:
-    """Return the inequalities in the coordinates z of the free directions."""
+    """Return the inequalities in the coordinates z of the free directions.
+
+    A row that none of those directions changes is a constant and left out.
+    """
     lower = feasible.b - feasible.a @ feasible.point
-    n_u, free = feasible.basis.shape
-    if free == n_u:
-        return feasible.a @ feasible.basis, lower
     rows = feasible.a @ feasible.basis
+    if rows.shape[1] == feasible.a.shape[1]:
+        return rows, lower
     norm = np.sqrt(np.einsum("ij,ij->i", rows, rows))
     keep = norm > DEPENDENT
-    # the pinned point belongs to the set; rounding must not take it out
-    return rows[keep] / norm[keep, None], np.minimum(lower[keep] / norm[keep], 0.0)
+    return rows[keep] / norm[keep, None], lower[keep] / norm[keep]
