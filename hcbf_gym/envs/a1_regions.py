@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
 from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs import task
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
 from hcbf_gym.envs.simulation import Simulation
@@ -105,9 +106,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         self._timestep = timestep
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
         robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
-        self.simulation = Simulation(
-            robot, timestep=timestep, obstacles=self.scenario.obstacles
-        )
+        self.simulation = Simulation(robot, timestep=timestep, obstacles=self.scenario.obstacles)
         self._v_max = V_MAX if self.scenario.v_max is None else min(V_MAX, self.scenario.v_max)
         self.controller = LocomotionController(robot, timestep=timestep, max_speed=self._v_max)
         self.action_space = task.action_space(self.scenario.input_set)
@@ -124,6 +123,11 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         position = reference.position if self.feedback == "rom" else measured.base_position
         velocity = measured.base_velocity if self.feedback == "measured" else reference.velocity
         return np.concatenate([position, velocity])
+
+    @property
+    def barriers(self) -> tuple[Barrier, ...]:
+        """The scenario's barriers, then the environment's own, in the order of info["h"]."""
+        return task.barriers_of(self.scenario, self._v_max)
 
     @property
     def margin(self) -> float:
@@ -207,7 +211,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
 
     def _take_scene(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.barrier_set = BarrierSet([task.barriers_of(scenario, self._v_max)])
+        self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
@@ -229,7 +233,9 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
 
     def _obstacle_forces(self) -> Array:
-        return np.array([self.simulation.contacts_with(box.name) for box in self.scenario.obstacles])
+        return np.array(
+            [self.simulation.contacts_with(box.name) for box in self.scenario.obstacles]
+        )
 
 
 def _substeps(timestep: float) -> int:

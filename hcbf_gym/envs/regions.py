@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
 from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs import task
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.top_down import TopDownView
@@ -98,6 +99,11 @@ class RegionsEnv(gym.Env[Array, Array]):
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s]."""
         return self._batch.x[0].copy()
+
+    @property
+    def barriers(self) -> tuple[Barrier, ...]:
+        """The scenario's barriers, then the environment's own, in the order of info["h"]."""
+        return task.barriers_of(self.scenario, self.scenario.v_max)
 
     @property
     def margin(self) -> float:

@@ -94,7 +94,7 @@ class WindowRenderer:
                 "render_mode 'human': got no DISPLAY, expected a desktop session; "
                 "without one use render_mode='rgb_array'"
             )
-        import mujoco.viewer  # noqa: PLC0415 - opens GLFW, which needs the display
+        import mujoco.viewer
 
         self._viewer: Any = mujoco.viewer.launch_passive(model, data)
 

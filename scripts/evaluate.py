@@ -1,0 +1,191 @@
+"""Evaluate policies under safety filters: a table, figures, summary.json and, if asked, videos.
+
+Without arguments it walks the A1 through the paper's course, 20 s each, with no filter, with
+R-CBF-QP and with H-CBF-QP.
+"""
+
+import json
+import os
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # one episode, one core
+
+import gymnasium as gym
+import tyro
+from rich.console import Console
+from rich.progress import Progress, TimeElapsedColumn
+from rich.table import Table
+
+from hcbf_gym import programs, scenarios
+from hcbf_gym.episode_plot import plot_paths, plot_series
+from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.evaluation import (
+    SHOWN_OPTIONS,
+    UNFILTERED,
+    Case,
+    Episode,
+    aggregate,
+    evaluate,
+    make_policy,
+    rollout,
+)
+
+COLUMNS = 5
+"""Pairs of policy and program beside each other in one table."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to evaluate; several policies and programs make a table of all their pairs."""
+
+    env: Literal["HCBF-A1Regions-v0", "HCBF-Regions-v0"] = "HCBF-A1Regions-v0"
+    """Full physics, or the reduced-order model alone."""
+    scenario: str = "paper-simulation"
+    """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    policy: tuple[str, ...] = ("pd",)
+    """pd, pd-ff (the reference's acceleration fed forward), or learned policies."""
+    program: tuple[str, ...] = (UNFILTERED, "r-cbf-qp", "h-cbf-qp")
+    """none, or names from hcbf_gym.programs.names()."""
+    gamma0: float | None = None
+    """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
+    delta_gamma: float | None = None
+    """Slope Δγ of the weight, likewise [default: h 1.3]."""
+    margin: float | None = None
+    """What strict rows keep between h and zero [m; default: the environment's]."""
+    solver: str = "daqp"
+    """daqp, clarabel, or any solver that qpsolvers finds installed."""
+    feedback: Literal["measured", "position", "rom"] = "measured"
+    """On which state the A1 closes its loop."""
+    episodes: int = 1
+    """Episodes of each pair, with the seeds seed, seed + 1, …"""
+    seed: int = 0
+    """First seed."""
+    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
+        default_factory=lambda: os.cpu_count() or 1
+    )
+    """Processes."""
+    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
+    """How they are started; ray needs the extra `cluster`."""
+    output: Path = Path("results/evaluate")
+    """Folder for the table, the figures and summary.json."""
+    video: bool = False
+    """Record the first episode of each pair; needs the extra `video` and OpenGL."""
+
+
+def main(args: Args) -> None:
+    """Run every pair of policy and program, and write what came out."""
+    if args.episodes < 1 or args.workers < 1:
+        raise InvalidInputError(
+            f"got episodes {args.episodes} and workers {args.workers}, expected >= 1"
+        )
+    cases = [_case(args, policy, program) for policy in args.policy for program in args.program]
+    for case in cases:  # bad names and options fail here, before anything runs
+        env = case.make()
+        make_policy(case.policy, env)
+        env.close()
+    args.output.mkdir(parents=True, exist_ok=True)
+    seeds = range(args.seed, args.seed + args.episodes)
+    summaries: list[dict[str, Any]] = []
+    shown: dict[tuple[str, str], Episode] = {}
+    with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
+        bar = progress.add_task("episodes", total=len(cases) * args.episodes)
+        for case, seed, episode in evaluate(cases, seeds, args.workers, args.backend):
+            summaries.append(case.label() | {"seed": seed} | episode.summary())
+            if seed == args.seed:
+                shown[case.policy, case.program] = episode
+            progress.advance(bar)
+    rows = aggregate(summaries)
+    _write(args, cases, summaries, rows, shown)
+    console = Console()
+    for start in range(0, len(rows), COLUMNS):
+        console.print(_table(rows[start : start + COLUMNS], cases[0]))
+    if args.video:
+        for case in cases:
+            _record(case, args)
+    console.print(f"written to {args.output}: summary.json, paths.png, series.png")
+
+
+def _case(args: Args, policy: str, program: str) -> Case:
+    options: dict[str, Any] | None = None
+    if program != UNFILTERED:
+        accepted = programs.options(program)
+        options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
+        given = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
+        options |= {k: v for k, v in given.items() if v is not None and k in accepted}
+        options["solver"] = args.solver
+        if args.margin is not None:
+            options["margin"] = args.margin
+    a1 = args.env == "HCBF-A1Regions-v0"
+    env_options = {"feedback": args.feedback} if a1 else {}
+    return Case(args.env, args.scenario, policy, program, options, env_options)
+
+
+def _write(
+    args: Args,
+    cases: list[Case],
+    summaries: list[dict[str, Any]],
+    rows: list[dict[str, Any]],
+    shown: dict[tuple[str, str], Episode],
+) -> None:
+    env = cases[0].make()
+    inner: Any = env.unwrapped
+    env.reset(seed=args.seed)
+    barriers = inner.barriers
+    settings = asdict(args) | {"output": str(args.output)}
+    summary = {
+        "settings": settings,
+        "barriers": [{"name": b.name, "priority": b.priority} for b in barriers],
+        "episodes": summaries,
+        "aggregate": rows,
+    }
+    text = json.dumps(summary, indent=1, allow_nan=False)
+    (args.output / "summary.json").write_text(text + "\n", encoding="utf-8")
+    plot_paths(inner.scenario, shown).savefig(args.output / "paths.png")
+    plot_series(barriers, shown).savefig(args.output / "series.png")
+    env.close()
+
+
+def _table(rows: list[dict[str, Any]], case: Case) -> Table:
+    """Return a table with a column for each pair of policy and program."""
+    scenario = scenarios.make(case.scenario)
+    table = Table(title=f"{case.env}, {scenario.name}, {rows[0]['episodes']} episode(s) each")
+    table.add_column("")
+    for row in rows:
+        table.add_column(f"{row['policy']}\n{row['program']}", justify="right")
+    for k, barrier in enumerate(scenario.barriers):
+        title = f"{barrier.name} (priority {barrier.priority})"
+        table.add_row(f"{title}: min h [m]", *(f"{row['min_h'][k]:+.3f}" for row in rows))
+        table.add_row(
+            "    time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)
+        )
+    for title, key, form in (
+        ("tracking error, RMS [m]", "tracking_rms", ".3f"),
+        ("final error [m]", "final_error", ".3f"),
+        ("‖u − u*‖, RMS [m/s²]", "intervention_rms", ".2f"),
+        ("episodes that fell", "fell", ".0%"),
+        ("episodes that reached the goal", "reached", ".0%"),
+    ):
+        table.add_row(title, *(format(row[key], form) for row in rows))
+    return table
+
+
+def _record(case: Case, args: Args) -> None:
+    env = gym.wrappers.RecordVideo(
+        case.make(render_mode="rgb_array"),
+        str(args.output),
+        episode_trigger=lambda _: True,
+        name_prefix=f"{case.policy}-{case.program}",
+        disable_logger=True,
+    )
+    rollout(env, make_policy(case.policy, env), args.seed)
+    env.close()
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(Args, description=__doc__))
+    except HcbfError as error:
+        sys.exit(f"error: {error}")
