@@ -16,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # one episode, one core
 import gymnasium as gym
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress, TimeElapsedColumn
 from rich.table import Table
 
@@ -157,9 +158,9 @@ def _table(rows: list[dict[str, Any]], case: Case) -> Table:
         table.add_column(f"{row['policy']}\n{row['program']}", justify="right")
     for k, barrier in enumerate(scenario.barriers):
         title = f"{barrier.name} (priority {barrier.priority})"
-        table.add_row(f"{title}: min h [m]", *(f"{row['min_h'][k]:+.3f}" for row in rows))
+        table.add_row(escape(f"{title}: min h [m]"), *(f"{row['min_h'][k]:+.3f}" for row in rows))
         table.add_row(
-            "    time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)
+            escape("    time below 0 [s]"), *(f"{row['violation_seconds'][k]:.2f}" for row in rows)
         )
     for title, key, form in (
         ("tracking error, RMS [m]", "tracking_rms", ".3f"),
@@ -168,7 +169,7 @@ def _table(rows: list[dict[str, Any]], case: Case) -> Table:
         ("episodes that fell", "fell", ".0%"),
         ("episodes that reached the goal", "reached", ".0%"),
     ):
-        table.add_row(title, *(format(row[key], form) for row in rows))
+        table.add_row(escape(title), *(format(row[key], form) for row in rows))
     return table
 
 
