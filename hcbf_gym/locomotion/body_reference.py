@@ -38,37 +38,9 @@ class BodyReference(NamedTuple):
     turning: bool
 
 
-class BodyReferenceGenerator:
-    """Integrates ``p̈ = u`` and turns the trunk to face along the velocity.
-
-    Args:
-        timestep: of the control loop [s].
-        max_speed: the reference's speed is capped here [m/s].
-        follow_velocity: whether the heading follows the velocity; else it stays as it was at reset.
-    """
-
-    def __init__(self, timestep: float, max_speed: float, follow_velocity: bool) -> None:
-        self.timestep = timestep
-        self.max_speed = max_speed
-        self.follow_velocity = follow_velocity
-        self.latest = _at_rest(np.zeros(2), 0.0)
-
-    def reset(self, position: Array, yaw: float) -> None:
-        """Start from rest at `position` (2,) [m], facing `yaw` [rad]."""
-        self.latest = _at_rest(position, yaw)
-
-    def advance(self, u: Array, position: Array) -> BodyReference:
-        """Move on by one tick under u (2,) [m/s²], the robot being at `position` (2+,) [m]."""
-        self.latest = advance(
-            self.latest, u, position, self.timestep, self.max_speed, self.follow_velocity
-        )
-        return self.latest
-
-
-def _at_rest(position: Array, yaw: float) -> BodyReference:
-    return BodyReference(
-        np.array(position[:2], dtype=np.float64), np.zeros(2), np.zeros(2), yaw, 0.0, 0.0, False
-    )
+def at_rest(position: Array, yaw: float) -> BodyReference:
+    """Return the reference that stays at `position` (2,) [m], facing `yaw` [rad]."""
+    return BodyReference(position.copy(), np.zeros(2), np.zeros(2), yaw, 0.0, 0.0, False)
 
 
 @njit(cache=True)
@@ -80,10 +52,18 @@ def advance(
     max_speed: float,
     follow_velocity: bool,
 ) -> BodyReference:
-    """Return the reference one tick later; exact for a constant u below the speed cap.
+    """Return the reference one tick later: ``p̈ = u``, and the heading along the velocity.
 
-    The acceleration handed on is the one that remains after the cap, so that the trunk is never
-    pushed against it.
+    Exact for a constant u below the speed cap; the acceleration handed on is the one that remains
+    after the cap, so that the trunk is never pushed against it.
+
+    Args:
+        reference: of the tick before.
+        u: (2,) planar input [m/s²].
+        robot_position: (3,) of the trunk, from which the reference does not run away [m].
+        dt: tick [s].
+        max_speed: cap on the speed [m/s].
+        follow_velocity: whether the heading follows the velocity; else it is kept.
     """
     velocity = reference.velocity + dt * u[:2]
     speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2)

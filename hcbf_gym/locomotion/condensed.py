@@ -3,12 +3,10 @@
 Each leg brings three: its contact force F_i if it stands, its joint accelerations q̈_i if it swings.
 A standing foot does not move, ``B_i a + J_i q̈_i + β_i = 0`` with a the trunk's acceleration and
 ``B_i = [1, −r_i×]``, which gives q̈_i through a 3×3 inverse. The trunk's six rows of the dynamics
-then give a, the legs' rows give τ, all affine in the unknowns z.
+then give a, and the legs' rows τ: all affine in the unknowns z.
 
-`task_space.py` holds the same program in the paper's form; both give the same torques.
+`task_space.py` poses the same program in the paper's form; both give the same torques.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,45 +15,67 @@ from numpy.typing import NDArray
 from hcbf_gym.locomotion.leg import FootKinematics, inverse_3x3
 from hcbf_gym.locomotion.rotation import cross, skew
 from hcbf_gym.locomotion.state import Array
+from hcbf_gym.locomotion.task_space import (
+    FORCE_WEIGHT,
+    QuadraticProgram,
+    TaskSpaceProgram,
+    foot_bias,
+)
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
-
-FORCE_WEIGHT = 1e-4  # on ‖F‖², which decides between forces that do the same
-
-
-class QuadraticProgram(NamedTuple):
-    """``min ½ zᵀHz + fᵀz`` subject to ``lower ≤ [z; A z] ≤ upper``.
-
-    Attributes:
-        H: (n, n) positive definite.
-        f: (n,).
-        A: (m, n) general rows.
-        lower: (n + m,) bounds, of the unknowns first.
-        upper: (n + m,).
-    """
-
-    H: Array
-    f: Array
-    A: Array
-    lower: Array
-    upper: Array
 
 
 @njit(cache=True)
-def foot_bias(v: Array, r: Array, jacobian: Array, bias: Array, joint_velocity: Array) -> Array:
-    """Return (3,) β, a foot's acceleration in the trunk's axes when all generalised ones are zero.
+def symmetric_block(M: Array, start: int, size: int) -> Array:
+    """Return (size, size) the diagonal block at `start` of a matrix known by its upper triangle."""
+    block = np.empty((size, size))
+    for i in range(size):
+        for j in range(i, size):
+            block[i, j] = M[start + i, start + j]
+            block[j, i] = block[i, j]
+    return block
 
-    ``β = ω×v + ω×(ω×r) + 2 ω×(J q̇) + J̇ q̇``; v (18,) is the generalised velocity in the trunk's
-    axes, r (3,) the foot.
+
+@njit(cache=True)
+def trunk_acceleration(
+    M: Array,
+    bias: Array,
+    R: Array,
+    feet: FootKinematics,
+    stance: NDArray[np.bool_],
+    lever: Array,
+    rest: Array,
+) -> Array:
+    """Return (6, 13) [E | e] with ``a = E z + e``, the trunk's rows solved for a.
+
+    Args:
+        M: (18, 18) mass matrix, upper triangle.
+        bias: (18,) forces.
+        R: (3, 3) trunk → world.
+        feet: the feet's kinematics in the trunk's axes.
+        stance: (4,) bool.
+        lever: (4, 3, 6) ``−J⁻¹B`` of standing legs.
+        rest: (4, 3) ``−J⁻¹β`` of standing legs.
     """
-    omega = v[3:6]
-    slide = jacobian @ joint_velocity
-    return cross(omega, v[:3] + cross(omega, r) + 2.0 * slide) + bias
+    inertia = symmetric_block(M, 0, 6)
+    right = np.zeros((6, 13))
+    right[:, 12] = -bias[:6]
+    for foot in range(4):
+        k = slice(3 * foot, 3 * foot + 3)
+        coupling = np.ascontiguousarray(M[:6, 6 + 3 * foot : 9 + 3 * foot])
+        if stance[foot]:
+            inertia += coupling @ lever[foot]
+            right[:, 12] -= coupling @ rest[foot]
+            right[:3, k] = R.T
+            right[3:, k] = skew(feet.position[foot]) @ R.T
+        else:
+            right[:, k] = -coupling
+    return np.asarray(np.linalg.solve(inertia, right))
 
 
 @njit(cache=True)
 def condense(
     M: Array,
-    h: Array,
+    bias: Array,
     v: Array,
     R: Array,
     feet: FootKinematics,
@@ -63,58 +83,26 @@ def condense(
     tasks: TaskAccelerations,
     friction: float,
     torque_limit: float,
-) -> tuple[QuadraticProgram, Array]:
-    """Return the program in z (12,) and the offset p (12,) of ``τ = A[:12] z + p``.
-
-    Args:
-        M: (18, 18) mass matrix, upper triangle.
-        h: (18,) bias forces.
-        v: (18,) generalised velocity.
-        R: (3, 3) trunk → world.
-        feet: the feet's kinematics in the trunk's axes.
-        stance: (4,) bool.
-        tasks: the accelerations to come close to.
-        friction: µ of the pyramid ``|F_x|, |F_y| ≤ µ F_z``.
-        torque_limit: on every joint [N·m].
-    """
-    # trunk: S a = G z + g
-    S = np.empty((6, 6))
-    for i in range(6):
-        for j in range(i, 6):
-            S[i, j] = M[i, j]
-            S[j, i] = M[i, j]
-    G = np.zeros((6, 12))
-    g = -h[:6].copy()
-    # legs in stance: q̈_i = −J⁻¹(B_i a + β_i); in swing q̈_i = z_i
+) -> TaskSpaceProgram:
+    """Return the program in z (12,); arguments as in `task_space.full_form`."""
     beta = np.empty((4, 3))
-    lever = np.zeros((4, 3, 6))  # −J⁻¹B
-    rest = np.zeros((4, 3))  # −J⁻¹β
+    lever = np.zeros((4, 3, 6))
+    rest = np.zeros((4, 3))
+    contacts = 0
     for foot in range(4):
-        k = slice(3 * foot, 3 * foot + 3)
-        joints = slice(6 + 3 * foot, 9 + 3 * foot)
         r, J = feet.position[foot], feet.jacobian[foot]
-        beta[foot] = foot_bias(v, r, J, feet.bias[foot], v[joints])
-        coupling = np.ascontiguousarray(M[:6, joints])
+        beta[foot] = foot_bias(v, r, J, feet.bias[foot], v[6 + 3 * foot : 9 + 3 * foot])
         if stance[foot]:
+            contacts += 1
             J_inverse = inverse_3x3(J)
             lever[foot, :, :3] = -J_inverse
             lever[foot, :, 3:] = J_inverse @ skew(r)
-            rest[foot] = -J_inverse @ beta[foot]
-            S += coupling @ lever[foot]
-            g -= coupling @ rest[foot]
-            G[:3, k] = R.T
-            G[3:, k] = skew(r) @ R.T
-        else:
-            G[:, k] = -coupling
-    right = np.empty((6, 13))
-    right[:, :12] = G
-    right[:, 12] = g
-    solved = np.linalg.solve(S, right)
-    E = np.ascontiguousarray(solved[:, :12])  # a = E z + e
-    e = np.ascontiguousarray(solved[:, 12])
+            rest[foot] = -(J_inverse @ beta[foot])
 
-    # tasks: rows T z ≈ t, weighted
-    T = np.zeros((18, 12))
+    affine = trunk_acceleration(M, bias, R, feet, stance, lever, rest)
+    E, e = np.ascontiguousarray(affine[:, :12]), affine[:, 12].copy()
+
+    T = np.zeros((18, 12))  # task rows T z ≈ t
     t = np.zeros(18)
     T[:3] = R @ E[:3]
     t[:3] = tasks.linear - R @ (e[:3] + cross(v[3:6], v[:3]))
@@ -123,50 +111,43 @@ def condense(
     T[2] *= np.sqrt(HEIGHT_WEIGHT)
     t[2] *= np.sqrt(HEIGHT_WEIGHT)
 
-    standing = 0
-    for foot in range(4):
-        standing += stance[foot]
-    A = np.zeros((12 + 4 * standing, 12))
-    p = np.empty(12)
-    lower = np.full(24 + 4 * standing, -np.inf)
-    upper = np.full(24 + 4 * standing, np.inf)
     H = np.zeros((12, 12))
+    A = np.zeros((12 + 4 * contacts, 12))  # the first rows are the torques
+    offset = np.empty(12)
+    lower = np.full(24 + 4 * contacts, -np.inf)
+    upper = np.full(24 + 4 * contacts, np.inf)
     row = 12
     for foot in range(4):
-        k = slice(3 * foot, 3 * foot + 3)
-        joints = slice(6 + 3 * foot, 9 + 3 * foot)
+        x, z = 3 * foot, 3 * foot + 2
+        k, joints = slice(x, x + 3), slice(6 + x, 9 + x)
         J = feet.jacobian[foot]
-        coupling = np.ascontiguousarray(M[:6, joints].T)
-        own = np.empty((3, 3))
-        for i in range(3):
-            for j in range(i, 3):
-                own[i, j] = M[6 + 3 * foot + i, 6 + 3 * foot + j]
-                own[j, i] = own[i, j]
+        coupling = np.ascontiguousarray(M[:6, joints]).T
+        own = symmetric_block(M, 6 + x, 3)
         if stance[foot]:
             carried = coupling + own @ lever[foot]
             A[k] = carried @ E
-            A[k, k] -= J.T @ R.T
-            p[k] = carried @ e + own @ rest[foot] + h[joints]
-            x, y, z = 3 * foot, 3 * foot + 1, 3 * foot + 2
+            A[k, k] -= (R @ J).T
+            offset[k] = carried @ e + own @ rest[foot] + bias[joints]
             lower[z] = 0.0
-            for axis in (x, y):
-                A[row, axis], A[row, z], upper[12 + row] = 1.0, -friction, 0.0
-                A[row + 1, axis], A[row + 1, z], lower[12 + row + 1] = 1.0, friction, 0.0
-                row += 2
-            for i in (x, y, z):
+            for axis in range(x, z):
+                for sign in (-1.0, 1.0):
+                    A[row, axis] = sign
+                    A[row, z] = friction
+                    lower[12 + row] = 0.0
+                    row += 1
+            for i in range(x, x + 3):
                 H[i, i] = FORCE_WEIGHT
         else:
             A[k] = coupling @ E
             A[k, k] += own
-            p[k] = coupling @ e + h[joints]
-            B = np.zeros((3, 6))
-            B[0, 0] = B[1, 1] = B[2, 2] = 1.0
-            B[:, 3:] = -skew(feet.position[foot])
-            i = 6 + 3 * foot
-            T[i : i + 3] = R @ B @ E
-            T[i : i + 3, k] += R @ J
-            t[i : i + 3] = tasks.feet[foot] - R @ (B @ e + beta[foot])
-    lower[12:24] = -torque_limit - p
-    upper[12:24] = torque_limit - p
+            offset[k] = coupling @ e + bias[joints]
+            moved = E[:3] - skew(feet.position[foot]) @ E[3:]
+            drift = e[:3] + cross(e[3:], feet.position[foot]) + beta[foot]
+            T[joints] = R @ moved
+            T[joints, k] += R @ J
+            t[joints] = tasks.feet[foot] - R @ drift
+    lower[12:24] = -torque_limit - offset
+    upper[12:24] = torque_limit - offset
     H += T.T @ T
-    return QuadraticProgram(H, -(T.T @ t), A, lower, upper), p
+    program = QuadraticProgram(H, -(T.T @ t), A, lower, upper, 0)
+    return TaskSpaceProgram(program, A[:12], offset)

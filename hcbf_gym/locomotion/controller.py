@@ -1,31 +1,50 @@
 """The locomotion controller: a planar acceleration in, twelve joint torques out, at 500 Hz."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hcbf_gym.errors import choose, finite_float
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.body_reference import BodyReference, BodyReferenceGenerator
-from hcbf_gym.locomotion.condensed import condense
-from hcbf_gym.locomotion.feet import plan_feet, standing
+from hcbf_gym.locomotion.body_reference import BodyReference, at_rest
+from hcbf_gym.locomotion.feet import standing
 from hcbf_gym.locomotion.foothold import nominal_stance
-from hcbf_gym.locomotion.gait import GAITS, GaitClock
-from hcbf_gym.locomotion.impedance import joint_impedance
+from hcbf_gym.locomotion.gait import GAITS, RESTING
+from hcbf_gym.locomotion.impedance import joint_torque
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
-from hcbf_gym.locomotion.tasks import task_accelerations
+from hcbf_gym.locomotion.tick import Memory, Settings, Tick, plan
 from hcbf_gym.robots import a1
 
-GROUND_GAIN = 0.02  # per tick, by which the ground's estimate follows the standing feet
 
-# a gait that rests stands still while all of these stay below
-QUIET_INPUT = 0.02  # [m/s²] asked of the robot, and [m/s] of its reference
-QUIET_VELOCITY = 0.08  # [m/s] in any direction
-QUIET_ROTATION = 0.4  # [rad/s] about any axis
-QUIET_DISTANCE = 0.02  # [m] from the reference
+class Diagnostics(NamedTuple):
+    """What the controller did in its latest tick.
+
+    Attributes:
+        stance: (4,) bool, feet that the gait lets carry.
+        foot_position: (4, 3) where the feet shall be in the world [m].
+        foothold: (4, 2) where they shall land, or stand [m].
+        torque: (12,) as commanded [N·m].
+        feedforward: (12,) the QP's share of it [N·m].
+        qp_exitflag: DAQP's; 1 means optimal.
+        qp_residual: largest violation of the KKT conditions.
+        qp_solved: programs solved since reset.
+        qp_failed: programs without a solution since reset; the last torques were held there.
+    """
+
+    stance: NDArray[np.bool_]
+    foot_position: Array
+    foothold: Array
+    torque: Array
+    feedforward: Array
+    qp_exitflag: int
+    qp_residual: float
+    qp_solved: int
+    qp_failed: int
 
 
 class LocomotionController:
@@ -36,13 +55,14 @@ class LocomotionController:
         timestep: of the control loop [s].
         friction: µ of the friction pyramid that the contact forces keep to.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
+        heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
         max_speed: cap on the reference's speed [m/s].
         height: of the trunk above the ground [m].
-        heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
+        formulation: of the task-space QP, "condensed" or "full"; both give the same torques.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
-        InvalidInputError: on an unknown gait or heading, or a number out of range.
+        InvalidInputError: on an unknown name, or a number out of range.
     """
 
     def __init__(
@@ -52,38 +72,45 @@ class LocomotionController:
         timestep: float = 0.002,
         friction: float = 0.6,
         gait: str = "trot",
+        heading: str = "velocity",
         max_speed: float = 1.2,
         height: float = a1.HOME_HEIGHT,
-        heading: str = "velocity",
+        formulation: str = "condensed",
     ) -> None:
-        self.timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
-        self.friction = finite_float("friction", friction, minimum=0.0, exclusive=True)
-        self.height = finite_float("height", height, minimum=0.0, exclusive=True)
-        max_speed = finite_float("max_speed", max_speed, minimum=0.0, exclusive=True)
-        follow_velocity = choose("heading", heading, {"velocity": True, "fixed": False})
         self.model = RobotModel(xml_file)
-        self.clock = GaitClock(choose("gait", gait, GAITS), timestep)
-        self.generator = BodyReferenceGenerator(timestep, max_speed, follow_velocity)
-        self._nominal = nominal_stance(self.model.legs.hip)
-        self._targets = standing(np.zeros((4, 3)))
-        self._ground = 0.0
+        self._settings = Settings(
+            timestep=finite_float("timestep", timestep, minimum=0.0, exclusive=True),
+            friction=finite_float("friction", friction, minimum=0.0, exclusive=True),
+            torque_limit=a1.TORQUE_LIMIT,
+            height=finite_float("height", height, minimum=0.0, exclusive=True),
+            max_speed=finite_float("max_speed", max_speed, minimum=0.0, exclusive=True),
+            follow_velocity=choose("heading", heading, {"velocity": True, "fixed": False}),
+            full_form=choose("formulation", formulation, {"full": True, "condensed": False}),
+            gait=choose("gait", gait, GAITS),
+            legs=self.model.legs,
+            nominal=nominal_stance(self.model.legs.hip),
+            foot_radius=a1.FOOT_RADIUS,
+            losses=self.model.losses,
+        )
+        self._memory: Memory
+        self._tick: Tick
+        self._solution: qp.QpSolution
         self._feedforward = np.zeros(12)
+        self._torque = np.zeros(12)
         self.solved = 0
         self.failed = 0
-
-    @property
-    def reference(self) -> BodyReference:
-        """Where the trunk shall be: the reduced-order model's own state, and the heading."""
-        return self.generator.latest
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""
         R = rotation_matrix(state.quaternion)
-        feet = state.position + self._feet(state).position @ R.T
-        self.clock.reset()
-        self.generator.reset(state.position, yaw_of(R))
-        self._targets = standing(feet)
-        self._ground = float(feet[:, 2].mean()) - a1.FOOT_RADIUS
+        kinematics = foot_kinematics(self.model.legs, state.joint_position, state.joint_velocity)
+        feet = state.position + kinematics.position @ R.T
+        self._memory = Memory(
+            reference=at_rest(state.position[:2], yaw_of(R)),
+            targets=standing(feet),
+            clock=RESTING if self._settings.gait.rests else 0.0,
+            ground=float(feet[:, 2].mean()) - a1.FOOT_RADIUS,
+        )
         self._feedforward = np.zeros(12)
         self.solved = 0
         self.failed = 0
@@ -95,85 +122,36 @@ class LocomotionController:
             state: as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
-        position, velocity = state.position, state.linear_velocity
-        omega, contact = state.angular_velocity, state.foot_contact
-        R = rotation_matrix(state.quaternion)
-
-        reference = self.generator.advance(u, position)
-        q, v = self.model.coordinates(state, R)
-        M, bias = self.model.dynamics(q, v)
-        feet = self._feet(state)
-        feet_in_world = position + feet.position @ R.T
-
-        phases = self.clock.advance(self._quiet(state, u), contact)
-        standing_feet = phases.stance & contact
-        if standing_feet.any():
-            ground = feet_in_world[standing_feet, 2].mean() - a1.FOOT_RADIUS
-            self._ground += GROUND_GAIN * (float(ground) - self._ground)
-        targets = plan_feet(
-            self._targets,
-            phases,
-            self.clock.gait,
-            feet_in_world,
-            self._nominal,
-            position,
-            velocity,
-            yaw_of(R),
-            reference,
-            self.height,
-            self._ground + a1.FOOT_RADIUS,
-            self.timestep,
-        )
-        self._targets = targets
-
-        tasks = task_accelerations(
-            position,
-            velocity,
-            R,
-            omega,
-            state.joint_velocity,
-            feet,
-            reference,
-            targets,
-            self._ground + self.height,
-        )
-        program, offset = condense(
-            M, bias, v, R, feet, targets.stance, tasks, self.friction, a1.TORQUE_LIMIT
-        )
-        solution = qp.solve(program)
+        M, nonlinear_effects = self.model.dynamics(state)
+        tick = plan(self._settings, self._memory, state, u, M, nonlinear_effects)
+        solution = qp.solve(tick.task_space.qp)
         if solution.x is None:
-            self.failed += 1
+            self.failed += 1  # the last torques hold for this tick; `diagnostics` tells
         else:
             self.solved += 1
-            self._feedforward = program.A[:12] @ solution.x + offset
+            self._feedforward = tick.task_space.torque_map @ solution.x
+            self._feedforward += tick.task_space.torque_offset
+        self._torque = joint_torque(self._feedforward, tick.feedback, a1.TORQUE_LIMIT)
+        self._memory, self._tick, self._solution = tick.memory, tick, solution
+        return self._torque
 
-        return joint_impedance(
-            self._feedforward,
-            state.joint_position,
-            state.joint_velocity,
-            self.model.legs,
-            feet,
-            targets,
-            reference,
-            position,
-            velocity,
-            R,
-            omega,
-            a1.TORQUE_LIMIT,
-        )
+    @property
+    def reference(self) -> BodyReference:
+        """Where the trunk shall be: the reduced-order model's own state, and the heading."""
+        return self._memory.reference
 
-    def _feet(self, state: RobotState):
-        return foot_kinematics(self.model.legs, state.joint_position, state.joint_velocity)
-
-    def _quiet(self, state: RobotState, u: Array) -> bool:
-        """Return whether a resting gait may rest; leaving rest takes twice as much as entering."""
-        scale = 2.0 if self.clock.resting else 1.0
-        reference = self.reference
-        return bool(
-            np.abs(u).max() < scale * QUIET_INPUT
-            and np.abs(reference.velocity).max() < scale * QUIET_INPUT
-            and np.abs(state.linear_velocity).max() < scale * QUIET_VELOCITY
-            and np.abs(state.angular_velocity).max() < scale * QUIET_ROTATION
-            and np.abs(state.position[:2] - reference.position).max() < scale * QUIET_DISTANCE
-            and abs(reference.yaw_rate) < QUIET_ROTATION
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """What the latest tick did; made on request, for its residual takes longer than the QP."""
+        targets = self._memory.targets
+        return Diagnostics(
+            stance=targets.stance.copy(),
+            foot_position=targets.motion[:, 0].copy(),
+            foothold=targets.foothold.copy(),
+            torque=self._torque.copy(),
+            feedforward=self._feedforward.copy(),
+            qp_exitflag=self._solution.exitflag,
+            qp_residual=qp.residual(self._tick.task_space.qp, self._solution),
+            qp_solved=self.solved,
+            qp_failed=self.failed,
         )

@@ -10,7 +10,7 @@ from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.foothold import foothold
 from hcbf_gym.locomotion.gait import FootPhases, Gait
 from hcbf_gym.locomotion.state import Array
-from hcbf_gym.locomotion.swing import swing_foot
+from hcbf_gym.locomotion.swing import swing_step
 
 
 class FootTargets(NamedTuple):
@@ -18,14 +18,12 @@ class FootTargets(NamedTuple):
 
     Attributes:
         stance: (4,) bool, feet that carry; the others follow their swing.
-        motion: (4, 3, 3) per foot position [m], velocity [m/s] and acceleration [m/s²].
-        lift_off: (4,) height where the foot last stood [m].
+        motion: (4, 3, 3) per foot the rows position [m], velocity [m/s], acceleration [m/s²].
         foothold: (4, 2) where it shall land, or stands [m].
     """
 
     stance: NDArray[np.bool_]
     motion: Array
-    lift_off: Array
     foothold: Array
 
 
@@ -34,7 +32,7 @@ def standing(feet: Array) -> FootTargets:
     """Return targets that leave the feet (4, 3) [m] where they stand."""
     motion = np.zeros((4, 3, 3))
     motion[:, 0] = feet
-    return FootTargets(np.ones(4, dtype=np.bool_), motion, feet[:, 2].copy(), feet[:, :2].copy())
+    return FootTargets(np.ones(4, dtype=np.bool_), motion, feet[:, :2].copy())
 
 
 @njit(cache=True)
@@ -56,7 +54,7 @@ def plan_feet(
 
     Args:
         previous: the targets of the tick before.
-        phases: which feet stand, and how far the others' swings are.
+        phases: which feet stand, and how long the others still swing.
         gait: the gait in play.
         feet: (4, 3) the feet's measured places in the world [m].
         nominal: (4, 2) footholds at rest in the trunk's axes [m].
@@ -74,29 +72,19 @@ def plan_feet(
     for foot in range(4):
         if phases.stance[foot]:
             continue
-        targets.stance[foot] = False
+        remaining = phases.remaining[foot]
         landing = foothold(
             nominal[foot],
             position,
             velocity,
             yaw,
             reference,
-            phases.remaining[foot],
+            remaining,
             stance_time,
             height,
         )
         now = targets.motion[foot] if previous.stance[foot] else previous.motion[foot]
-        if not previous.stance[foot]:
-            targets.lift_off[foot] = previous.lift_off[foot]
+        targets.stance[foot] = False
         targets.foothold[foot] = landing
-        targets.motion[foot] = swing_foot(
-            now,
-            landing,
-            targets.lift_off[foot],
-            touchdown,
-            phases.progress[foot],
-            phases.remaining[foot],
-            swing_time,
-            dt,
-        )
+        targets.motion[foot] = swing_step(now, landing, touchdown, remaining, swing_time, dt)
     return targets

@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numba import njit
 
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.robots import a1
 
@@ -31,34 +33,60 @@ class RobotModel:
         self.data = self.pinocchio.createData()
         self.legs = _leg_geometry(self.pinocchio, xml_file)
         self.mass = float(sum(inertia.mass for inertia in self.pinocchio.inertias))
-        self._damping = self.pinocchio.damping[6:].copy()
-        self._dry_friction = self.pinocchio.upperDryFrictionLimit[6:].copy()
+        self.losses = np.stack(
+            [self.pinocchio.damping[6:], self.pinocchio.upperDryFrictionLimit[6:]]
+        )
 
-    def coordinates(self, state: RobotState, R: Array) -> tuple[Array, Array]:
-        """Return Pinocchio's q (19,) and v (18,) of a state whose trunk is rotated by R (3, 3)."""
-        q = np.empty(19)
-        q[:3] = state.position
-        q[3:6] = state.quaternion[1:]
-        q[6] = state.quaternion[0]
-        q[7:] = state.joint_position
-        v = np.empty(18)
-        v[:3] = R.T @ state.linear_velocity
-        v[3:6] = state.angular_velocity
-        v[6:] = state.joint_velocity
-        return q, v
+    def dynamics(self, state: RobotState) -> tuple[Array, Array]:
+        """Return M (18, 18), upper triangle only, and the nonlinear effects (18,).
 
-    def dynamics(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return M (18, 18), upper triangle only, and the bias (18,) of ``M q̈ + bias = Sᵀτ + JᵀF``.
-
-        The bias holds Coriolis, centrifugal and gravity forces, and the joints' damping and dry
-        friction: without them the trunk pitches by several degrees.
+        The latter are Coriolis, centrifugal and gravity forces. Both are Pinocchio's own buffers,
+        overwritten by the next call.
         """
+        q, v = coordinates(state)
         pin.crba(self.pinocchio, self.data, q)
-        bias = pin.nonLinearEffects(self.pinocchio, self.data, q, v).copy()
-        joint_velocity = v[6:]
-        bias[6:] += self._damping * joint_velocity
-        bias[6:] += self._dry_friction * np.tanh(joint_velocity / FRICTION_VELOCITY)
-        return self.data.M, bias
+        pin.nonLinearEffects(self.pinocchio, self.data, q, v)
+        return self.data.M, self.data.nle
+
+
+@njit(cache=True)
+def generalised_velocity(state: RobotState, R: Array) -> Array:
+    """Return Pinocchio's v (18,) of a state whose trunk is rotated by R (3, 3)."""
+    v = np.empty(18)
+    v[:3] = R.T @ state.linear_velocity
+    v[3:6] = state.angular_velocity
+    v[6:] = state.joint_velocity
+    return v
+
+
+@njit(cache=True)
+def coordinates(state: RobotState) -> tuple[Array, Array]:
+    """Return Pinocchio's q (19,), whose quaternion ends with w, and v (18,)."""
+    q = np.empty(19)
+    q[:3] = state.position
+    q[3:6] = state.quaternion[1:]
+    q[6] = state.quaternion[0]
+    q[7:] = state.joint_position
+    return q, generalised_velocity(state, rotation_matrix(state.quaternion))
+
+
+@njit(cache=True)
+def with_joint_losses(nonlinear_effects: Array, v: Array, losses: Array) -> Array:
+    """Return the bias (18,) of ``M q̈ + bias = Sᵀτ + JᵀF``: damping and dry friction added.
+
+    Without them the trunk pitches by several degrees.
+
+    Args:
+        nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
+        v: (18,) generalised velocity.
+        losses: (2, 12) the joints' damping [N·m·s/rad] and dry friction [N·m].
+    """
+    bias = nonlinear_effects.copy()
+    for joint in range(12):
+        rate = v[6 + joint]
+        bias[6 + joint] += losses[0, joint] * rate
+        bias[6 + joint] += losses[1, joint] * np.tanh(rate / FRICTION_VELOCITY)
+    return bias
 
 
 def _read(xml_file: Path) -> pin.Model:

@@ -1,22 +1,23 @@
-"""The controller's door to a solver: every status is read, none is guessed."""
+"""The controller's door to a solver: every status is read, no solution is guessed."""
 
 from typing import NamedTuple
 
 import daqp
 import numpy as np
 
-from hcbf_gym.locomotion.condensed import QuadraticProgram
 from hcbf_gym.locomotion.state import Array
+from hcbf_gym.locomotion.task_space import QuadraticProgram
 
 _OPTIMAL = 1
+_EQUALITY = 5
 
 
 class QpSolution(NamedTuple):
     """What the solver said.
 
     Attributes:
-        x: (n,) the minimiser, or None if there is none.
-        exitflag: DAQP's; 1 means optimal.
+        x: (n,) the minimiser, or None if none was found.
+        exitflag: DAQP's; 1 means optimal, −1 infeasible.
         multipliers: (n + m,) of the bounds, positive at upper ones.
     """
 
@@ -26,26 +27,27 @@ class QpSolution(NamedTuple):
 
 
 def solve(program: QuadraticProgram) -> QpSolution:
-    """Solve a strictly convex program with DAQP."""
-    H, f, A, lower, upper = program
-    x, _, exitflag, info = daqp.solve(H, f, A, upper, lower)
+    """Solve a convex program with DAQP; a semidefinite Hessian takes proximal steps."""
+    H, f, A, lower, upper, equalities = program
+    if equalities:
+        sense = np.zeros(len(lower), dtype=np.int32)
+        sense[len(f) : len(f) + equalities] = _EQUALITY
+        x, _, exitflag, info = daqp.solve(H, f, A, upper, lower, sense, eps_prox=1e-5)
+    else:
+        x, _, exitflag, info = daqp.solve(H, f, A, upper, lower)
     return QpSolution(x if exitflag == _OPTIMAL else None, exitflag, info["lam"])
 
 
 def residual(program: QuadraticProgram, solution: QpSolution) -> float:
-    """Return the largest violation of the KKT conditions, in the units of the rows.
+    """Return the largest violation of the KKT conditions; infinite without a solution.
 
-    Stationarity is measured relative to the largest entry of f.
-
-    Args:
-        program: as it was solved.
-        solution: as it was returned.
+    Constraints count in their own units, stationarity relative to the largest entry of f.
     """
     if solution.x is None:
         return np.inf
-    H, f, A, lower, upper = program
-    rows = np.concatenate([solution.x, A @ solution.x])
+    H, f, A, lower, upper, _ = program
     n = len(f)
+    rows = np.concatenate([solution.x, A @ solution.x])
     gradient = H @ solution.x + f + solution.multipliers[:n] + A.T @ solution.multipliers[n:]
     outside = max(0.0, float((lower - rows).max()), float((rows - upper).max()))
     return max(outside, float(np.abs(gradient).max() / max(1.0, np.abs(f).max())))

@@ -5,7 +5,7 @@ from numba import njit
 
 from hcbf_gym.locomotion.state import Array
 
-SWING_HEIGHT = 0.07  # [m] apex above the higher of lift-off and touchdown
+SWING_HEIGHT = 0.07  # [m] of the apex above the foothold
 
 
 @njit(cache=True)
@@ -20,9 +20,8 @@ def minimum_jerk_step(
     """Return position, velocity and acceleration one tick later on the minimum-jerk way.
 
     The way is the quintic from the present state to rest at `target` in `remaining` seconds; taken
-    anew every tick, it follows a moving target without a jump in position, velocity or
-    acceleration. Within the last ticks, where the quintic stiffens, it is run to its end unchanged
-    by a constant-velocity step.
+    anew every tick it follows a moving target without a jump in position or velocity. Where two
+    ticks or less remain, and the quintic stiffens, the present velocity is kept.
 
     Source: T. Flash and N. Hogan, J. Neuroscience 5 (1985).
     """
@@ -35,72 +34,38 @@ def minimum_jerk_step(
     c4 = -15.0 * gap / T**4 + 7.0 * rate / T**3 + acceleration / T**2
     c5 = 6.0 * gap / T**5 - 3.0 * rate / T**4 - 0.5 * acceleration / T**3
     return (
-        position
-        + velocity * dt
-        + 0.5 * acceleration * dt**2
-        + c3 * dt**3
-        + c4 * dt**4
-        + c5 * dt**5,
-        velocity + acceleration * dt + 3.0 * c3 * dt**2 + 4.0 * c4 * dt**3 + 5.0 * c5 * dt**4,
-        acceleration + 6.0 * c3 * dt + 12.0 * c4 * dt**2 + 20.0 * c5 * dt**3,
+        position + dt * (velocity + dt * (0.5 * acceleration + dt * (c3 + dt * (c4 + dt * c5)))),
+        velocity + dt * (acceleration + dt * (3.0 * c3 + dt * (4.0 * c4 + dt * 5.0 * c5))),
+        acceleration + dt * (6.0 * c3 + dt * (12.0 * c4 + dt * 20.0 * c5)),
     )
 
 
 @njit(cache=True)
-def swing_height(
-    lift_off: float, touchdown: float, progress: float, duration: float
-) -> tuple[float, float, float]:
-    """Return height, its velocity and acceleration: two quintic halves that meet at the apex.
-
-    Args:
-        lift_off: height where the foot left the ground [m].
-        touchdown: height where it shall land [m].
-        progress: share of the swing done, in [0, 1].
-        duration: of the swing [s].
-    """
-    apex = max(lift_off, touchdown) + SWING_HEIGHT
-    if progress < 0.5:
-        start, end, s = lift_off, apex, 2.0 * progress
-    else:
-        start, end, s = apex, touchdown, 2.0 * progress - 1.0
-    rate = 2.0 / duration
-    rise = end - start
-    return (
-        start + rise * s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
-        rise * rate * 30.0 * s * s * (1.0 - s) ** 2,
-        rise * rate * rate * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
-    )
-
-
-@njit(cache=True)
-def swing_foot(
-    state: Array,
-    target: Array,
-    lift_off: float,
-    touchdown: float,
-    progress: float,
-    remaining: float,
-    duration: float,
-    dt: float,
+def swing_step(
+    now: Array, foothold: Array, touchdown: float, remaining: float, duration: float, dt: float
 ) -> Array:
-    """Return (3, 3) the foot's desired position, velocity and acceleration one tick later.
+    """Return (3, 3) a swinging foot's position, velocity and acceleration one tick later.
+
+    In the plane it goes straight to the foothold; upwards first to the apex, reached at half the
+    swing, then to the ground.
 
     Args:
-        state: (3, 3) the same, now; rows are position, velocity, acceleration.
-        target: (2,) foothold [m].
-        lift_off: height where the foot left the ground [m].
-        touchdown: height where it shall land [m].
-        progress: share of the swing done now.
+        now: (3, 3) rows position [m], velocity [m/s], acceleration [m/s²].
+        foothold: (2,) where it shall land [m].
+        touchdown: height of the foot when it lands [m].
         remaining: until touchdown [s].
-        duration: of the swing [s].
+        duration: of the whole swing [s].
         dt: tick [s].
     """
+    rising = remaining - 0.5 * duration
     following = np.empty((3, 3))
-    for axis in range(2):
-        p, v, a = minimum_jerk_step(
-            state[0, axis], state[1, axis], state[2, axis], target[axis], remaining, dt
+    for axis in range(3):
+        target, time_left = touchdown, remaining
+        if axis < 2:
+            target = foothold[axis]
+        elif rising > 0.0:
+            target, time_left = touchdown + SWING_HEIGHT, rising
+        following[0, axis], following[1, axis], following[2, axis] = minimum_jerk_step(
+            now[0, axis], now[1, axis], now[2, axis], target, time_left, dt
         )
-        following[0, axis], following[1, axis], following[2, axis] = p, v, a
-    z, dz, ddz = swing_height(lift_off, touchdown, progress, duration)
-    following[0, 2], following[1, 2], following[2, 2] = z, dz, ddz
     return following

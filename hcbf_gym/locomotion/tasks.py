@@ -9,7 +9,7 @@ from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.rotation import cross, rotation_vector_to_yaw
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.locomotion.state import Array, RobotState
 
 # stiffness [1/s²] and damping [1/s]
 PLANE_KP, PLANE_KD = 30.0, 10.0
@@ -37,11 +37,8 @@ class TaskAccelerations(NamedTuple):
 
 @njit(cache=True)
 def task_accelerations(
-    position: Array,
-    velocity: Array,
+    state: RobotState,
     R: Array,
-    omega: Array,
-    joint_velocity: Array,
     feet: FootKinematics,
     reference: BodyReference,
     targets: FootTargets,
@@ -50,16 +47,14 @@ def task_accelerations(
     """Return the accelerations that the task-space QP shall come close to.
 
     Args:
-        position: (3,) of the trunk [m].
-        velocity: (3,) of the trunk in the world's axes [m/s].
+        state: as measured.
         R: (3, 3) trunk → world.
-        omega: (3,) angular velocity of the trunk in its own axes [rad/s].
-        joint_velocity: (12,) [rad/s].
         feet: the feet's kinematics in the trunk's axes.
         reference: of the trunk in the plane.
         targets: of the feet.
         trunk_height: desired height of the trunk in the world [m].
     """
+    position, velocity, omega = state.position, state.linear_velocity, state.angular_velocity
     linear = np.empty(3)
     for i in range(2):
         linear[i] = (
@@ -85,9 +80,9 @@ def task_accelerations(
         if targets.stance[foot]:
             continue
         r = feet.position[foot]
-        relative = cross(omega, r) + feet.jacobian[foot] @ joint_velocity[3 * foot : 3 * foot + 3]
+        own = feet.jacobian[foot] @ state.joint_velocity[3 * foot : 3 * foot + 3]
         foot_position = position + R @ r
-        foot_velocity = velocity + R @ relative
+        foot_velocity = velocity + R @ (cross(omega, r) + own)
         desired = targets.motion[foot]
         swing[foot] = (
             desired[2]
