@@ -2,8 +2,12 @@
 
 import gymnasium as gym
 
-from hcbf_gym import policies, programs, scenarios, wrappers
-from hcbf_gym.errors import HcbfError
+from hcbf_gym.headless import prefer_egl
+
+prefer_egl()  # before anything imports MuJoCo
+
+from hcbf_gym import policies, programs, scenarios, wrappers  # noqa: E402
+from hcbf_gym.errors import HcbfError  # noqa: E402
 
 __version__ = "0.1.0"
 __all__ = ["HcbfError", "__version__", "policies", "programs", "scenarios", "wrappers"]

@@ -176,9 +176,8 @@ def _table(rows: list[dict[str, Any]], case: Case) -> Table:
 def _record(case: Case, args: Args) -> None:
     env = gym.wrappers.RecordVideo(
         case.make(render_mode="rgb_array"),
-        str(args.output),
+        str(args.output / "video" / f"{case.policy}-{case.program}"),
         episode_trigger=lambda _: True,
-        name_prefix=f"{case.policy}-{case.program}",
         disable_logger=True,
     )
     rollout(env, make_policy(case.policy, env), args.seed)

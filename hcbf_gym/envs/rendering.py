@@ -59,13 +59,14 @@ class OffscreenRenderer:
     """
 
     def __init__(self, model: mujoco.MjModel):
-        os.environ.setdefault("MUJOCO_GL", "egl")
+        model.vis.quality.numslices = 96  # or large regions show corners
         try:
             self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=2000)
         except Exception as error:  # MuJoCo raises whatever the GL library does
             raise RenderingError(
-                f"render_mode 'rgb_array': got no OpenGL context ({error}), expected one of EGL "
-                "(Debian: apt-get install libegl1 libgl1-mesa-dri) or MUJOCO_GL=osmesa"
+                f"render_mode 'rgb_array': got no OpenGL context ({error}), expected EGL "
+                "(Debian: apt-get install libegl1 libgl1-mesa-dri) and MUJOCO_GL=egl or unset "
+                "before MuJoCo is imported"
             ) from error
 
     def frame(
@@ -111,11 +112,11 @@ class WindowRenderer:
 
 
 def chase_camera(data: mujoco.MjData) -> mujoco.MjvCamera:
-    """Return a camera that looks at the robot from above and behind the south-east."""
+    """Return a camera that follows the robot, looking down from the south."""
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:] = data.subtree_com[1]
-    camera.distance, camera.azimuth, camera.elevation = 5.0, 125.0, -42.0
+    camera.distance, camera.azimuth, camera.elevation = 3.2, 110.0, -32.0
     return camera
 
 
@@ -177,6 +178,8 @@ def _add(
         rotation,
         np.array(color, dtype=np.float32),
     )
+    if kind == "CYLINDER":  # mjv_initGeom reads (radius, half length); here the base may be oval
+        geom.size[:] = size
     scene.ngeom += 1
     return geom
 
