@@ -146,13 +146,23 @@ def _advance(
     min_h: Array,
 ) -> None:
     """Advance x (N, 4) in place over one control step; write the least h (N, m) on the way."""
+    px, py = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     for i in range(x.shape[0]):
-        for k in range(kind.shape[1]):
-            min_h[i, k] = np.inf
-        for s in range(1, SUBSTEPS + 1):
-            x[i, 0], x[i, 1], x[i, 2], x[i, 3] = double_integrator_step(
-                x[i], u[i], PHYSICS_DT, v_max[i]
+        state, action, top_speed = x[i], u[i], 0.0
+        for s in range(SUBSTEPS):
+            state[0], state[1], state[2], state[3] = double_integrator_step(
+                state, action, PHYSICS_DT, v_max[i]
             )
-            for k in range(kind.shape[1]):
-                h = barrier_kernels.value(kind[i, k], parameters[i, k], x[i], t[i] + s * PHYSICS_DT)
-                min_h[i, k] = min(min_h[i, k], h)
+            px[s], py[s] = state[0], state[1]
+            top_speed = max(top_speed, np.hypot(state[2], state[3]))
+        for k in range(kind.shape[1]):
+            which, c = kind[i, k], parameters[i, k]
+            if which == barrier_kernels.SPEED_LIMIT:
+                min_h[i, k] = barrier_kernels.speed_limit(c, top_speed, 0.0)
+                continue
+            least = np.inf
+            for s in range(SUBSTEPS):
+                now = t[i] + (s + 1) * PHYSICS_DT
+                h = barrier_kernels.planar_value(which, c, px[s] - c[0] * now, py[s] - c[1] * now)
+                least = min(least, h)
+            min_h[i, k] = least
