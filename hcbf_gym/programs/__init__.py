@@ -8,17 +8,20 @@ from hcbf_gym.programs.cbf import CbfQp
 from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
 from hcbf_gym.programs.hierarchical import HierarchicalCbfQp
 from hcbf_gym.programs.lexicographic import LexicographicCbfQp
+from hcbf_gym.programs.planar.batch import BatchProgram
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.relaxed import RelaxedCbfQp
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.rows import CbfRows
 
 __all__ = [
+    "BatchProgram",
     "CbfRows",
     "FilterResult",
     "FilterStatus",
     "Program",
     "make",
+    "make_batch",
     "names",
     "options",
 ]
@@ -65,3 +68,21 @@ def make(
     kind = choose("program", name, _PROGRAMS)
     check_options(f"program {name}", program_options, kind.options)
     return kind(Box.symmetric(5.0) if input_set is None else input_set, solver, **program_options)
+
+
+def make_batch(
+    name: str, *, input_set: InputSet | None = None, **program_options: Any
+) -> BatchProgram:
+    """Return the program of that name for N states of two inputs at once.
+
+    Args:
+        name: one of :func:`names`.
+        input_set: U, as :func:`make` takes it.
+        program_options: among :func:`options`. There is no solver to choose.
+
+    Raises:
+        UnknownNameError: on an unknown program; the message lists the choices.
+        InvalidInputError: on an unknown option, a value that the program refuses, or an input set
+            that is not planar.
+    """
+    return BatchProgram(make(name, input_set=input_set, **program_options))

@@ -1,6 +1,5 @@
 """EH-CBF-QP: one H-CBF-QP after the other, each level pinned before the next (paper, III-D)."""
 
-
 from hcbf_gym.programs.hierarchical import HierarchicalCbfQp, signed_delta
 from hcbf_gym.programs.program import Array
 from hcbf_gym.programs.qp import Solver

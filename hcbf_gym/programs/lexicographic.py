@@ -52,29 +52,30 @@ class LexicographicCbfQp(Program):
             raise InvalidInputError(f"weights: got {weights!r}, expected a list of numbers or None")
         if weights and weights[0] is not None:
             raise InvalidInputError(f"weights: got {weights[0]} for priority 1, expected None")
-        self.weights = tuple(
-            None if weight is None else finite_float("weights", weight, minimum=0.0)
-            for weight in weights
-        )
+        gamma0 = [np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in weights]
+        self._gamma0 = np.array([np.inf, *gamma0[1:], np.inf])
         self.delta_gamma = finite_float("delta_gamma", delta_gamma, minimum=0.0)
         self.lambda_u = finite_float("lambda_u", lambda_u, minimum=0.0)
 
+    def weight(self, rows: CbfRows) -> Array:
+        """Return λ_δ(h) (m,) of each row, infinity for the strict levels."""
+        gamma0 = self._gamma0[np.minimum(rows.priority, self._gamma0.size) - 1]
+        return gamma0 * (1.0 + self.delta_gamma * np.maximum(0.0, -rows.h))
+
     def decide(self, u_nominal: Array, rows: CbfRows, solver: Solver) -> tuple[Array, None]:
         """Solve the cascade."""
-        feasible = self._admissible
-        if all(weight is None for weight in self.weights):
+        feasible, weight = self._admissible, self.weight(rows)
+        if np.isinf(weight).all():
             u = nearest(feasible.intersect(rows.a, rows.b), u_nominal, solver)
             if u is not None:
                 return u, None  # no conflict: every violation is 0, the least there is
         for priority in range(1, rows.priority.max(initial=0) + 1):
             level = rows.priority == priority
             a, b = rows.a[level], rows.b[level]
-            gamma0 = self.weights[priority - 1] if priority <= len(self.weights) else None
-            if gamma0 is None:
+            if np.isinf(weight[level]).all():
                 feasible, u = meet(feasible, a, b, u_nominal, solver)
                 continue
-            weight = gamma0 * (1.0 + self.delta_gamma * np.maximum(0.0, -rows.h[level]))
-            soft = SoftRows(a, b, weight, np.zeros(b.size))
+            soft = SoftRows(a, b, weight[level], np.zeros(b.size))
             u = required(relax(feasible, u_nominal, soft, self.lambda_u, solver))
             feasible = feasible.bound(a, b, u)
         return required(nearest(feasible, u_nominal, solver)), None

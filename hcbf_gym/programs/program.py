@@ -87,6 +87,7 @@ class Program(ABC):
     """
 
     options: ClassVar[tuple[str, ...]] = ()
+    lambda_u: float = 1.0
 
     def __init__(self, input_set: InputSet, solver: str) -> None:
         self.input_set = input_set
@@ -105,6 +106,10 @@ class Program(ABC):
     def strict(self, rows: CbfRows) -> NDArray[np.bool_]:
         """Return which rows (m,) may not be relaxed: those of priority 1."""
         return rows.priority == 1
+
+    def weight(self, rows: CbfRows) -> Array:
+        """Return λ_δ (m,) of each row; infinity, no row may give, unless the program overrides it."""
+        return np.full(rows.b.shape, np.inf)
 
     def least_slack(self, rows: CbfRows) -> Array:
         """Return the least δ (m,) that the program allows; 0 unless it says otherwise."""

@@ -1,0 +1,244 @@
+"""Convex polygons as lists of corners: cut by a half-plane, and searched for a minimum.
+
+A polygon is an array (capacity, 2) of which the first `count` corners count, counter-clockwise;
+two corners are a segment, one is a point. It never becomes empty: a cut that would leave nothing
+leaves the face that violates the cut least, so that no rounding can make a stage infeasible.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Lengths below it, relative to the size of U, are rounding.
+THIN = 1e-10
+# A least-squares matrix whose singular values differ by more has one direction only.
+RANK_ONE = 1e-10
+# A row with a smaller gradient is a constant: no input changes its violation.
+ZERO_GRADIENT = 1e-12
+
+
+@njit(cache=True)
+def cut(
+    corners: Array, count: int, nx: float, ny: float, d: float, radius: float, scratch: Array
+) -> int:
+    """Cut a polygon in place to ``n·u ≥ d``; to its face of greatest n·u where that is empty.
+
+    Args:
+        corners: (capacity, 2) the polygon.
+        count: its number of corners, at least 1.
+        nx: x component of the unit normal n.
+        ny: y component.
+        d: the bound.
+        radius: the largest norm of an input.
+        scratch: (capacity, 2) working space.
+
+    Returns:
+        The new number of corners.
+    """
+    thin = THIN * radius
+    lowest, highest = np.inf, -np.inf
+    for i in range(count):
+        height = nx * corners[i, 0] + ny * corners[i, 1] - d
+        lowest, highest = min(lowest, height), max(highest, height)
+    if lowest >= 0.0:
+        return count
+    if highest <= thin:
+        return _face(corners, count, nx, ny, d + highest - thin, thin)
+    new = 0
+    previous_x, previous_y = corners[count - 1]
+    previous = nx * previous_x + ny * previous_y - d
+    for i in range(count):
+        x, y = corners[i]
+        height = nx * x + ny * y - d
+        if (height >= 0.0) != (previous >= 0.0):
+            t = previous / (previous - height)
+            new = _append(
+                scratch,
+                new,
+                previous_x + t * (x - previous_x),
+                previous_y + t * (y - previous_y),
+                1e-4 * thin,
+            )
+        if height >= 0.0:
+            new = _append(scratch, new, x, y, 1e-4 * thin)
+        previous_x, previous_y, previous = x, y, height
+    while new > 1 and _near(scratch[0], scratch[new - 1, 0], scratch[new - 1, 1], 1e-4 * thin):
+        new -= 1
+    corners[:new] = scratch[:new]
+    return new
+
+
+@njit(cache=True)
+def slice_at(
+    corners: Array, count: int, nx: float, ny: float, d: float, radius: float, scratch: Array
+) -> int:
+    """Cut a polygon in place to ``n·u = d``, a value that it attains; return the new count."""
+    count = cut(corners, count, nx, ny, d, radius, scratch)
+    return cut(corners, count, -nx, -ny, -d, radius, scratch)
+
+
+@njit(cache=True)
+def _near(corner: Array, x: float, y: float, distance: float) -> bool:
+    return abs(corner[0] - x) <= distance and abs(corner[1] - y) <= distance
+
+
+@njit(cache=True)
+def _append(corners: Array, count: int, x: float, y: float, distance: float) -> int:
+    if count > 0 and _near(corners[count - 1], x, y, distance):
+        return count
+    corners[count, 0], corners[count, 1] = x, y
+    return count + 1
+
+
+@njit(cache=True)
+def _face(corners: Array, count: int, nx: float, ny: float, level: float, thin: float) -> int:
+    """Keep, of the corners with n·u ≥ level, the two that lie farthest apart."""
+    low, high = np.inf, -np.inf
+    low_x = low_y = high_x = high_y = 0.0
+    for i in range(count):
+        x, y = corners[i]
+        if nx * x + ny * y >= level:
+            along = nx * y - ny * x
+            if along < low:
+                low, low_x, low_y = along, x, y
+            if along > high:
+                high, high_x, high_y = along, x, y
+    corners[0, 0], corners[0, 1] = low_x, low_y
+    if high - low <= 1e-4 * thin:
+        return 1
+    corners[1, 0], corners[1, 1] = high_x, high_y
+    return 2
+
+
+@njit(cache=True)
+def add_row(
+    factor: tuple[float, float, float, float, float], ax: float, ay: float, t: float
+) -> tuple[float, float, float, float, float]:
+    """Add ``(a·u − t)²`` to the least-squares problem ``‖R u − z‖²`` by two Givens rotations.
+
+    Args:
+        factor: R₁₁, R₁₂, R₂₂ of the upper triangular R, and z₁, z₂.
+        ax: x component of a.
+        ay: y component of a.
+        t: the target.
+    """
+    r11, r12, r22, z1, z2 = factor
+    if ax != 0.0:
+        length = np.hypot(r11, ax)
+        c, s = r11 / length, ax / length
+        r11 = length
+        r12, ay = c * r12 + s * ay, c * ay - s * r12
+        z1, t = c * z1 + s * t, c * t - s * z1
+    if ay != 0.0:
+        length = np.hypot(r22, ay)
+        c, s = r22 / length, ay / length
+        r22 = length
+        z2 = c * z2 + s * t
+    return r11, r12, r22, z1, z2
+
+
+@njit(cache=True)
+def minimise(
+    corners: Array,
+    count: int,
+    factor: tuple[float, float, float, float, float],
+    ux: float,
+    uy: float,
+    radius: float,
+    scratch: Array,
+    scratch_cut: Array,
+) -> tuple[float, float]:
+    """Return the point of a polygon that minimises ``‖R u − z‖²``; of several, the nearest to u*.
+
+    Args:
+        corners: (capacity, 2) the polygon, left as it is.
+        count: its number of corners.
+        factor: R and z as :func:`add_row` builds them.
+        ux: x component of u*.
+        uy: y component of u*.
+        radius: the largest norm of an input.
+        scratch: (capacity, 2) working space.
+        scratch_cut: (capacity, 2) working space.
+    """
+    r11, r12, r22, z1, z2 = factor
+    size = np.sqrt(r11 * r11 + r12 * r12 + r22 * r22)
+    if abs(r11 * r22) > RANK_ONE * size * size:
+        y = z2 / r22
+        return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
+    nearest = (1.0, 0.0, 1.0, ux, uy)
+    if size <= ZERO_GRADIENT:
+        return _descend(corners, count, nearest, ux, uy)
+    # one direction n counts: R = l nᵀ up to rounding
+    if r11 * r11 + r12 * r12 >= r22 * r22:
+        length = np.hypot(r11, r12)
+        nx, ny = r11 / length, r12 / length
+    else:
+        nx, ny = 0.0, 1.0
+    l1, l2 = r11 * nx + r12 * ny, r22 * ny
+    target = (l1 * z1 + l2 * z2) / (l1 * l1 + l2 * l2)
+    low, high = np.inf, -np.inf
+    for i in range(count):
+        value = nx * corners[i, 0] + ny * corners[i, 1]
+        low, high = min(low, value), max(high, value)
+    scratch[:count] = corners[:count]
+    target = min(max(target, low), high)
+    count = slice_at(scratch, count, nx, ny, target, radius, scratch_cut)
+    return _descend(scratch, count, nearest, ux, uy)
+
+
+@njit(cache=True)
+def _descend(
+    corners: Array,
+    count: int,
+    factor: tuple[float, float, float, float, float],
+    cx: float,
+    cy: float,
+) -> tuple[float, float]:
+    """Return the minimiser over a polygon of a quadratic of full rank with its centre at c.
+
+    The point is chosen by the signs of the gradient, not by comparing costs, whose differences
+    drown in rounding where the weights are large.
+    """
+    r11, r12, r22, z1, z2 = factor
+    if count == 1:
+        return corners[0, 0], corners[0, 1]
+    if count > 2:
+        inside = True
+        for i in range(count):
+            x, y = corners[i]
+            j = i + 1 if i + 1 < count else 0
+            if (corners[j, 0] - x) * (cy - y) < (corners[j, 1] - y) * (cx - x):
+                inside = False
+                break
+        if inside:
+            return cx, cy
+    best, best_x, best_y = np.inf, corners[0, 0], corners[0, 1]
+    last = count - 1
+    dx, dy = corners[0, 0] - corners[last, 0], corners[0, 1] - corners[last, 1]
+    e1 = r11 * corners[0, 0] + r12 * corners[0, 1] - z1
+    e2 = r22 * corners[0, 1] - z2
+    arriving = (r11 * dx + r12 * dy) * e1 + r22 * dy * e2
+    for i in range(count):
+        x, y = corners[i]
+        j = i + 1 if i + 1 < count else 0
+        dx, dy = corners[j, 0] - x, corners[j, 1] - y
+        d1, d2 = r11 * dx + r12 * dy, r22 * dy
+        e1, e2 = r11 * x + r12 * y - z1, r22 * y - z2
+        leaving = d1 * e1 + d2 * e2
+        if leaving >= 0.0 and arriving <= 0.0:
+            return x, y
+        t = -leaving / (d1 * d1 + d2 * d2)
+        arriving = leaving + d1 * d1 + d2 * d2
+        if 0.0 < t < 1.0:
+            px, py = x + t * dx, y + t * dy
+            g1, g2 = r11 * px + r12 * py - z1, r22 * py - z2
+            inward = -dy * (r11 * g1) + dx * (r12 * g1 + r22 * g2)
+            if inward >= 0.0 or count == 2:
+                return px, py
+            x, y, e1, e2 = px, py, g1, g2
+        cost = e1 * e1 + e2 * e2
+        if cost < best:
+            best, best_x, best_y = cost, x, y
+    return best_x, best_y

@@ -1,0 +1,296 @@
+"""The minimum over a polygon of one-sided penalties, ``λ_u ‖u − u*‖² + Σ w_k max(m_k, v_k)²``.
+
+``v_k = b_k − a_k·u`` is row k's violation, m_k ≥ 0 the least slack it pays for. The cost is convex
+and quadratic on each cell that the kinks ``v_k = m_k`` cut out of the polygon. The minimum on a
+kink tells on which side of it the minimum of the whole lies: the polygon is cut down, kink by kink,
+to one cell, where the cost is one quadratic.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.programs.planar.polygon import THIN, ZERO_GRADIENT, add_row, cut, minimise, slice_at
+
+Array = NDArray[np.float64]
+
+# What is known of a row on the cell: nothing yet, that it is paid for, that it is not.
+_OPEN, _PAID, _MET = 0, 1, 2
+
+
+@njit(cache=True)
+def soft_minimum(
+    corners: Array,
+    count: int,
+    a: Array,
+    b: Array,
+    least: Array,
+    weight: Array,
+    lambda_u: float,
+    ux: float,
+    uy: float,
+    radius: float,
+    cell: Array,
+    scratch: Array,
+    scratch_cut: Array,
+    state: NDArray[np.int64],
+) -> tuple[float, float]:
+    """Return a minimiser over the polygon; rows of weight 0 drop out.
+
+    Args:
+        corners: (capacity, 2) the polygon, left as it is.
+        count: its number of corners.
+        a: (m, 2) the rows' gradients.
+        b: (m,) their bounds.
+        least: (m,) the least slack m_k that each pays for.
+        weight: (m,) w_k ≥ 0.
+        lambda_u: λ_u ≥ 0; where it is 0 the minimiser need not be the one nearest u*.
+        ux: x component of u*.
+        uy: y component of u*.
+        radius: the largest norm of an input.
+        cell: (capacity, 2) working space.
+        scratch: (capacity, 2) working space.
+        scratch_cut: (capacity, 2) working space.
+        state: (m,) working space.
+    """
+    thin = THIN * radius
+    cell[:count] = corners[:count]
+    for k in range(b.size):
+        norm = np.hypot(a[k, 0], a[k, 1])
+        if weight[k] == 0.0 or norm <= ZERO_GRADIENT:
+            state[k] = _MET
+            continue
+        state[k] = _OPEN
+    for k in range(b.size):
+        if state[k] != _OPEN:
+            continue
+        norm = np.hypot(a[k, 0], a[k, 1])
+        nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, (b[k] - least[k]) / norm
+        lowest, highest = np.inf, -np.inf
+        for i in range(count):
+            height = nx * cell[i, 0] + ny * cell[i, 1] - d
+            lowest, highest = min(lowest, height), max(highest, height)
+        if lowest >= -thin:
+            state[k] = _MET
+        elif highest <= thin:
+            state[k] = _PAID
+        else:
+            x, y, side = _settle(
+                cell, count, nx, ny, d, k, a, b, least, weight, lambda_u, ux, uy, radius, state
+            )
+            if side == 0:
+                return x, y
+            state[k] = _MET if side > 0 else _PAID
+            count = cut(cell, count, side * nx, side * ny, side * d, radius, scratch)
+    root = np.sqrt(lambda_u)
+    factor = (root, 0.0, root, root * ux, root * uy)
+    for k in range(b.size):
+        if state[k] == _PAID:
+            root = np.sqrt(weight[k])
+            factor = add_row(factor, root * a[k, 0], root * a[k, 1], root * b[k])
+    return minimise(cell, count, factor, ux, uy, radius, scratch, scratch_cut)
+
+
+@njit(cache=True)
+def lock(
+    corners: Array,
+    count: int,
+    a: Array,
+    b: Array,
+    least: Array,
+    weight: Array,
+    x: float,
+    y: float,
+    radius: float,
+    scratch: Array,
+) -> int:
+    """Cut a polygon in place to the minimisers of ``Σ w_k max(m_k, v_k)²``, of which u is one.
+
+    Each violation above m_k has one value on all of them. Returns the new number of corners.
+    """
+    for k in range(b.size):
+        norm = np.hypot(a[k, 0], a[k, 1])
+        if weight[k] > 0.0 and norm > ZERO_GRADIENT:
+            nx, ny = a[k, 0] / norm, a[k, 1] / norm
+            value, d = nx * x + ny * y, (b[k] - least[k]) / norm
+            if value < d - THIN * radius:
+                count = slice_at(corners, count, nx, ny, value, radius, scratch)
+            else:
+                count = cut(corners, count, nx, ny, min(value, d), radius, scratch)
+    return count
+
+
+@njit(cache=True)
+def _slope(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    a: Array,
+    b: Array,
+    least: Array,
+    weight: Array,
+    lambda_u: float,
+    ux: float,
+    uy: float,
+    radius: float,
+    state: NDArray[np.int64],
+) -> float:
+    """Return half the directional derivative of the cost at (x, y) towards (dx, dy).
+
+    A row at its kink pays if the direction leads into its violation.
+    """
+    slope = lambda_u * ((x - ux) * dx + (y - uy) * dy)
+    for k in range(b.size):
+        if state[k] == _MET:
+            continue
+        gain = a[k, 0] * dx + a[k, 1] * dy
+        lack = b[k] - a[k, 0] * x - a[k, 1] * y
+        if state[k] == _PAID:
+            slope -= weight[k] * lack * gain
+            continue
+        over = lack - least[k]
+        rounding = THIN * radius * (abs(a[k, 0]) + abs(a[k, 1]))
+        if over > rounding or (over > -rounding and gain < 0.0):
+            slope -= weight[k] * max(lack, 0.0) * gain
+    return slope
+
+
+@njit(cache=True)
+def _settle(
+    cell: Array,
+    count: int,
+    nx: float,
+    ny: float,
+    d: float,
+    row: int,
+    a: Array,
+    b: Array,
+    least: Array,
+    weight: Array,
+    lambda_u: float,
+    ux: float,
+    uy: float,
+    radius: float,
+    state: NDArray[np.int64],
+) -> tuple[float, float, int]:
+    """Minimise on the kink ``n·u = d`` of one row, and tell where the cost falls from there.
+
+    Returns:
+        The minimiser on the kink; +1 or −1 for the side with n·u above or below d, 0 for neither.
+    """
+    # the kink leaves the cell at A (from above to below, counter-clockwise) and enters it at B
+    first_up, last_up, first_down, last_down = 0, 0, 0, 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        here = nx * cell[i, 0] + ny * cell[i, 1] - d > 0.0
+        there = nx * cell[j, 0] + ny * cell[j, 1] - d > 0.0
+        if here and not there:
+            last_up, first_down = i, j
+        if there and not here:
+            last_down, first_up = i, j
+    px, py = _crossing(cell[last_up], cell[first_down], nx, ny, d)
+    qx, qy = _crossing(cell[last_down], cell[first_up], nx, ny, d)
+    dx, dy = qx - px, qy - py
+
+    low, high = 0.0, 1.0
+    at_end = 0
+    if _slope(px, py, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state) >= 0.0:
+        t, at_end = 0.0, 1
+    elif _slope(qx, qy, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state) >= 0.0:
+        t, at_end = 1.0, 2
+    else:
+        t = -1.0
+        for k in range(b.size):
+            if k == row or state[k] != _OPEN:
+                continue
+            gain = a[k, 0] * dx + a[k, 1] * dy
+            if gain == 0.0:
+                continue
+            s = (b[k] - least[k] - a[k, 0] * px - a[k, 1] * py) / gain
+            if not low < s < high:
+                continue
+            x, y = px + s * dx, py + s * dy
+            if _slope(x, y, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state) < 0.0:
+                low = s
+            elif _slope(x, y, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state) < 0.0:
+                high = s
+            else:
+                t = s
+                break
+        if t < 0.0:  # between two neighbouring kinks the slope is a straight line
+            x, y = px + low * dx, py + low * dy
+            start = _slope(x, y, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
+            x, y = px + high * dx, py + high * dy
+            end = -_slope(x, y, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
+            t = low + (high - low) * start / (start - end) if end > start else low
+    x, y = px + t * dx, py + t * dy
+
+    best, side = 0.0, 0
+    for sign in (1, -1):
+        ex, ey = sign * nx, sign * ny
+        if at_end > 0:  # along the cell's border
+            if at_end == 1:
+                corner = last_up if sign > 0 else first_down
+            else:
+                corner = first_up if sign > 0 else last_down
+            step = -1 if (at_end == 1) == (sign > 0) else 1
+            corner = _beyond(cell, count, corner, step, ex, ey, sign * d, THIN * radius)
+            ex, ey = cell[corner, 0] - x, cell[corner, 1] - y
+            length = np.hypot(ex, ey)
+            ex, ey = ex / length, ey / length
+        slope = _slope(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
+        if slope < best:
+            best, side = slope, sign
+        for k in range(b.size):  # along other rows' kinks through the same point
+            if k == row or state[k] != _OPEN or least[k] == 0.0:
+                continue
+            norm = np.hypot(a[k, 0], a[k, 1])
+            if abs(a[k, 0] * x + a[k, 1] * y - b[k] + least[k]) > THIN * radius * norm:
+                continue
+            ex, ey = -a[k, 1] / norm, a[k, 0] / norm
+            along = sign * (ex * nx + ey * ny)
+            if abs(along) <= THIN:
+                continue
+            if along < 0.0:
+                ex, ey = -ex, -ey
+            if at_end > 0 and not _enters(cell, count, x, y, ex, ey, THIN * radius):
+                continue
+            slope = _slope(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
+            if slope < best:
+                best, side = slope, sign
+    return x, y, side
+
+
+@njit(cache=True)
+def _crossing(start: Array, end: Array, nx: float, ny: float, d: float) -> tuple[float, float]:
+    """Return where the side from `start` to `end` crosses ``n·u = d``."""
+    here = nx * start[0] + ny * start[1] - d
+    there = nx * end[0] + ny * end[1] - d
+    t = here / (here - there)
+    return start[0] + t * (end[0] - start[0]), start[1] + t * (end[1] - start[1])
+
+
+@njit(cache=True)
+def _beyond(
+    cell: Array, count: int, corner: int, step: int, nx: float, ny: float, d: float, thin: float
+) -> int:
+    """Return the first corner, from one on, whose ``n·u`` exceeds d by more than rounding."""
+    for _ in range(count):
+        if nx * cell[corner, 0] + ny * cell[corner, 1] - d > thin:
+            break
+        corner = (corner + step) % count
+    return corner
+
+
+@njit(cache=True)
+def _enters(cell: Array, count: int, x: float, y: float, ex: float, ey: float, thin: float) -> bool:
+    """Tell whether the direction e leads from the border point (x, y) into the cell."""
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        sx, sy = cell[j, 0] - cell[i, 0], cell[j, 1] - cell[i, 1]
+        length = np.hypot(sx, sy)
+        distance = (sx * (y - cell[i, 1]) - sy * (x - cell[i, 0])) / length
+        if distance <= thin and sx * ey - sy * ex < -1e-12 * length:
+            return False
+    return True
