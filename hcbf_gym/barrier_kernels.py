@@ -85,13 +85,26 @@ def planar_jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
 
 @njit(cache=True)
 def planar_value(kind: int, c: Array, x: float, y: float) -> float:
-    """Return H alone: the walls and discs of a batch are looked at ten times a step."""
+    """Return H alone: a batch looks at its barriers ten times a step."""
     if kind == HALF_PLANE:
         return c[2] * x + c[3] * y - c[4]
+    dx, dy = x - c[2], y - c[3]
     if kind == DISC:
-        dx, dy = x - c[2], y - c[3]
         return np.sqrt(dx * dx + dy * dy) - c[4]
-    return planar_jet(kind, c, x, y)[0]
+    if kind == ELLIPSE:
+        zx, zy = c[4] * dx + c[5] * dy, c[6] * dx + c[7] * dy
+        return c[8] * (np.sqrt(zx * zx + zy * zy) - 1.0)
+    nearest2, outside, corners = np.inf, False, int(c[2])
+    ax, ay = c[1 + 2 * corners], c[2 + 2 * corners]
+    for i in range(corners):
+        bx, by = c[3 + 2 * i], c[4 + 2 * i]
+        ex, ey, ox, oy = bx - ax, by - ay, x - ax, y - ay
+        outside |= ey * ox - ex * oy > 0.0
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        ox, oy = ox - along * ex, oy - along * ey
+        nearest2 = min(nearest2, ox * ox + oy * oy)
+        ax, ay = bx, by
+    return np.sqrt(nearest2) if outside else -np.sqrt(nearest2)
 
 
 @njit(cache=True)

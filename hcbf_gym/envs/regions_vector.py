@@ -15,13 +15,13 @@ from hcbf_gym.barrier_set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Scenario, random_scenes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class RegionsVectorEnv(VectorEnv[Array, Array, Array]):
+class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     """N copies of `RegionsEnv`, with the same trajectories as N single environments.
 
     Environment i is seeded with ``seed + i``, as in Gymnasium's own vector environments.
@@ -65,13 +65,21 @@ class RegionsVectorEnv(VectorEnv[Array, Array, Array]):
         self._source = scenario
         self._rngs = [np.random.default_rng() for _ in range(num_envs)] if self._random else []
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
-        self.scenes = [self.scenario] * num_envs
-        self._batch = RegionsBatch(self.scenes, own_references=self._random)
+        self._layouts: list[random_scenes.Layout | None] = [None] * num_envs
+        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._random)
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(len(self.scenario.barriers))
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    @property
+    def scenes(self) -> list[Scenario]:
+        """The scene of each environment now."""
+        return [
+            self.scenario if layout is None else random_scenes.scenario(str(self._source), layout)
+            for layout in self._layouts
+        ]
 
     @property
     def rom_state(self) -> Array:
@@ -156,10 +164,13 @@ class RegionsVectorEnv(VectorEnv[Array, Array, Array]):
                 self._rngs[i], _ = seeding.np_random(one)
 
     def _draw_scenes(self, mask: Mask) -> None:
-        if self._random:
-            for i in np.flatnonzero(mask):
-                self.scenes[i] = scenarios.make(self._source, self._rngs[i])
-                self._batch.set_scene(int(i), self.scenes[i])
+        if not self._random:
+            return
+        moving = scenarios.RANDOM[str(self._source)]
+        for i in np.flatnonzero(mask):
+            layout = random_scenes.draw(self._rngs[i], moving)
+            self._layouts[i] = layout
+            self._batch.set_layout(int(i), layout)
 
     def _infos(self, info: dict[str, Array]) -> dict[str, Any]:
         """Return Gymnasium's vector form: each entry with a mask of who reports it."""

@@ -7,10 +7,19 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.scenarios import paper
+from hcbf_gym.scenarios import paper, random_scenes
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
 
-__all__ = ["BoxObstacle", "Scenario", "from_dict", "is_random", "load", "make", "names"]
+__all__ = [
+    "RANDOM",
+    "BoxObstacle",
+    "Scenario",
+    "from_dict",
+    "is_random",
+    "load",
+    "make",
+    "names",
+]
 
 _NAMED: dict[str, Callable[[], Scenario]] = {
     "paper-simulation": paper.simulation,
@@ -20,15 +29,18 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "paper-experiment-straight": paper.experiment_straight,
 }
 
+RANDOM = {"random": False, "random-moving": True}
+"""The names that stand for another scene at every reset, and whether its regions move."""
+
 
 def names() -> list[str]:
     """Return the names that `make` knows."""
-    return sorted(_NAMED)
+    return sorted([*_NAMED, *RANDOM])
 
 
 def is_random(scenario: str | Path | Mapping[str, Any] | Scenario) -> bool:
     """Return whether `make` draws another scene at every call."""
-    return scenario == "random"
+    return isinstance(scenario, str) and scenario in RANDOM
 
 
 def make(
@@ -38,7 +50,7 @@ def make(
 
     Args:
         scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`.
-        rng: what decides a random scene.
+        rng: what decides a random scene; a generator of seed 0 unless given.
 
     Raises:
         UnknownNameError: if the name is not registered; the message lists those that are.
@@ -52,6 +64,10 @@ def make(
         raise InvalidInputError(
             f"scenario: got {scenario!r}, expected a name, a dict, a JSON file or a Scenario"
         )
+    if is_random(scenario):
+        name = str(scenario)
+        rng = np.random.default_rng(0) if rng is None else rng
+        return random_scenes.scenario(name, random_scenes.draw(rng, RANDOM[name]))
     if str(scenario) in _NAMED:
         return _NAMED[str(scenario)]()
     if str(scenario).endswith(".json"):
