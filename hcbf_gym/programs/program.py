@@ -63,12 +63,19 @@ def check_priorities(priority: NDArray[np.int64]) -> None:
         )
 
 
-def check_weights(name: str, value: float | list[float]) -> Array:
+def check_weights(name: str, value: float | list[float] | Array) -> Array:
     """Return weights as an array, one entry for each relaxed priority, the last one repeated.
+
+    An array (N, levels) holds those of N states; it is for batches alone.
 
     Raises:
         InvalidInputError: on an empty list, or entries that are negative or not finite.
     """
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.size:
+        weights = finite_array(name, value, (None, None))
+        if (weights < 0.0).any():
+            raise InvalidInputError(f"{name}: got {weights.min()}, expected numbers >= 0.0")
+        return weights
     entries = [value] if np.isscalar(value) else list(value)  # pyright: ignore[reportArgumentType]
     if not entries:
         raise InvalidInputError(f"{name}: got an empty list, expected at least one weight")
@@ -108,7 +115,7 @@ class Program(ABC):
         return rows.priority == 1
 
     def weight(self, rows: CbfRows) -> Array:
-        """Return λ_δ (m,) of each row; infinity, no row may give, unless the program overrides it."""
+        """Return λ_δ (m,) of each row: infinity, unless the program lets rows give way."""
         return np.full(rows.b.shape, np.inf)
 
     def least_slack(self, rows: CbfRows) -> Array:
@@ -161,8 +168,9 @@ class WeightedProgram(Program):
     Args:
         input_set: U.
         solver: the solver's name.
-        gamma0: γ₀ ≥ 0, or one for each priority from 2 on, the last one repeated.
-        delta_gamma: Δγ ≥ 0.
+        gamma0: γ₀ ≥ 0, or one for each priority from 2 on, the last one repeated; (N, levels) for
+            a batch whose N states have weights of their own.
+        delta_gamma: Δγ ≥ 0; (N, 1) likewise.
         lambda_u: λ_u ≥ 0.
 
     Raises:
@@ -176,16 +184,25 @@ class WeightedProgram(Program):
         input_set: InputSet,
         solver: str,
         *,
-        gamma0: float | list[float] = 5.0,
-        delta_gamma: float = 1.3,
+        gamma0: float | list[float] | Array = 5.0,
+        delta_gamma: float | Array = 1.3,
         lambda_u: float = 1.0,
     ) -> None:
         super().__init__(input_set, solver)
         self.gamma0 = check_weights("gamma0", gamma0)
-        self.delta_gamma = finite_float("delta_gamma", delta_gamma, minimum=0.0)
+        self.delta_gamma = (
+            check_weights("delta_gamma", delta_gamma)
+            if isinstance(delta_gamma, np.ndarray)
+            else finite_float("delta_gamma", delta_gamma, minimum=0.0)
+        )
         self.lambda_u = finite_float("lambda_u", lambda_u, minimum=0.0)
 
     def weight(self, rows: CbfRows) -> Array:
         """Return λ_δ(h) (m,) of the rows of one state; those of priority 1 have no use for it."""
-        level = np.minimum(np.maximum(rows.priority - 2, 0), self.gamma0.size - 1)
-        return self.gamma0[level] * (1.0 + self.delta_gamma * np.maximum(0.0, -rows.h))
+        level = np.minimum(np.maximum(rows.priority - 2, 0), self.gamma0.shape[-1] - 1)
+        gamma0 = (
+            self.gamma0[level]
+            if self.gamma0.ndim == 1
+            else np.take_along_axis(self.gamma0, level, axis=-1)
+        )
+        return gamma0 * (1.0 + self.delta_gamma * np.maximum(0.0, -rows.h))

@@ -125,7 +125,7 @@ def _daqp(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     centre, a, lower, upper = problem
     sense = np.where(lower == upper, np.intc(5), np.intc(0))
     x, _, flag, _ = daqp.solve(
-        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=1e-10
+        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=1e-9
     )
     if flag == 1:
         return x, QpStatus.OPTIMAL

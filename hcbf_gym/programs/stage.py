@@ -113,49 +113,65 @@ def nearest(feasible: FeasibleSet, u_nominal: Array, solver: Solver) -> Array | 
 
 
 def trade(feasible: FeasibleSet, u_nominal: Array, soft: SoftRows, solver: Solver) -> Array | None:
-    """Return ``argmin ‖u − u*‖² + Σ w_k δ_k²`` over the feasible set, or None where it is empty.
-
-    With ``s_k = √w_k δ_k`` this is the projection of (u*, 0) on a polyhedron of (u, s).
-    """
+    """Return ``argmin ‖u − u*‖² + Σ w_k δ_k²`` over the feasible set, or None where it is empty."""
     if not feasible.basis.shape[1]:
         return feasible.point
-    rows, lower = _reduced(feasible)
-    free, count = feasible.basis.shape[1], soft.target.size
     root = np.sqrt(soft.weight)
     a = root[:, None] * (soft.a @ feasible.basis)
-    norm = np.sqrt(np.einsum("ij,ij->i", a, a) + 1.0)
-    target = root * (soft.target - soft.a @ feasible.point) / norm
+    target = root * (soft.target - soft.a @ feasible.point)
+    centre = feasible.basis.T @ (u_nominal - feasible.point)
+    if soft.least is None:
+        z = _trade_equalities(feasible, centre, a, target, solver)
+    else:
+        z = _trade_inequalities(feasible, centre, a, target, root * soft.least, solver)
+    return None if z is None else feasible.point + feasible.basis @ z
 
-    hard = rows.shape[0]
-    bounded = 0 if soft.least is None else count
-    matrix = np.zeros((hard + count + bounded, free + count))
+
+def _trade_equalities(
+    feasible: FeasibleSet, centre: Array, a: Array, target: Array, solver: Solver
+) -> Array | None:
+    """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``, where ``[1; a] = Q R``."""
+    free = centre.size
+    orthonormal, factor = np.linalg.qr(np.concatenate((np.eye(free), a)))
+    y_centre = orthonormal.T @ np.concatenate((centre, target))
+    rows, lower = _reduced(feasible)
+    rows = np.linalg.solve(factor.T, rows.T).T
+    norm = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    problem = QpProblem(y_centre, rows / norm[:, None], lower / norm, np.full(lower.size, np.inf))
+    y = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
+    return None if y is None else np.asarray(np.linalg.solve(factor, y), dtype=np.float64)
+
+
+def _trade_inequalities(
+    feasible: FeasibleSet, centre: Array, a: Array, target: Array, least: Array, solver: Solver
+) -> Array | None:
+    """Project (c, 0) on the (z, s) with ``s_k = √w_k δ_k``, ``a z + s ≥ t`` and ``s ≥ s_min``."""
+    rows, lower = _reduced(feasible)
+    hard, free, count = lower.size, centre.size, target.size
+    norm = np.sqrt(np.einsum("ij,ij->i", a, a) + 1.0)
+    matrix = np.zeros((hard + 2 * count, free + count))
     matrix[:hard, :free] = rows
     matrix[hard : hard + count, :free] = a / norm[:, None]
     matrix[range(hard, hard + count), range(free, free + count)] = 1.0 / norm
-    upper = np.full(hard + count + bounded, np.inf)
-    if soft.least is None:
-        upper[hard:] = target
-        below = np.concatenate((lower, target))
-    else:
-        matrix[range(hard + count, hard + 2 * count), range(free, free + count)] = 1.0
-        below = np.concatenate((lower, target, root * soft.least))
-    centre = np.zeros(free + count)
-    centre[:free] = feasible.basis.T @ (u_nominal - feasible.point)
-    problem = QpProblem(centre, matrix, below, upper)
+    matrix[range(hard + count, hard + 2 * count), range(free, free + count)] = 1.0
+    below = np.concatenate((lower, target / norm, least))
+    problem = QpProblem(
+        np.concatenate((centre, np.zeros(count))), matrix, below, np.full(below.size, np.inf)
+    )
     x = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
-    return None if x is None else feasible.point + feasible.basis @ x[:free]
+    return None if x is None else x[:free]
 
 
 def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: Solver) -> Array:
     """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set, by proximal points.
 
-    ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²`` converges to a minimiser; the ε used here, 1e-7 of
-    the largest curvature, leaves nothing to see after two or three steps.
+    ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²`` converges to a minimiser; with ε at 1e-4 of the
+    largest curvature three or four steps leave nothing to see.
     """
     curvature = (soft.weight * np.einsum("ij,ij->i", soft.a, soft.a)).max()
     if curvature <= ZERO_GRADIENT**2:
         return u_start
-    heavy = soft._replace(weight=soft.weight * (1e7 / curvature))
+    heavy = soft._replace(weight=soft.weight * (1e4 / curvature))
     u = u_start
     for _ in range(50):
         previous, u = u, required(trade(feasible, u, heavy, solver))
