@@ -394,10 +394,11 @@ def cbf_rows(
     for barrier in barriers:
         jet = barrier.jet(x, t)
         kept = margin if barrier.priority == 1 and barrier.reads_position else 0.0
-        psi, gradient, rate = jet.h - kept, jet.gradient, jet.rate
+        psi: float = jet.h - kept
+        gradient, rate = jet.gradient, jet.rate
         if model.relative_degree(barrier.reads_position) == 2:
             slope = alpha1.derivative(psi)
-            h_dot = jet.gradient @ drift + jet.rate
+            h_dot = float(jet.gradient @ drift) + jet.rate
             gradient = (
                 jet.hessian @ drift
                 + drift_jacobian.T @ jet.gradient

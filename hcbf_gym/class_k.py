@@ -121,7 +121,7 @@ def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:
     Raises:
         InvalidInputError: on anything else.
     """
-    if isinstance(alpha, tuple(KINDS.values())):
+    if isinstance(alpha, LinearClassK | LogClassK):
         return alpha
     if isinstance(alpha, dict):
         return records.from_dict("class-K function", alpha, KINDS)

@@ -102,7 +102,7 @@ def finite_float(
         InvalidInputError: on anything else.
     """
     bound = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else "finite"
-    if isinstance(value, bool | str) or not np.isscalar(value):
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         raise InvalidInputError(f"{name}: got {value!r}, expected a number {bound}")
     number = float(value)
     too_low = number <= minimum if exclusive else number < minimum

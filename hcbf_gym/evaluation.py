@@ -123,7 +123,7 @@ def rollout(env: gym.Env, policy: Policy, seed: int) -> Episode:
     fell = bool(info.get("fallen", 0.0))
     forces = [step["obstacle_force"] for step in infos[1:]] if n_boxes else np.zeros((steps, 0))
     return Episode(
-        time=CONTROL_DT * np.arange(steps + 1),
+        time=np.arange(steps + 1) * np.float64(CONTROL_DT),
         position=x[:, :2],
         velocity=x[:, 2:],
         h=np.array([step["h"] for step in infos]),

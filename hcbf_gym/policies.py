@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 class Policy(Protocol):
     """Anything that turns an observation and its info into a nominal acceleration u*."""
 
-    def __call__(self, observation: Array, info: dict[str, Any]) -> Array:
+    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[Any]:
         """Return u* (…, 2) [m/s²]."""
         ...
 
@@ -69,7 +69,7 @@ class PDTracker:
             raise InvalidInputError(f"action space: got {space}, expected a Box of shape (2,)")
         return cls(space.low.astype(np.float64), space.high.astype(np.float64), **gains)
 
-    def __call__(self, observation: Array, info: dict[str, Any]) -> Array:
+    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[np.float32]:
         """Return u* (…, 2) [m/s²], within the bounds."""
         u = self.kp * observation[..., 0:2] + self.kd * observation[..., 2:4]
         if self.feed_forward:

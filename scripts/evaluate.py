@@ -14,13 +14,16 @@ from typing import Annotated, Any, Literal
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one episode, one core
 
 import gymnasium as gym
+import numpy as np
 import tyro
+from matplotlib.image import imsave
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym import programs, scenarios
+from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.episode_plot import plot_paths, plot_series
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation import (
@@ -74,6 +77,8 @@ class Args:
     """Folder for the table, the figures and summary.json."""
     video: bool = False
     """Record the first episode of each pair; needs the extra `video` and OpenGL."""
+    snapshot: float | None = None
+    """Save a frame of the first episode of each pair at this time [s]; needs OpenGL."""
 
 
 def main(args: Args) -> None:
@@ -103,9 +108,11 @@ def main(args: Args) -> None:
     console = Console()
     for start in range(0, len(rows), COLUMNS):
         console.print(_table(rows[start : start + COLUMNS], cases[0]))
-    if args.video:
-        for case in cases:
+    for case in cases:
+        if args.video:
             _record(case, args)
+        if args.snapshot is not None:
+            _take_snapshot(case, args, args.snapshot)
     console.print(f"written to {args.output}: summary.json, paths.png, series.png")
 
 
@@ -181,6 +188,19 @@ def _record(case: Case, args: Args) -> None:
         disable_logger=True,
     )
     rollout(env, make_policy(case.policy, env), args.seed)
+    env.close()
+
+
+def _take_snapshot(case: Case, args: Args, time: float) -> None:
+    env = case.make(render_mode="rgb_array")
+    policy = make_policy(case.policy, env)
+    observation, info = env.reset(seed=args.seed)
+    for _ in range(round(time / CONTROL_DT)):
+        observation, _, terminated, truncated, info = env.step(policy(observation, info))
+        if terminated or truncated:
+            break
+    path = args.output / f"snapshot-{case.policy}-{case.program}.png"
+    imsave(path, np.asarray(env.render()))
     env.close()
 
 

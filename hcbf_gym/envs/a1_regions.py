@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
@@ -109,8 +110,8 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         self.simulation = Simulation(robot, timestep=timestep, obstacles=self.scenario.obstacles)
         self._v_max = V_MAX if self.scenario.v_max is None else min(V_MAX, self.scenario.v_max)
         self.controller = LocomotionController(robot, timestep=timestep, max_speed=self._v_max)
-        self.action_space = task.action_space(self.scenario.input_set)
-        self.observation_space = task.observation_space(len(self.scenario.barriers))
+        self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._artist = SceneArtist()
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._take_scene(self.scenario)

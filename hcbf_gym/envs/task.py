@@ -79,7 +79,7 @@ def observe(x: Array, reference: Array, sensed: Array) -> Array:
 
 
 def reward_terms(
-    task: str, distance_before: Array, distance_after: Array, reached: Array, u: Array
+    task: str, distance_before: Array, distance_after: Array, reached: NDArray[np.bool_], u: Array
 ) -> dict[str, Array]:
     """Return the terms (N,) that sum to the reward.
 
@@ -98,7 +98,7 @@ def reward_terms(
         return {"reward_tracking": -distance_after, "reward_effort": effort}
     return {
         "reward_progress": distance_before - distance_after,
-        "reward_goal": GOAL_REWARD * reached,
+        "reward_goal": GOAL_REWARD * reached.astype(np.float64),
         "reward_effort": effort,
     }
 
