@@ -200,9 +200,13 @@ class WeightedProgram(Program):
     def weight(self, rows: CbfRows) -> Array:
         """Return λ_δ(h) (m,) of the rows of one state; those of priority 1 have no use for it."""
         level = np.minimum(np.maximum(rows.priority - 2, 0), self.gamma0.shape[-1] - 1)
-        gamma0 = (
-            self.gamma0[level]
-            if self.gamma0.ndim == 1
-            else np.take_along_axis(self.gamma0, level, axis=-1)
-        )
+        if self.gamma0.ndim == 1:
+            gamma0 = self.gamma0[level]
+        elif len(self.gamma0) == len(level) and level.ndim == 2:
+            gamma0 = np.take_along_axis(self.gamma0, level, axis=1)
+        else:
+            raise InvalidInputError(
+                f"gamma0: got weights of {len(self.gamma0)} states, expected a batch of as many, "
+                f"got rows of shape {level.shape}"
+            )
         return gamma0 * (1.0 + self.delta_gamma * np.maximum(0.0, -rows.h))
