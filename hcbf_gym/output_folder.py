@@ -1,0 +1,68 @@
+"""Output folders that know what they hold, so that a run resumes its own study and no other."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hcbf_gym.errors import InvalidInputError
+
+_SETTINGS = "settings.json"
+
+
+def open_folder(folder: Path, settings: Mapping[str, Any]) -> None:
+    """Make a folder for one study, or open the one that already holds it.
+
+    Args:
+        folder: where its results go.
+        settings: what decides them; JSON types only.
+
+    Raises:
+        InvalidInputError: if the folder holds another study or anything else; it is left as it is.
+    """
+    text = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    path = folder / _SETTINGS
+    if folder.exists() and not folder.is_dir():
+        raise InvalidInputError(f"output: got the file {folder}, expected a folder")
+    if path.exists():
+        differing = _differences(path, json.loads(text))
+        if differing:
+            raise InvalidInputError(
+                f"output: {folder} holds another study, which differs in {differing}; "
+                "expected an empty folder, a new one, or the same study"
+            )
+        return
+    if folder.exists() and any(folder.iterdir()):
+        raise InvalidInputError(
+            f"output: {folder} holds other files, expected an empty folder, a new one, or one "
+            "that this study began"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(path, text)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write data as JSON, whole or not at all; NaN and infinity are refused."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+
+
+def _differences(path: Path, settings: dict[str, Any]) -> list[str]:
+    """Return the names of the settings in which the file differs."""
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(
+            f"output: got {path} that cannot be read ({error}), expected the settings of a study"
+        ) from error
+    if not isinstance(known, dict):
+        return sorted(settings)
+    return sorted(
+        key for key in {*known, *settings} if known.get(key, ...) != settings.get(key, ...)
+    )

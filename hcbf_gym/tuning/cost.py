@@ -1,0 +1,79 @@
+"""What a pair of weights costs over an episode: the paper's equation (cost)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, finite_float
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cost:
+    r"""The cost of a trajectory sampled at the control times iΔt, i = 0 … N, Δt = 0.02 s.
+
+    .. math::
+        r = \sum_{i=1}^{N-1} ‖e(iΔt)‖_{w_i} + ‖e(NΔt)‖_{w_f} + w_δ \sum_{i=1}^{N} δ(iΔt)
+
+    What the paper leaves open is read as follows. ``e`` is the position error p_ref − p, as in
+    its feedback law u = K_p e + K_d ė. ``‖e‖_w = √(eᵀ w e)``, as ‖·‖_M in its Proposition 2. δ is
+    what the relaxed rows give way, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
+    one relaxes nothing.
+
+    Args:
+        w_i: w_i of the way, ≥ 0.
+        w_f: w_f of the goal, ≥ 0.
+        w_delta: w_δ of the relaxation, ≥ 0.
+
+    Raises:
+        InvalidInputError: if a weight is negative or not finite.
+
+    Source: section III-C; the default weights are those of section IV-A.
+    """
+
+    w_i: float = 1.0
+    w_f: float = 1000.0
+    w_delta: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("w_i", "w_f", "w_delta"):
+            finite_float(name, getattr(self, name), minimum=0.0)
+
+    def __call__(self, tracking_error: Array, relaxation: Array) -> Array:
+        """Return r, one for each trajectory.
+
+        Args:
+            tracking_error: (N + 1, …) ‖e(iΔt)‖ [m], i = 0 … N.
+            relaxation: (N, …) δ(iΔt) [m/s²], i = 1 … N.
+
+        Raises:
+            InvalidInputError: if the two do not belong together.
+        """
+        steps, *others = relaxation.shape
+        if steps < 1 or tracking_error.shape != (steps + 1, *others):
+            raise InvalidInputError(
+                f"cost: got tracking errors of shape {tracking_error.shape} and relaxations of "
+                f"shape {relaxation.shape}, expected (N + 1, …) and (N, …)"
+            )
+        return (
+            np.sqrt(self.w_i) * _sum(tracking_error[1:-1])
+            + np.sqrt(self.w_f) * tracking_error[-1]
+            + self.w_delta * _sum(relaxation)
+        )
+
+
+def _sum(series: Array) -> Array:
+    """Sum over time from the first entry on, so that no bit depends on the size of a batch."""
+    return np.add.accumulate(series, axis=0)[-1] if len(series) else np.zeros(series.shape[1:])
+
+
+def relaxation(delta: Array, priority: NDArray[np.int64]) -> Array:
+    """Return ``Σ_k max(0, δ_k)`` (…) over the rows below priority 1.
+
+    Args:
+        delta: (…, m) the program's δ_k [m/s²].
+        priority: (m,) of the rows.
+    """
+    return np.maximum(delta[..., priority > 1], 0.0).sum(axis=-1)

@@ -1,0 +1,87 @@
+"""Draws of (γ₀, Δγ) from a normal distribution, negative ones rejected."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, finite_array
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+_DEVIATIONS = 6.0
+_MAX_REJECTED = 10_000
+
+
+class Draw(NamedTuple):
+    """One accepted draw.
+
+    Attributes:
+        gamma0: γ₀.
+        delta_gamma: Δγ.
+        rejected: how many draws were rejected before it.
+    """
+
+    gamma0: float
+    delta_gamma: float
+    rejected: int
+
+
+@dataclass(frozen=True)
+class Normal:
+    """(γ₀, Δγ) ~ N(µ, Σ), of which only γ₀ ≥ 0, Δγ ≥ 0 are kept.
+
+    Args:
+        mean: (2,) µ.
+        covariance: (2, 2) Σ, symmetric and positive semidefinite.
+
+    Raises:
+        InvalidInputError: if Σ is not symmetric or not positive semidefinite.
+
+    Source: section III-C of the paper; the defaults are those of section IV-A.
+    """
+
+    mean: Pair = (3.0, 1.5)
+    covariance: tuple[Pair, Pair] = ((1.0, 0.0), (0.0, 1.0))
+    _root: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        mean = finite_array("mean", self.mean, (2,))
+        covariance = finite_array("covariance", self.covariance, (2, 2))
+        eigenvalues, vectors = np.linalg.eigh(covariance)
+        rounding = 1e-12 * np.abs(covariance).max(initial=0.0)
+        if not np.array_equal(covariance, covariance.T) or eigenvalues.min() < -rounding:
+            raise InvalidInputError(
+                f"covariance: got {covariance.tolist()}, "
+                "expected a symmetric positive semidefinite matrix"
+            )
+        object.__setattr__(self, "mean", tuple(mean.tolist()))
+        object.__setattr__(self, "covariance", tuple(map(tuple, covariance.tolist())))
+        object.__setattr__(self, "_root", vectors * np.sqrt(np.maximum(eigenvalues, 0.0)))
+
+    @property
+    def upper(self) -> Pair:
+        """(2,) µ + 6σ, beyond which draws are rejected too (two in 10⁹)."""
+        upper = np.array(self.mean) + _DEVIATIONS * np.sqrt(np.diag(self.covariance))
+        gamma0, delta_gamma = np.maximum(upper, 0.0).tolist()
+        return gamma0, delta_gamma
+
+    def draw(self, seed: int, number: int) -> Draw:
+        """Return the draw that belongs to (seed, number), whatever was drawn before.
+
+        Raises:
+            InvalidInputError: if 10,000 draws in a row are negative.
+        """
+        rng = np.random.default_rng([seed, number])
+        upper = np.array(self.upper) + 1e-9
+        for rejected in range(_MAX_REJECTED):
+            pair = np.array(self.mean) + self._root @ rng.standard_normal(2)
+            if (pair >= 0.0).all() and (pair <= upper).all():
+                gamma0, delta_gamma = np.minimum(pair, self.upper).tolist()
+                return Draw(gamma0, delta_gamma, rejected)
+        raise InvalidInputError(
+            f"distribution: got mean {self.mean} and covariance {self.covariance}, "
+            f"of which {_MAX_REJECTED} draws in a row were negative"
+        )
