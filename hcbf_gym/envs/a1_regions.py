@@ -234,9 +234,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
 
     def _obstacle_forces(self) -> Array:
-        return np.array(
-            [self.simulation.contacts_with(box.name) for box in self.scenario.obstacles]
-        )
+        return self.simulation.obstacle_forces()
 
 
 def _substeps(timestep: float) -> int:

@@ -1,13 +1,18 @@
-"""The plant: the robot, a floor and boxes in MuJoCo, stepped one physics tick at a time."""
+"""The plant: the robot, the ground and boxes in MuJoCo, stepped one physics tick at a time."""
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.envs import scene
+from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
+from hcbf_gym.envs.randomization import Plant, Randomization
 from hcbf_gym.errors import RobotModelError, finite_float
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.robots import a1
@@ -15,8 +20,9 @@ from hcbf_gym.robots import a1
 MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
 MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
 
-FIXED_BOX_RGBA = (0.55, 0.42, 0.30, 1.0)
-LIGHT_BOX_RGBA = (0.95, 0.80, 0.15, 1.0)
+# standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
+VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
+JOINT_NOISE = 0.01  # [rad]
 
 
 class Simulation:
@@ -26,14 +32,15 @@ class Simulation:
         xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
             replaced by torque motors.
         timestep: of the physics [s].
-        obstacles: records with ``name``, ``center`` (2,) [m], ``size`` (3,) full edges [m], ``yaw``
-            [rad] and ``mass`` [kg], None for a fixed box.
-        floor_friction: Coulomb friction of the feet's contacts.
-        decorate: called with the MjSpec before it is compiled, to add things that are only seen.
+        obstacles: boxes, see `scene.add_boxes`.
+        terrain: "flat", or "rough" with blind steps of at most 3 cm.
+        randomization: plain dict of `Randomization`'s ranges; None is the nominal plant.
+        disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
+        decorate: called with the MjSpec before it is compiled, to add what is only seen.
 
     Raises:
         RobotModelError: if the robot has not the A1's trunk, joints and feet.
-        InvalidInputError: on a number out of range.
+        InvalidInputError: on a number out of range or an unknown name.
     """
 
     def __init__(
@@ -42,30 +49,35 @@ class Simulation:
         *,
         timestep: float = 0.002,
         obstacles: Sequence[Any] = (),
-        floor_friction: float = 0.8,
+        terrain: str = "flat",
+        randomization: Mapping[str, Any] | None = None,
+        disturbances: Mapping[str, Any] | None = None,
         decorate: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
         timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
-        friction = finite_float("floor_friction", floor_friction, minimum=0.0, exclusive=True)
-        spec = _robot(Path(xml_file or a1.XML_FILE))
-        _set_physics(spec, timestep)
-        _add_floor(spec)
-        for obstacle in obstacles:
-            _add_box(spec, obstacle)
+        self._randomization = Randomization.from_dict(randomization)
+        self._disturbance = disturbance_from_dict(disturbances)
+        spec = scene.robot_spec(Path(xml_file or a1.XML_FILE))
+        scene.set_physics(spec, timestep)
+        scene.add_ground(spec, terrain)
+        scene.add_boxes(spec, obstacles)
+        if self._randomization.payload[1] > 0.0:
+            scene.add_payload(spec, self._randomization.payload_position)
         if decorate is not None:
             decorate(spec)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
 
-        model = self.model
-        self._trunk = model.body(a1.TRUNK).id
-        free = model.joint(int(model.body_jntadr[self._trunk]))
-        hinges = [model.joint(name) for name in a1.JOINTS]
-        self._free_q, self._free_v = int(free.qposadr[0]), int(free.dofadr[0])
-        self._joint_q = np.array([joint.qposadr[0] for joint in hinges])
-        self._joint_v = np.array([joint.dofadr[0] for joint in hinges])
-        self._feet = np.array([_foot_geom(model, leg) for leg in a1.LEGS])
-        model.geom_friction[self._feet, 0] = friction
+        self._trunk = self.model.body(a1.TRUNK).id
+        self._feet = np.array([_foot_geom(self.model, leg) for leg in a1.LEGS])
+        self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
+        self._start_height = a1.HOME_HEIGHT + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
+        # the robot comes first in the scene, so these are its own
+        self._qpos, self._qvel = self.data.qpos[:19], self.data.qvel[:18]
+        self._rng = np.random.default_rng(0)
+        self._pushes: list[Push] = []
+        self._delayed: deque[Array] = deque()
+        self.plant: Plant = self._randomization.draw(self._rng)
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest on its feet at `position` (2,) [m], facing `yaw` [rad].
@@ -73,30 +85,32 @@ class Simulation:
         Args:
             position: (2,) [m].
             yaw: [rad].
-            rng: draws what is random about this episode.
+            rng: draws what is random about this episode, and its sensor noise.
         """
+        self._rng = rng
+        self.plant = self._randomization.draw(rng)
+        self._pushes = self._disturbance.draw(rng)
+        ticks = round(self.plant.delay / self.model.opt.timestep)
+        self._delayed = deque(np.zeros((ticks, 12)))
+        self.model.geom_friction[self._feet, 0] = self.plant.floor_friction
         mujoco.mj_resetData(self.model, self.data)
-        qpos = self.data.qpos
-        i = self._free_q
-        qpos[i : i + 2] = position
-        qpos[i + 2] = a1.HOME_HEIGHT
-        qpos[i + 3 : i + 7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
-        qpos[self._joint_q] = a1.HOME_JOINTS
+        if self._randomization.payload[1] > 0.0:
+            self._load(self.plant.payload)
+        self._qpos[:2] = position
+        self._qpos[2] = self._start_height
+        self._qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
+        self._qpos[7:] = a1.HOME_JOINTS
         mujoco.mj_step1(self.model, self.data)
 
     def state(self) -> RobotState:
         """Return what the robot's sensors and its estimator say now."""
-        qpos, qvel = self.data.qpos.copy(), self.data.qvel.copy()
-        i, j = self._free_q, self._free_v
-        return RobotState(
-            position=qpos[i : i + 3],
-            quaternion=qpos[i + 3 : i + 7],
-            linear_velocity=qvel[j : j + 3],
-            angular_velocity=qvel[j + 3 : j + 6],
-            joint_position=qpos[self._joint_q],
-            joint_velocity=qvel[self._joint_v],
-            foot_contact=self._foot_contact(),
-        )
+        q, v = self._qpos.copy(), self._qvel.copy()
+        contact = np.zeros(4, dtype=np.bool_)
+        mark_touching(contact, self._feet, self.data.contact.geom)
+        if self.plant.sensor_noise > 0.0:
+            v += self.plant.sensor_noise * VELOCITY_NOISE * self._rng.standard_normal(18)
+            q[7:] += self.plant.sensor_noise * JOINT_NOISE * self._rng.standard_normal(12)
+        return RobotState(q[:3], q[3:7], v[:3], v[3:6], q[7:], v[6:], contact)
 
     def step(self, torque: Array) -> None:
         """Advance the physics by one tick under the joint torques (12,) [N·m].
@@ -104,7 +118,12 @@ class Simulation:
         The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
         new time when the controller reads them.
         """
-        self.data.ctrl[:] = torque
+        if self._delayed:
+            self._delayed.append(torque)
+            torque = self._delayed.popleft()
+        if self._pushes:
+            self.push(self._scheduled_force())
+        np.multiply(torque, self.plant.motor_strength, out=self.data.ctrl)
         mujoco.mj_step2(self.model, self.data)
         mujoco.mj_step1(self.model, self.data)
 
@@ -115,104 +134,74 @@ class Simulation:
     @property
     def base_position(self) -> Array:
         """(2,) of the trunk [m]."""
-        return self.data.qpos[self._free_q : self._free_q + 2].copy()
+        return self._qpos[:2].copy()
 
     @property
     def base_velocity(self) -> Array:
         """(2,) of the trunk [m/s]."""
-        return self.data.qvel[self._free_v : self._free_v + 2].copy()
+        return self._qvel[:2].copy()
 
     @property
     def fallen(self) -> bool:
         """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
-        i = self._free_q
-        z, _, x, y = self.data.qpos[i + 2 : i + 6]
+        z, _, x, y = self._qpos[2:6].tolist()
         upright = 1.0 - 2.0 * (x * x + y * y)
-        return not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)
+        return not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)  # NaN has fallen, too
 
-    def contacts_with(self, name: str) -> float:
-        """Return the sum of the normal forces between the robot and an obstacle [N]."""
-        obstacle = self.model.geom(name).id
-        force, total = np.zeros(6), 0.0
-        for index in np.flatnonzero((self.data.contact.geom == obstacle).any(axis=1)):
-            other = int(self.data.contact.geom[index].sum()) - obstacle
-            body = self.model.geom_bodyid[other]
-            if self.model.body_rootid[body] == self._trunk:
-                mujoco.mj_contactForce(self.model, self.data, int(index), force)
-                total += force[0]
-        return total
+    def obstacle_forces(self) -> Array:
+        """Return (k,) the normal force between the robot and each obstacle [N]."""
+        forces = np.zeros(len(self._boxes))
+        if not len(self._boxes):
+            return forces
+        wrench = np.zeros(6)
+        pairs = self.data.contact.geom
+        for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
+            first, second = pairs[index].tolist()
+            box, other = (first, second) if first in self._boxes else (second, first)
+            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk:
+                mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
+                forces[self._boxes == box] += wrench[0]
+        return forces
 
-    def _foot_contact(self) -> NDArray[np.bool_]:
-        touching = self.data.contact.geom.ravel()
-        return (self._feet[:, None] == touching).any(axis=1)
+    def _scheduled_force(self) -> Array:
+        now = self.data.time
+        force = np.zeros(3)
+        for push in self._pushes:
+            if push.time <= now < push.time + push.duration:
+                force += push.force
+        return force
 
-
-def _robot(xml_file: Path) -> mujoco.MjSpec:
-    if not xml_file.is_file():
-        raise RobotModelError(f"xml_file: got {str(xml_file)!r}, expected an existing MJCF file")
-    try:
-        spec = mujoco.MjSpec.from_file(str(xml_file))
-    except ValueError as error:
-        raise RobotModelError(f"xml_file: MuJoCo refuses {xml_file}: {error}") from error
-    joints = {joint.name for joint in spec.joints}
-    missing = [name for name in a1.JOINTS if name not in joints]
-    if missing or spec.body(a1.TRUNK) is None:
-        raise RobotModelError(
-            f"xml_file: got the joints {sorted(joints)}, expected a body {a1.TRUNK!r} and the "
-            f"joints {list(a1.JOINTS)}; missing are {missing}"
+    def _load(self, payload: float) -> None:
+        body = self.model.body(scene.PAYLOAD).id
+        x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
+        self.model.body_mass[body] = payload
+        self.model.body_inertia[body] = (
+            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
         )
-    for element in (*spec.actuators, *spec.keys):  # keys would no longer fit the scene's qpos
-        spec.delete(element)
-    for name in a1.JOINTS:
-        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_motor()
-        motor.forcelimited = True
-        motor.forcerange = (-a1.TORQUE_LIMIT, a1.TORQUE_LIMIT)
-    return spec
+        mujoco.mj_setConst(self.model, self.data)
 
 
-def _set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
-    option = spec.option
-    option.timestep = timestep
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 100.0
-    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a divergence is reported
-
-
-def _add_floor(spec: mujoco.MjSpec) -> None:
-    spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), rgba=(0.8, 0.8, 0.8, 1)
-    )
-    spec.worldbody.add_light(
-        pos=(0, 0, 4), dir=(0.2, 0.2, -1), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    )
-
-
-def _add_box(spec: mujoco.MjSpec, obstacle: Any) -> None:
-    half = 0.5 * np.asarray(obstacle.size)
-    body = spec.worldbody.add_body(
-        name=obstacle.name,
-        pos=(*obstacle.center, half[2]),
-        quat=(np.cos(obstacle.yaw / 2), 0, 0, np.sin(obstacle.yaw / 2)),
-    )
-    geom = body.add_geom(
-        name=obstacle.name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half,
-        rgba=FIXED_BOX_RGBA if obstacle.mass is None else LIGHT_BOX_RGBA,
-    )
-    if obstacle.mass is not None:
-        geom.mass = obstacle.mass
-        body.add_freejoint()
+@njit(cache=True)
+def mark_touching(touching: NDArray[np.bool_], feet: NDArray[np.int64], pairs: NDArray[np.int32]):
+    """Set `touching` (4,) for the geoms `feet` (4,) that occur in the contact pairs (n, 2)."""
+    for foot in range(4):
+        for contact in range(pairs.shape[0]):
+            if pairs[contact, 0] == feet[foot] or pairs[contact, 1] == feet[foot]:
+                touching[foot] = True
 
 
 def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
-    """Return the sphere at the end of a leg."""
-    calf = model.body(f"{leg}_calf")
-    first = int(calf.geomadr[0])
-    for geom in range(first, first + int(calf.geomnum[0])):
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
-            return geom
-    raise RobotModelError(f"xml_file: got no sphere in body '{leg}_calf', expected one as the foot")
+    """Return the sphere at the end of a leg.
+
+    Raises:
+        RobotModelError: if its calf carries none.
+    """
+    name = f"{leg}_calf"
+    calf = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    on_calf = (model.geom_bodyid == calf) & (model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
+    spheres = np.flatnonzero(on_calf)
+    if calf < 0 or len(spheres) != 1:
+        raise RobotModelError(
+            f"xml_file: got {len(spheres)} sphere(s) in body {name!r}, expected one as the foot"
+        )
+    return int(spheres[0])

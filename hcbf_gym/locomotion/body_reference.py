@@ -11,6 +11,7 @@ from hcbf_gym.locomotion.state import Array
 LEASH = 0.15  # [m] the reference never runs further ahead of the robot
 MAX_YAW_RATE = 2.5  # [rad/s]
 MAX_YAW_ACCELERATION = 15.0  # [rad/s²]
+BRAKING = 0.7  # share of it that a turn plans to brake with
 # the heading follows the velocity's direction above the first speed and is held below the second:
 # near rest that direction is noise
 HEADING_STARTS, HEADING_STOPS = 0.15, 0.10  # [m/s]
@@ -38,55 +39,69 @@ class BodyReference(NamedTuple):
     turning: bool
 
 
-def at_rest(position: Array, yaw: float) -> BodyReference:
-    """Return the reference that stays at `position` (2,) [m], facing `yaw` [rad]."""
-    return BodyReference(position.copy(), np.zeros(2), np.zeros(2), yaw, 0.0, 0.0, False)
+# the same fields as one record, which compiled code updates in place
+REFERENCE = np.dtype(
+    (
+        np.record,
+        [
+            ("position", "f8", 2),
+            ("velocity", "f8", 2),
+            ("acceleration", "f8", 2),
+            ("yaw", "f8"),
+            ("yaw_rate", "f8"),
+            ("yaw_acceleration", "f8"),
+            ("turning", "u1"),
+        ],
+    )
+)
 
 
 @njit(cache=True)
 def advance(
-    reference: BodyReference,
+    reference: np.record,
     u: Array,
     robot_position: Array,
     dt: float,
     max_speed: float,
     follow_velocity: bool,
-) -> BodyReference:
-    """Return the reference one tick later: ``p̈ = u``, and the heading along the velocity.
+) -> None:
+    """Move the reference on by one tick: ``p̈ = u``, and the heading along the velocity.
 
     Exact for a constant u below the speed cap; the acceleration handed on is the one that remains
     after the cap, so that the trunk is never pushed against it.
 
     Args:
-        reference: of the tick before.
+        reference: a `REFERENCE` record, changed in place.
         u: (2,) planar input [m/s²].
         robot_position: (3,) of the trunk, from which the reference does not run away [m].
         dt: tick [s].
         max_speed: cap on the speed [m/s].
         follow_velocity: whether the heading follows the velocity; else it is kept.
     """
-    velocity = reference.velocity + dt * u[:2]
+    velocity = reference.velocity + dt * u
     speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
     if speed > max_speed:
         velocity *= max_speed / speed
         speed = max_speed
     position = reference.position + 0.5 * dt * (reference.velocity + velocity)
-    acceleration = (velocity - reference.velocity) / dt
-
     ahead = position - robot_position[:2]
     distance = np.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
     if distance > LEASH:
         position -= ahead * (1.0 - LEASH / distance)
+    reference.acceleration[:] = (velocity - reference.velocity) / dt
+    reference.velocity[:] = velocity
+    reference.position[:] = position
 
     turning = follow_velocity and speed > (HEADING_STOPS if reference.turning else HEADING_STARTS)
     error = 0.0
     if turning:
         error = wrap_angle(np.arctan2(velocity[1], velocity[0]) - reference.yaw)
     # the fastest rate from which the turn can still be braked at the target
-    rate = min(MAX_YAW_RATE, np.sqrt(2.0 * 0.7 * MAX_YAW_ACCELERATION * abs(error)))
+    rate = min(MAX_YAW_RATE, np.sqrt(2.0 * BRAKING * MAX_YAW_ACCELERATION * abs(error)))
     rate = np.sign(error) * min(rate, abs(error) / dt)
     step = MAX_YAW_ACCELERATION * dt
     yaw_rate = reference.yaw_rate + min(max(rate - reference.yaw_rate, -step), step)
-    yaw = wrap_angle(reference.yaw + dt * yaw_rate)
-    yaw_acceleration = (yaw_rate - reference.yaw_rate) / dt
-    return BodyReference(position, velocity, acceleration, yaw, yaw_rate, yaw_acceleration, turning)
+    reference.turning = turning
+    reference.yaw_acceleration = (yaw_rate - reference.yaw_rate) / dt
+    reference.yaw_rate = yaw_rate
+    reference.yaw = wrap_angle(reference.yaw + dt * yaw_rate)

@@ -2,8 +2,9 @@
 
 Each leg brings three: its contact force F_i if it stands, its joint accelerations q̈_i if it swings.
 A standing foot does not move, ``B_i a + J_i q̈_i + β_i = 0`` with a the trunk's acceleration and
-``B_i = [1, −r_i×]``, which gives q̈_i through a 3×3 inverse. The trunk's six rows of the dynamics
-then give a, and the legs' rows τ: all affine in the unknowns z.
+``B_i = [1, −r_i×]``, which gives q̈_i through a 3×3 inverse; the trunk's six rows of the dynamics
+then give a, and the legs' rows τ. So everything is affine in the unknowns z and kept as a matrix
+with 13 columns, ``· [z; 1]``.
 
 `task_space.py` poses the same program in the paper's form; both give the same torques.
 """
@@ -12,64 +13,72 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.leg import FootKinematics, inverse_3x3
-from hcbf_gym.locomotion.rotation import cross, skew
+from hcbf_gym.locomotion.leg import FootKinematics
+from hcbf_gym.locomotion.matrices import (
+    add_product,
+    apply,
+    cross,
+    inverse_3x3,
+    product,
+    skew,
+    solve_in_place,
+    symmetric_block,
+)
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.task_space import (
     FORCE_WEIGHT,
     QuadraticProgram,
-    TaskSpaceProgram,
     foot_bias,
 )
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
 
 
 @njit(cache=True)
-def symmetric_block(M: Array, start: int, size: int) -> Array:
-    """Return (size, size) the diagonal block at `start` of a matrix known by its upper triangle."""
-    block = np.empty((size, size))
-    for i in range(size):
-        for j in range(i, size):
-            block[i, j] = M[start + i, start + j]
-            block[j, i] = block[i, j]
-    return block
-
-
-@njit(cache=True)
-def trunk_acceleration(
+def accelerations(
     M: Array,
     bias: Array,
     R: Array,
     feet: FootKinematics,
+    beta: Array,
     stance: NDArray[np.bool_],
-    lever: Array,
-    rest: Array,
 ) -> Array:
-    """Return (6, 13) [E | e] with ``a = E z + e``, the trunk's rows solved for a.
+    """Return (18, 13) Q with ``q̈ = Q [z; 1]``.
 
     Args:
         M: (18, 18) mass matrix, upper triangle.
         bias: (18,) forces.
         R: (3, 3) trunk → world.
         feet: the feet's kinematics in the trunk's axes.
+        beta: (4, 3) the feet's accelerations, in the trunk's axes, that q̈ does not cause.
         stance: (4,) bool.
-        lever: (4, 3, 6) ``−J⁻¹B`` of standing legs.
-        rest: (4, 3) ``−J⁻¹β`` of standing legs.
     """
+    Q = np.zeros((18, 13))
+    trunk = Q[:6]
+    trunk[:, 12] = -bias[:6]
     inertia = symmetric_block(M, 0, 6)
-    right = np.zeros((6, 13))
-    right[:, 12] = -bias[:6]
+    lever = np.empty((4, 3, 6))  # −J⁻¹B
     for foot in range(4):
-        k = slice(3 * foot, 3 * foot + 3)
-        coupling = np.ascontiguousarray(M[:6, 6 + 3 * foot : 9 + 3 * foot])
+        column = 3 * foot
+        coupling = M[:6, 6 + column : 9 + column]
+        if not stance[foot]:
+            for i in range(3):
+                trunk[:, column + i] = -coupling[:, i]
+                Q[6 + column + i, column + i] = 1.0
+            continue
+        J_inverse = inverse_3x3(feet.jacobian[foot])
+        lever[foot, :, :3] = -J_inverse
+        lever[foot, :, 3:] = product(J_inverse, skew(feet.position[foot]))
+        rest = -apply(J_inverse, beta[foot])
+        Q[6 + column : 9 + column, 12] = rest
+        add_product(inertia, coupling, lever[foot])
+        trunk[:, 12] -= apply(coupling, rest)
+        trunk[:3, column : column + 3] = R.T
+        trunk[3:, column : column + 3] = product(skew(feet.position[foot]), R.T)
+    solve_in_place(inertia, trunk)
+    for foot in range(4):
         if stance[foot]:
-            inertia += coupling @ lever[foot]
-            right[:, 12] -= coupling @ rest[foot]
-            right[:3, k] = R.T
-            right[3:, k] = skew(feet.position[foot]) @ R.T
-        else:
-            right[:, k] = -coupling
-    return np.asarray(np.linalg.solve(inertia, right))
+            add_product(Q[6 + 3 * foot : 9 + 3 * foot], lever[foot], trunk)
+    return Q
 
 
 @njit(cache=True)
@@ -83,51 +92,56 @@ def condense(
     tasks: TaskAccelerations,
     friction: float,
     torque_limit: float,
-) -> TaskSpaceProgram:
-    """Return the program in z (12,); arguments as in `task_space.full_form`."""
+    out: QuadraticProgram,
+    torque_offset: Array,
+) -> int:
+    """Fill in the program in z (12,) and return how many feet stand, c.
+
+    Args:
+        M: (18, 18) mass matrix, upper triangle.
+        bias: (18,) forces of the dynamics.
+        v: (18,) generalised velocity.
+        R: (3, 3) trunk → world.
+        feet: the feet's kinematics in the trunk's axes.
+        stance: (4,) bool, feet that do not move.
+        tasks: the accelerations to come close to.
+        friction: µ of the friction pyramid.
+        torque_limit: of every joint [N·m].
+        out: arrays for four standing feet; the rows ``A[: 12 + 4c]`` count, the torques' first.
+        torque_offset: (12,) filled in: ``τ = A[:12] z + torque_offset`` [N·m].
+    """
     beta = np.empty((4, 3))
-    lever = np.zeros((4, 3, 6))
-    rest = np.zeros((4, 3))
-    contacts = 0
     for foot in range(4):
-        r, J = feet.position[foot], feet.jacobian[foot]
-        beta[foot] = foot_bias(v, r, J, feet.bias[foot], v[6 + 3 * foot : 9 + 3 * foot])
-        if stance[foot]:
-            contacts += 1
-            J_inverse = inverse_3x3(J)
-            lever[foot, :, :3] = -J_inverse
-            lever[foot, :, 3:] = J_inverse @ skew(r)
-            rest[foot] = -(J_inverse @ beta[foot])
+        rate = v[6 + 3 * foot : 9 + 3 * foot]
+        beta[foot] = foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], rate)
+    Q = accelerations(M, bias, R, feet, beta, stance)
+    trunk = Q[:6]
 
-    affine = trunk_acceleration(M, bias, R, feet, stance, lever, rest)
-    E, e = np.ascontiguousarray(affine[:, :12]), affine[:, 12].copy()
+    H, f, A, lower, upper, _ = out
+    H[:] = 0.0
+    f[:] = 0.0
+    A[12:] = 0.0
+    lower[:] = -np.inf
+    upper[:] = np.inf
+    torque = np.zeros((12, 13))
+    error = np.zeros((18, 13))  # of the tasks, trunk linear, trunk angular, feet
 
-    T = np.zeros((18, 12))  # task rows T z ≈ t
-    t = np.zeros(18)
-    T[:3] = R @ E[:3]
-    t[:3] = tasks.linear - R @ (e[:3] + cross(v[3:6], v[:3]))
-    T[3:6] = E[3:]
-    t[3:6] = tasks.angular - e[3:]
-    T[2] *= np.sqrt(HEIGHT_WEIGHT)
-    t[2] *= np.sqrt(HEIGHT_WEIGHT)
+    error[3:6] = trunk[3:]
+    error[3:6, 12] -= tasks.angular
+    add_product(error[:3], R, trunk[:3])
+    error[:3, 12] += apply(R, cross(v[3:6], v[:3])) - tasks.linear
+    error[2] *= np.sqrt(HEIGHT_WEIGHT)
 
-    H = np.zeros((12, 12))
-    A = np.zeros((12 + 4 * contacts, 12))  # the first rows are the torques
-    offset = np.empty(12)
-    lower = np.full(24 + 4 * contacts, -np.inf)
-    upper = np.full(24 + 4 * contacts, np.inf)
     row = 12
     for foot in range(4):
         x, z = 3 * foot, 3 * foot + 2
         k, joints = slice(x, x + 3), slice(6 + x, 9 + x)
-        J = feet.jacobian[foot]
-        coupling = np.ascontiguousarray(M[:6, joints]).T
-        own = symmetric_block(M, 6 + x, 3)
+        J_world = product(R, feet.jacobian[foot])
+        add_product(torque[k], M[:6, joints].T, trunk)
+        add_product(torque[k], symmetric_block(M, 6 + x, 3), Q[joints])
+        torque[k, 12] += bias[joints]
         if stance[foot]:
-            carried = coupling + own @ lever[foot]
-            A[k] = carried @ E
-            A[k, k] -= (R @ J).T
-            offset[k] = carried @ e + own @ rest[foot] + bias[joints]
+            torque[k, k] -= J_world.T
             lower[z] = 0.0
             for axis in range(x, z):
                 for sign in (-1.0, 1.0):
@@ -138,16 +152,20 @@ def condense(
             for i in range(x, x + 3):
                 H[i, i] = FORCE_WEIGHT
         else:
-            A[k] = coupling @ E
-            A[k, k] += own
-            offset[k] = coupling @ e + bias[joints]
-            moved = E[:3] - skew(feet.position[foot]) @ E[3:]
-            drift = e[:3] + cross(e[3:], feet.position[foot]) + beta[foot]
-            T[joints] = R @ moved
-            T[joints, k] += R @ J
-            t[joints] = tasks.feet[foot] - R @ drift
-    lower[12:24] = -torque_limit - offset
-    upper[12:24] = torque_limit - offset
-    H += T.T @ T
-    program = QuadraticProgram(H, -(T.T @ t), A, lower, upper, 0)
-    return TaskSpaceProgram(program, A[:12], offset)
+            add_product(error[joints], R, trunk[:3])
+            add_product(error[joints], product(R, skew(-feet.position[foot])), trunk[3:])
+            error[joints, k] += J_world
+            error[joints, 12] += apply(R, beta[foot]) - tasks.feet[foot]
+
+    for row_of_error in error:
+        for i in range(12):
+            e = row_of_error[i]
+            if e != 0.0:
+                for j in range(12):
+                    H[i, j] += e * row_of_error[j]
+                f[i] += e * row_of_error[12]
+    A[:12] = torque[:, :12]
+    torque_offset[:] = torque[:, 12]
+    lower[12:24] = -torque_limit - torque_offset
+    upper[12:24] = torque_limit - torque_offset
+    return (row - 12) // 4

@@ -6,18 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import choose, finite_float
+from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.body_reference import BodyReference, at_rest
-from hcbf_gym.locomotion.feet import standing
+from hcbf_gym.locomotion.body_reference import BodyReference
+from hcbf_gym.locomotion.feet import stand
 from hcbf_gym.locomotion.foothold import nominal_stance
+from hcbf_gym.locomotion.formulations import CondensedForm, FullForm
 from hcbf_gym.locomotion.gait import GAITS, RESTING
-from hcbf_gym.locomotion.impedance import joint_torque
+from hcbf_gym.locomotion.impedance import limited_sum
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
-from hcbf_gym.locomotion.tick import Memory, Settings, Tick, plan
+from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1
 
 
@@ -78,23 +79,24 @@ class LocomotionController:
         formulation: str = "condensed",
     ) -> None:
         self.model = RobotModel(xml_file)
-        self._settings = Settings(
-            timestep=finite_float("timestep", timestep, minimum=0.0, exclusive=True),
-            friction=finite_float("friction", friction, minimum=0.0, exclusive=True),
-            torque_limit=a1.TORQUE_LIMIT,
-            height=finite_float("height", height, minimum=0.0, exclusive=True),
-            max_speed=finite_float("max_speed", max_speed, minimum=0.0, exclusive=True),
-            follow_velocity=choose("heading", heading, {"velocity": True, "fixed": False}),
-            full_form=choose("formulation", formulation, {"full": True, "condensed": False}),
-            gait=choose("gait", gait, GAITS),
-            legs=self.model.legs,
-            nominal=nominal_stance(self.model.legs.hip),
-            foot_radius=a1.FOOT_RADIUS,
-            losses=self.model.losses,
+        settings = (
+            finite_float("timestep", timestep, minimum=0.0, exclusive=True),
+            finite_float("friction", friction, minimum=0.0, exclusive=True),
+            a1.TORQUE_LIMIT,
+            finite_float("height", height, minimum=0.0, exclusive=True),
+            finite_float("max_speed", max_speed, minimum=0.0, exclusive=True),
+            choose("heading", heading, {"velocity": True, "fixed": False}),
+            a1.FOOT_RADIUS,
+            choose("gait", gait, GAITS),
+            self.model.legs,
+            nominal_stance(self.model.legs.hip),
+            self.model.losses,
         )
-        self._memory: Memory
-        self._tick: Tick
-        self._solution: qp.QpSolution
+        self._settings = np.array([settings], dtype=SETTINGS)
+        self._memory = np.zeros(1, dtype=MEMORY)
+        make = choose("formulation", formulation, {"full": FullForm, "condensed": CondensedForm})
+        self._formulation = make()
+        self._solution = None
         self._feedforward = np.zeros(12)
         self._torque = np.zeros(12)
         self.solved = 0
@@ -105,12 +107,14 @@ class LocomotionController:
         R = rotation_matrix(state.quaternion)
         kinematics = foot_kinematics(self.model.legs, state.joint_position, state.joint_velocity)
         feet = state.position + kinematics.position @ R.T
-        self._memory = Memory(
-            reference=at_rest(state.position[:2], yaw_of(R)),
-            targets=standing(feet),
-            clock=RESTING if self._settings.gait.rests else 0.0,
-            ground=float(feet[:, 2].mean()) - a1.FOOT_RADIUS,
-        )
+        self._memory[:] = 0
+        memory = self._memory[0]
+        memory.reference.position[:] = state.position[:2]
+        memory.reference.yaw = yaw_of(R)
+        memory.clock = RESTING if self._settings[0].gait.rests else 0.0
+        memory.ground = feet[:, 2].mean() - a1.FOOT_RADIUS
+        for foot in range(4):
+            stand(memory.targets, foot, feet[foot])
         self._feedforward = np.zeros(12)
         self.solved = 0
         self.failed = 0
@@ -123,35 +127,45 @@ class LocomotionController:
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
         M, nonlinear_effects = self.model.dynamics(state)
-        tick = plan(self._settings, self._memory, state, u, M, nonlinear_effects)
-        solution = qp.solve(tick.task_space.qp)
-        if solution.x is None:
-            self.failed += 1  # the last torques hold for this tick; `diagnostics` tells
+        formulation = self._formulation
+        program = formulation.plan(self._settings, self._memory, state, u, M, nonlinear_effects)
+        self._solution = qp.solve(program)
+        if self._solution.x is None:
+            self.failed += 1  # the last torques hold for this tick
         else:
             self.solved += 1
-            self._feedforward = tick.task_space.torque_map @ solution.x
-            self._feedforward += tick.task_space.torque_offset
-        self._torque = joint_torque(self._feedforward, tick.feedback, a1.TORQUE_LIMIT)
-        self._memory, self._tick, self._solution = tick.memory, tick, solution
+            self._feedforward = formulation.torque(self._solution.x)
+        self._torque = limited_sum(self._feedforward, formulation.feedback, a1.TORQUE_LIMIT)
         return self._torque
 
     @property
     def reference(self) -> BodyReference:
         """Where the trunk shall be: the reduced-order model's own state, and the heading."""
-        return self._memory.reference
+        r = self._memory[0].reference
+        return BodyReference(
+            position=r.position.copy(),
+            velocity=r.velocity.copy(),
+            acceleration=r.acceleration.copy(),
+            yaw=float(r.yaw),
+            yaw_rate=float(r.yaw_rate),
+            yaw_acceleration=float(r.yaw_acceleration),
+            turning=bool(r.turning),
+        )
 
     @property
     def diagnostics(self) -> Diagnostics:
         """What the latest tick did; made on request, for its residual takes longer than the QP."""
-        targets = self._memory.targets
+        targets = self._memory[0].targets
+        if self._solution is None:
+            raise InvalidInputError("diagnostics: got no step yet, expected one since construction")
         return Diagnostics(
-            stance=targets.stance.copy(),
+            stance=targets.stance.astype(np.bool_),
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
             feedforward=self._feedforward.copy(),
             qp_exitflag=self._solution.exitflag,
-            qp_residual=qp.residual(self._tick.task_space.qp, self._solution),
+            qp_residual=qp.residual(self._formulation.program, self._solution),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )

@@ -27,17 +27,24 @@ class FootTargets(NamedTuple):
     foothold: Array
 
 
+# the same fields as one record, which compiled code updates in place
+TARGETS = np.dtype(
+    (np.record, [("stance", "u1", 4), ("motion", "f8", (4, 3, 3)), ("foothold", "f8", (4, 2))])
+)
+
+
 @njit(cache=True)
-def standing(feet: Array) -> FootTargets:
-    """Return targets that leave the feet (4, 3) [m] where they stand."""
-    motion = np.zeros((4, 3, 3))
-    motion[:, 0] = feet
-    return FootTargets(np.ones(4, dtype=np.bool_), motion, feet[:, :2].copy())
+def stand(targets: FootTargets, foot: int, place: Array) -> None:
+    """Let a foot carry where it is, at `place` (3,) [m]."""
+    targets.stance[foot] = 1
+    targets.motion[foot, 0] = place
+    targets.motion[foot, 1:] = 0.0
+    targets.foothold[foot] = place[:2]
 
 
 @njit(cache=True)
 def plan_feet(
-    previous: FootTargets,
+    targets: FootTargets,
     phases: FootPhases,
     gait: Gait,
     feet: Array,
@@ -49,11 +56,11 @@ def plan_feet(
     height: float,
     touchdown: float,
     dt: float,
-) -> FootTargets:
-    """Return the targets one tick later.
+) -> None:
+    """Move the targets on by one tick.
 
     Args:
-        previous: the targets of the tick before.
+        targets: a `TARGETS` record, changed in place.
         phases: which feet stand, and how long the others still swing.
         gait: the gait in play.
         feet: (4, 3) the feet's measured places in the world [m].
@@ -66,11 +73,11 @@ def plan_feet(
         touchdown: height of a foot's centre on the ground [m].
         dt: tick [s].
     """
-    targets = standing(feet)
     stance_time = gait.duty * gait.period
     swing_time = (1.0 - gait.duty) * gait.period
     for foot in range(4):
         if phases.stance[foot]:
+            stand(targets, foot, feet[foot])
             continue
         remaining = phases.remaining[foot]
         landing = foothold(
@@ -83,8 +90,7 @@ def plan_feet(
             stance_time,
             height,
         )
-        now = targets.motion[foot] if previous.stance[foot] else previous.motion[foot]
-        targets.stance[foot] = False
+        motion = targets.motion[foot]
+        targets.stance[foot] = 0
         targets.foothold[foot] = landing
-        targets.motion[foot] = swing_step(now, landing, touchdown, remaining, swing_time, dt)
-    return targets
+        targets.motion[foot] = swing_step(motion, landing, touchdown, remaining, swing_time, dt)

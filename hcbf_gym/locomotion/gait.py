@@ -28,6 +28,11 @@ class Gait(NamedTuple):
     rests: bool
 
 
+# the same fields as one record, which compiled code reads
+GAIT = np.dtype(
+    (np.record, [("period", "f8"), ("duty", "f8"), ("offsets", "f8", 4), ("rests", "u1")])
+)
+
 GAITS = {
     "trot": Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=False),
     "stand": Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=True),

@@ -5,8 +5,8 @@ from numba import njit
 
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
-from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry, inverse_3x3, inverse_kinematics
-from hcbf_gym.locomotion.rotation import cross
+from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry, inverse_kinematics
+from hcbf_gym.locomotion.matrices import apply, apply_transposed, cross, inverse_3x3
 from hcbf_gym.locomotion.state import Array, RobotState
 
 SWING_KP, SWING_KD = 20.0, 1.0  # [N·m/rad], [N·m·s/rad]
@@ -43,22 +43,22 @@ def joint_feedback(
         r, rate = feet.position[foot], state.joint_velocity[k]
         to_joints = inverse_3x3(feet.jacobian[foot])
         if targets.stance[foot]:
-            slide = -(R.T @ desired_velocity) - cross(desired_omega, r)
-            torque[k] = STANCE_KD * (to_joints @ slide - rate)
+            slide = -apply_transposed(R, desired_velocity) - cross(desired_omega, r)
+            torque[k] = STANCE_KD * (apply(to_joints, slide) - rate)
         else:
             desired = targets.motion[foot]
-            joints = inverse_kinematics(legs, foot, R.T @ (desired[0] - state.position))
-            slide = R.T @ (desired[1] - state.linear_velocity) - cross(state.angular_velocity, r)
+            joints = inverse_kinematics(
+                legs, foot, apply_transposed(R, desired[0] - state.position)
+            )
+            slide = apply_transposed(R, desired[1] - state.linear_velocity) - cross(
+                state.angular_velocity, r
+            )
             torque[k] = SWING_KP * (joints - state.joint_position[k])
-            torque[k] += SWING_KD * (to_joints @ slide - rate)
+            torque[k] += SWING_KD * (apply(to_joints, slide) - rate)
     return torque
 
 
 @njit(cache=True)
-def joint_torque(feedforward: Array, feedback: Array, torque_limit: float) -> Array:
-    """Return (12,) their sum within the torque limit [N·m]."""
-    torque = np.empty(12)
-    for joint in range(12):
-        total = feedforward[joint] + feedback[joint]
-        torque[joint] = min(max(total, -torque_limit), torque_limit)
-    return torque
+def limited_sum(feedforward: Array, feedback: Array, limit: float) -> Array:
+    """Return (12,) both torques together, cut off at ±limit [N·m]."""
+    return np.minimum(np.maximum(feedforward + feedback, -limit), limit)

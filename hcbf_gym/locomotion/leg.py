@@ -24,6 +24,12 @@ class LegGeometry(NamedTuple):
     calf: float
 
 
+# the same fields as one record, which compiled code reads
+LEGS = np.dtype(
+    (np.record, [("hip", "f8", (4, 3)), ("offset", "f8", 4), ("thigh", "f8"), ("calf", "f8")])
+)
+
+
 class FootKinematics(NamedTuple):
     """Where the feet are and how the joints move them, in the trunk's axes.
 
@@ -94,29 +100,3 @@ def inverse_kinematics(geometry: LegGeometry, leg: int, foot: Array) -> Array:
     knee = -np.arccos(min(max(cos_knee, -1.0), 1.0))
     hip = np.arctan2(-x, down) - np.arctan2(l3 * np.sin(knee), l2 + l3 * np.cos(knee))
     return np.array([(abad + np.pi) % (2.0 * np.pi) - np.pi, hip, knee])
-
-
-@njit(cache=True)
-def inverse_3x3(A: Array) -> Array:
-    """Return the inverse of a (3, 3) matrix by cofactors.
-
-    A leg's Jacobian is singular only when stretched or with the foot on the abad axis; there the
-    determinant is kept away from zero, so that the answer stays finite.
-    """
-    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
-    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
-    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
-    determinant = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
-    if abs(determinant) < 1e-5:
-        determinant = 1e-5 if determinant >= 0.0 else -1e-5
-    inverse = np.empty((3, 3))
-    inverse[0, 0] = c00
-    inverse[1, 0] = c01
-    inverse[2, 0] = c02
-    inverse[0, 1] = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
-    inverse[1, 1] = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
-    inverse[2, 1] = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
-    inverse[0, 2] = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
-    inverse[1, 2] = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
-    inverse[2, 2] = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-    return inverse / determinant

@@ -8,6 +8,7 @@ from numba import njit
 
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.matrices import apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.robots import a1
@@ -31,6 +32,7 @@ class RobotModel:
     def __init__(self, xml_file: Path) -> None:
         self.pinocchio = _read(xml_file)
         self.data = self.pinocchio.createData()
+        self._q, self._v = np.zeros(19), np.zeros(18)
         self.legs = _leg_geometry(self.pinocchio, xml_file)
         self.mass = float(sum(inertia.mass for inertia in self.pinocchio.inertias))
         self.losses = np.stack(
@@ -43,31 +45,31 @@ class RobotModel:
         The latter are Coriolis, centrifugal and gravity forces. Both are Pinocchio's own buffers,
         overwritten by the next call.
         """
-        q, v = coordinates(state)
-        pin.crba(self.pinocchio, self.data, q)
-        pin.nonLinearEffects(self.pinocchio, self.data, q, v)
+        fill_coordinates(self._q, self._v, *state[:6])
+        pin.crba(self.pinocchio, self.data, self._q)
+        pin.nonLinearEffects(self.pinocchio, self.data, self._q, self._v)
         return self.data.M, self.data.nle
 
 
 @njit(cache=True)
-def generalised_velocity(state: RobotState, R: Array) -> Array:
-    """Return Pinocchio's v (18,) of a state whose trunk is rotated by R (3, 3)."""
-    v = np.empty(18)
-    v[:3] = R.T @ state.linear_velocity
-    v[3:6] = state.angular_velocity
-    v[6:] = state.joint_velocity
-    return v
-
-
-@njit(cache=True)
-def coordinates(state: RobotState) -> tuple[Array, Array]:
-    """Return Pinocchio's q (19,), whose quaternion ends with w, and v (18,)."""
-    q = np.empty(19)
-    q[:3] = state.position
-    q[3:6] = state.quaternion[1:]
-    q[6] = state.quaternion[0]
-    q[7:] = state.joint_position
-    return q, generalised_velocity(state, rotation_matrix(state.quaternion))
+def fill_coordinates(
+    q: Array,
+    v: Array,
+    position: Array,
+    quaternion: Array,
+    linear_velocity: Array,
+    angular_velocity: Array,
+    joint_position: Array,
+    joint_velocity: Array,
+) -> None:
+    """Write Pinocchio's q (19,), whose quaternion ends with w, and v (18,) of a `RobotState`."""
+    q[:3] = position
+    q[3:6] = quaternion[1:]
+    q[6] = quaternion[0]
+    q[7:] = joint_position
+    v[:3] = apply_transposed(rotation_matrix(quaternion), linear_velocity)
+    v[3:6] = angular_velocity
+    v[6:] = joint_velocity
 
 
 @njit(cache=True)

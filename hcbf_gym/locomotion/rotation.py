@@ -48,17 +48,3 @@ def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
 def wrap_angle(angle: float) -> float:
     """Return the equal angle in [−π, π)."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-@njit(cache=True)
-def cross(a: Array, b: Array) -> Array:
-    """Return (3,) a × b; NumPy's own is many times slower in compiled code."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
-
-
-@njit(cache=True)
-def skew(a: Array) -> Array:
-    """Return (3, 3) the matrix of a×."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

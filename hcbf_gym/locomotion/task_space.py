@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.leg import FootKinematics
-from hcbf_gym.locomotion.rotation import cross, skew
+from hcbf_gym.locomotion.matrices import add_product, apply, apply_transposed, cross, product, skew
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
 
@@ -34,27 +34,13 @@ class QuadraticProgram(NamedTuple):
     equalities: int
 
 
-class TaskSpaceProgram(NamedTuple):
-    """A QP and the torques that its solution stands for, ``τ = torque_map x + torque_offset``.
-
-    Attributes:
-        qp: the quadratic program.
-        torque_map: (12, n).
-        torque_offset: (12,) [N·m].
-    """
-
-    qp: QuadraticProgram
-    torque_map: Array
-    torque_offset: Array
-
-
 @njit(cache=True)
 def foot_jacobian(R: Array, r: Array, J: Array, foot: int) -> Array:
     """Return (3, 18) the foot's Jacobian in the world's axes, ``R [1, −r×, J]``."""
     jacobian = np.zeros((3, 18))
     jacobian[:, :3] = R
-    jacobian[:, 3:6] = -R @ skew(r)
-    jacobian[:, 6 + 3 * foot : 9 + 3 * foot] = R @ J
+    jacobian[:, 3:6] = product(R, skew(-r))
+    jacobian[:, 6 + 3 * foot : 9 + 3 * foot] = product(R, J)
     return jacobian
 
 
@@ -66,7 +52,7 @@ def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) 
     the Jacobian of `foot_jacobian` this is ``Rᵀ J̇_c q̇``.
     """
     omega = v[3:6]
-    return cross(omega, v[:3] + cross(omega, r) + 2.0 * (J @ joint_velocity)) + bias
+    return cross(omega, v[:3] + cross(omega, r) + 2.0 * apply(J, joint_velocity)) + bias
 
 
 @njit(cache=True)
@@ -80,7 +66,7 @@ def full_form(
     tasks: TaskAccelerations,
     friction: float,
     torque_limit: float,
-) -> TaskSpaceProgram:
+) -> QuadraticProgram:
     """Return the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)).
 
     ``min ‖J_y q̈ + J̇_y q̇ − ÿ‖² + w‖F‖²`` subject to ``D q̈ + H = Sᵀτ + J_cᵀF``,
@@ -113,7 +99,7 @@ def full_form(
     H = np.zeros((n, n))
 
     J_y[:3, :3] = R
-    y[:3] = tasks.linear - R @ cross(v[3:6], v[:3])
+    y[:3] = tasks.linear - apply(R, cross(v[3:6], v[:3]))
     J_y[3:6, 3:6] = np.eye(3)
     y[3:6] = tasks.angular
     J_y[2] *= np.sqrt(HEIGHT_WEIGHT)
@@ -135,7 +121,7 @@ def full_form(
         joint_velocity = v[6 + 3 * foot : 9 + 3 * foot]
         r, J = feet.position[foot], feet.jacobian[foot]
         J_foot = foot_jacobian(R, r, J, foot)
-        drift = R @ foot_bias(v, r, J, feet.bias[foot], joint_velocity)
+        drift = apply(R, foot_bias(v, r, J, feet.bias[foot], joint_velocity))
         if not stance[foot]:
             J_y[6 + 3 * foot : 9 + 3 * foot, :18] = J_foot
             y[6 + 3 * foot : 9 + 3 * foot] = tasks.feet[foot] - drift
@@ -155,8 +141,5 @@ def full_form(
             H[i, i] = FORCE_WEIGHT
         force += 3
         contact_row += 3
-    H += J_y.T @ J_y
-    torque_map = np.zeros((12, n))
-    torque_map[:, 18:30] = np.eye(12)
-    program = QuadraticProgram(H, -(J_y.T @ y), A, lower, upper, equalities)
-    return TaskSpaceProgram(program, torque_map, np.zeros(12))
+    add_product(H, J_y.T, J_y)
+    return QuadraticProgram(H, -apply_transposed(J_y, y), A, lower, upper, equalities)

@@ -8,7 +8,8 @@ from numba import njit
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics
-from hcbf_gym.locomotion.rotation import cross, rotation_vector_to_yaw
+from hcbf_gym.locomotion.matrices import apply, cross
+from hcbf_gym.locomotion.rotation import rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import Array, RobotState
 
 # stiffness [1/s²] and damping [1/s]
@@ -80,9 +81,9 @@ def task_accelerations(
         if targets.stance[foot]:
             continue
         r = feet.position[foot]
-        own = feet.jacobian[foot] @ state.joint_velocity[3 * foot : 3 * foot + 3]
-        foot_position = position + R @ r
-        foot_velocity = velocity + R @ (cross(omega, r) + own)
+        own = apply(feet.jacobian[foot], state.joint_velocity[3 * foot : 3 * foot + 3])
+        foot_position = position + apply(R, r)
+        foot_velocity = velocity + apply(R, cross(omega, r) + own)
         desired = targets.motion[foot]
         swing[foot] = (
             desired[2]

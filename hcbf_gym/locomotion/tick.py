@@ -1,4 +1,8 @@
-"""One tick of the controller, from the state to the QP: the compiled half of the paper's Fig. 2."""
+"""One tick of the controller, from the state to the QP: the compiled half of the paper's Fig. 2.
+
+Entering compiled code costs time per argument, so that what stays and what is remembered from tick
+to tick travel as one record each.
+"""
 
 from typing import NamedTuple
 
@@ -6,17 +10,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.body_reference import BodyReference, advance
+from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
 from hcbf_gym.locomotion.condensed import condense
-from hcbf_gym.locomotion.feet import FootTargets, plan_feet
-from hcbf_gym.locomotion.gait import Gait, advance_clock, foot_phases
+from hcbf_gym.locomotion.feet import TARGETS, plan_feet
+from hcbf_gym.locomotion.gait import GAIT, advance_clock, foot_phases
 from hcbf_gym.locomotion.impedance import joint_feedback
-from hcbf_gym.locomotion.leg import LegGeometry, foot_kinematics
-from hcbf_gym.locomotion.model import generalised_velocity, with_joint_losses
+from hcbf_gym.locomotion.leg import LEGS, FootKinematics, foot_kinematics
+from hcbf_gym.locomotion.matrices import apply, apply_transposed
+from hcbf_gym.locomotion.model import with_joint_losses
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
-from hcbf_gym.locomotion.task_space import TaskSpaceProgram, full_form
-from hcbf_gym.locomotion.tasks import task_accelerations
+from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
+from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 
 GROUND_GAIN = 0.02  # per tick, by which the ground's estimate follows the standing feet
 
@@ -26,67 +31,66 @@ QUIET_VELOCITY = 0.08  # [m/s] in any direction
 QUIET_ROTATION = 0.4  # [rad/s] about any axis
 QUIET_DISTANCE = 0.02  # [m] from the reference
 
+SETTINGS = np.dtype(
+    (
+        np.record,
+        [
+            ("timestep", "f8"),  # [s]
+            ("friction", "f8"),  # µ of the friction pyramid
+            ("torque_limit", "f8"),  # of every joint [N·m]
+            ("height", "f8"),  # of the trunk above the ground [m]
+            ("max_speed", "f8"),  # cap on the reference's speed [m/s]
+            ("follow_velocity", "u1"),  # whether the heading does
+            ("foot_radius", "f8"),  # [m]
+            ("gait", GAIT),
+            ("legs", LEGS),
+            ("nominal", "f8", (4, 2)),  # footholds at rest in the trunk's axes [m]
+            ("losses", "f8", (2, 12)),  # damping [N·m·s/rad] and dry friction [N·m] of the joints
+        ],
+    )
+)
 
-class Settings(NamedTuple):
-    """What stays the same from tick to tick.
-
-    Attributes:
-        timestep: [s].
-        friction: µ of the friction pyramid.
-        torque_limit: of every joint [N·m].
-        height: of the trunk above the ground [m].
-        max_speed: cap on the reference's speed [m/s].
-        follow_velocity: whether the heading follows the velocity.
-        full_form: whether the QP is posed in (q̈, τ, F) instead of condensed.
-        gait: in play.
-        legs: their lengths.
-        nominal: (4, 2) footholds at rest in the trunk's axes [m].
-        foot_radius: [m].
-        losses: (2, 12) the joints' damping [N·m·s/rad] and dry friction [N·m].
-    """
-
-    timestep: float
-    friction: float
-    torque_limit: float
-    height: float
-    max_speed: float
-    follow_velocity: bool
-    full_form: bool
-    gait: Gait
-    legs: LegGeometry
-    nominal: Array
-    foot_radius: float
-    losses: Array
-
-
-class Memory(NamedTuple):
-    """What the controller carries from one tick to the next.
-
-    Attributes:
-        reference: of the trunk in the plane.
-        targets: of the feet.
-        clock: of the gait [s].
-        ground: estimated height of the ground [m].
-    """
-
-    reference: BodyReference
-    targets: FootTargets
-    clock: float
-    ground: float
+MEMORY = np.dtype(
+    (
+        np.record,
+        [
+            ("reference", REFERENCE),
+            ("targets", TARGETS),
+            ("clock", "f8"),  # of the gait [s]
+            ("ground", "f8"),  # estimated height of the ground [m]
+        ],
+    )
+)
 
 
-class Tick(NamedTuple):
-    """What one tick hands to the solver and to the joints.
+class Plan(NamedTuple):
+    """What a tick has decided when it comes to the QP.
 
     Attributes:
-        memory: for the next tick.
-        task_space: the task-space QP.
-        feedback: (12,) torques of the joint impedance, to be added [N·m].
+        v: (18,) generalised velocity.
+        bias: (18,) forces of the dynamics, joint losses included.
+        R: (3, 3) trunk → world.
+        feet: the feet's kinematics in the trunk's axes.
+        tasks: the accelerations to come close to.
+        feedback: (12,) torques of the joint impedance [N·m].
     """
 
-    memory: Memory
-    task_space: TaskSpaceProgram
+    v: Array
+    bias: Array
+    R: Array
+    feet: FootKinematics
+    tasks: TaskAccelerations
     feedback: Array
+
+
+@njit(cache=True)
+def generalised_velocity(state: RobotState, R: Array) -> Array:
+    """Return v (18,): trunk linear and angular in the trunk's axes, then the joints."""
+    v = np.empty(18)
+    v[:3] = apply_transposed(R, state.linear_velocity)
+    v[3:6] = state.angular_velocity
+    v[6:] = state.joint_velocity
+    return v
 
 
 @njit(cache=True)
@@ -116,43 +120,34 @@ def ground_height(ground: float, feet: Array, carrying: NDArray[np.bool_], radiu
 
 @njit(cache=True)
 def plan(
-    settings: Settings,
-    memory: Memory,
-    state: RobotState,
-    u: Array,
-    M: Array,
-    nonlinear_effects: Array,
-) -> Tick:
-    """Return the task-space QP of this tick: gait → footholds → swing → tasks → QP, impedance.
+    settings: np.record, memory: np.record, state: RobotState, u: Array, nonlinear_effects: Array
+) -> Plan:
+    """Return what comes before the QP: gait → footholds → swing → tasks, and the impedance.
 
     Args:
-        settings: of the controller.
-        memory: of the tick before.
+        settings: a `SETTINGS` record.
+        memory: a `MEMORY` record, moved on by one tick.
         state: as measured.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
-        M: (18, 18) mass matrix, upper triangle.
         nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
     """
-    gait, dt = settings.gait, settings.timestep
+    dt, reference, targets = settings.timestep, memory.reference, memory.targets
     R = rotation_matrix(state.quaternion)
     v = generalised_velocity(state, R)
     bias = with_joint_losses(nonlinear_effects, v, settings.losses)
     feet = foot_kinematics(settings.legs, state.joint_position, state.joint_velocity)
     feet_in_world = np.empty((4, 3))
     for foot in range(4):
-        feet_in_world[foot] = state.position + R @ feet.position[foot]
+        feet_in_world[foot] = state.position + apply(R, feet.position[foot])
 
-    reference = advance(
-        memory.reference, u, state.position, dt, settings.max_speed, settings.follow_velocity
-    )
-    phases = foot_phases(gait, memory.clock, state.foot_contact)
-    ground = ground_height(
-        memory.ground, feet_in_world, phases.stance & state.foot_contact, settings.foot_radius
-    )
-    targets = plan_feet(
-        memory.targets,
+    advance(reference, u, state.position, dt, settings.max_speed, settings.follow_velocity)
+    phases = foot_phases(settings.gait, memory.clock, state.foot_contact)
+    carrying = phases.stance & state.foot_contact
+    memory.ground = ground_height(memory.ground, feet_in_world, carrying, settings.foot_radius)
+    plan_feet(
+        targets,
         phases,
-        gait,
+        settings.gait,
         feet_in_world,
         settings.nominal,
         state.position,
@@ -160,19 +155,107 @@ def plan(
         yaw_of(R),
         reference,
         settings.height,
-        ground + settings.foot_radius,
+        memory.ground + settings.foot_radius,
         dt,
     )
-    tasks = task_accelerations(state, R, feet, reference, targets, ground + settings.height)
-    if settings.full_form:
-        task_space = full_form(
-            M, bias, v, R, feet, targets.stance, tasks, settings.friction, settings.torque_limit
-        )
-    else:
-        task_space = condense(
-            M, bias, v, R, feet, targets.stance, tasks, settings.friction, settings.torque_limit
-        )
+    tasks = task_accelerations(state, R, feet, reference, targets, memory.ground + settings.height)
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
-    following = Memory(reference, targets, advance_clock(gait, memory.clock, quiet, dt), ground)
-    return Tick(following, task_space, feedback)
+    memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
+    return Plan(v, bias, R, feet, tasks, feedback)
+
+
+@njit(cache=True)
+def tick_condensed(
+    settings: NDArray[np.void],
+    memory: NDArray[np.void],
+    position: Array,
+    quaternion: Array,
+    linear_velocity: Array,
+    angular_velocity: Array,
+    joint_position: Array,
+    joint_velocity: Array,
+    foot_contact: NDArray[np.bool_],
+    u: Array,
+    M: Array,
+    nonlinear_effects: Array,
+    H: Array,
+    f: Array,
+    A: Array,
+    lower: Array,
+    upper: Array,
+    torque_offset: Array,
+    feedback: Array,
+) -> int:
+    """Fill in the condensed QP of this tick and return how many feet stand.
+
+    Args:
+        settings: (1,) `SETTINGS`.
+        memory: (1,) `MEMORY`, moved on by one tick.
+        position: and the next six, the fields of `RobotState`.
+        quaternion: see there.
+        linear_velocity: see there.
+        angular_velocity: see there.
+        joint_position: see there.
+        joint_velocity: see there.
+        foot_contact: see there.
+        u: (2,) desired acceleration of the trunk in the world [m/s²].
+        M: (18, 18) mass matrix, upper triangle.
+        nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
+        H: and the next four, the arrays of a `QuadraticProgram` for four standing feet, filled.
+        f: see there.
+        A: see there.
+        lower: see there.
+        upper: see there.
+        torque_offset: (12,) ``τ_ff = A[:12] z + torque_offset``, filled [N·m].
+        feedback: (12,) torques of the joint impedance, filled [N·m].
+    """
+    state = RobotState(
+        position,
+        quaternion,
+        linear_velocity,
+        angular_velocity,
+        joint_position,
+        joint_velocity,
+        foot_contact,
+    )
+    p = plan(settings[0], memory[0], state, u, nonlinear_effects)
+    feedback[:] = p.feedback
+    return condense(
+        M,
+        p.bias,
+        p.v,
+        p.R,
+        p.feet,
+        memory[0].targets.stance,
+        p.tasks,
+        settings[0].friction,
+        settings[0].torque_limit,
+        QuadraticProgram(H, f, A, lower, upper, 0),
+        torque_offset,
+    )
+
+
+@njit(cache=True)
+def tick_full(
+    settings: NDArray[np.void],
+    memory: NDArray[np.void],
+    state: RobotState,
+    u: Array,
+    M: Array,
+    nonlinear_effects: Array,
+) -> tuple[QuadraticProgram, Array]:
+    """Return the QP of this tick in (q̈, τ, F), and the feedback torques; see `tick_condensed`."""
+    p = plan(settings[0], memory[0], state, u, nonlinear_effects)
+    program = full_form(
+        M,
+        p.bias,
+        p.v,
+        p.R,
+        p.feet,
+        memory[0].targets.stance,
+        p.tasks,
+        settings[0].friction,
+        settings[0].torque_limit,
+    )
+    return program, p.feedback

@@ -1,0 +1,114 @@
+"""Pushes at the trunk: when, how long and how hard."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.locomotion.state import Array
+from hcbf_gym.records import check_mapping, from_dict
+
+
+class Push(NamedTuple):
+    """A constant force at the trunk's centre of mass.
+
+    Attributes:
+        time: when it starts [s].
+        duration: [s].
+        force: (3,) in the world [N].
+    """
+
+    time: float
+    duration: float
+    force: Array
+
+
+class Disturbance(Protocol):
+    """Something that yields the pushes of an episode."""
+
+    def draw(self, rng: np.random.Generator) -> list[Push]:
+        """Return the pushes of one episode."""
+        ...
+
+
+@dataclass(frozen=True)
+class ScheduledPushes:
+    """The same pushes in every episode.
+
+    Args:
+        pushes: mappings with ``time`` [s], ``duration`` [s] and ``force`` (3,) [N].
+
+    Raises:
+        InvalidInputError: on a missing or unknown entry, or a number out of range.
+    """
+
+    pushes: Sequence[Mapping[str, Any]]
+
+    def __post_init__(self) -> None:
+        self.draw(np.random.default_rng(0))
+
+    def draw(self, rng: np.random.Generator) -> list[Push]:
+        """Return the pushes; nothing is random about them."""
+        return [_push(entry) for entry in self.pushes]
+
+
+@dataclass(frozen=True)
+class RandomPushes:
+    """Horizontal pushes in random directions, one in every interval at a random instant.
+
+    Args:
+        interval: between pushes, on average [s].
+        impulse: (low, high) drawn uniformly [N·s].
+        duration: of each push [s].
+        until: no push starts later [s].
+
+    Raises:
+        InvalidInputError: on a number out of range.
+    """
+
+    interval: float
+    impulse: tuple[float, float]
+    duration: float = 0.1
+    until: float = 20.0
+
+    def __post_init__(self) -> None:
+        for name in ("interval", "duration", "until"):
+            finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
+        low, high = finite_array("impulse", self.impulse, (2,))
+        if not 0.0 <= low <= high:
+            raise InvalidInputError(f"impulse: got {self.impulse!r}, expected 0 <= low <= high")
+
+    def draw(self, rng: np.random.Generator) -> list[Push]:
+        """Draw the pushes of one episode."""
+        pushes = []
+        for start in np.arange(0.0, self.until - 0.5 * self.interval, self.interval):
+            direction = rng.uniform(-np.pi, np.pi)
+            strength = rng.uniform(*self.impulse) / self.duration
+            force = strength * np.array([np.cos(direction), np.sin(direction), 0.0])
+            pushes.append(Push(start + rng.uniform(0.0, self.interval), self.duration, force))
+        return pushes
+
+
+_KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
+
+
+def disturbance_from_dict(values: Mapping[str, Any] | None) -> Disturbance:
+    """Return what a plain dict ``{"kind": "scheduled" | "random", …}`` describes; None is calm.
+
+    Raises:
+        InvalidInputError: on an unknown kind or entry, or a number out of range.
+    """
+    return ScheduledPushes([]) if values is None else from_dict("disturbances", values, _KINDS)
+
+
+def _push(entry: Mapping[str, Any]) -> Push:
+    check_mapping("push", entry)
+    if set(entry) != set(Push._fields):
+        raise InvalidInputError(f"push: got {sorted(entry)}, expected {sorted(Push._fields)}")
+    return Push(
+        finite_float("push time", entry["time"], minimum=0.0),
+        finite_float("push duration", entry["duration"], minimum=0.0, exclusive=True),
+        finite_array("push force", entry["force"], (3,)),
+    )

@@ -1,0 +1,89 @@
+"""What may differ between the plant and what the controller believes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.records import build, check_mapping
+
+Range = tuple[float, float]
+
+
+class Plant(NamedTuple):
+    """One draw: the plant of one episode.
+
+    Attributes:
+        floor_friction: Coulomb friction of the feet's contacts.
+        payload: strapped to the trunk [kg].
+        motor_strength: share of the commanded torque that arrives.
+        delay: between a measurement and the torque it leads to [s].
+        sensor_noise: scale of the noise on what the sensors give.
+    """
+
+    floor_friction: float
+    payload: float
+    motor_strength: float
+    delay: float
+    sensor_noise: float
+
+
+@dataclass(frozen=True)
+class Randomization:
+    """Ranges from which each episode's plant is drawn uniformly; a number is a range of one.
+
+    Args:
+        floor_friction: Coulomb friction of the feet's contacts, positive.
+        payload: strapped to the trunk [kg].
+        payload_position: (3,) where, in the trunk's axes [m].
+        motor_strength: share of the commanded torque that arrives, positive.
+        delay: between a measurement and the torque it leads to [s], rounded to physics ticks.
+        sensor_noise: scale of Gaussian noise; 1 means standard deviations of .1 m/s, .2 rad/s on
+            the trunk, .01 rad and .6 rad/s on the joints.
+
+    Raises:
+        InvalidInputError: on a range that is empty, not finite or out of bounds.
+    """
+
+    floor_friction: Range = (0.8, 0.8)
+    payload: Range = (0.0, 0.0)
+    payload_position: tuple[float, float, float] = (0.0, 0.0, 0.08)
+    motor_strength: Range = (1.0, 1.0)
+    delay: Range = (0.0, 0.0)
+    sensor_noise: Range = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive = ("floor_friction", "motor_strength")
+        for name in Plant._fields:
+            bounds = _range(name, getattr(self, name), exclusive=name in positive)
+            object.__setattr__(self, name, bounds)
+        place = finite_array("payload_position", self.payload_position, (3,))
+        object.__setattr__(self, "payload_position", tuple(place.tolist()))
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any] | None) -> "Randomization":
+        """Return the ranges that a plain dict names; None means the nominal plant.
+
+        Raises:
+            InvalidInputError: on an unknown name, which lists those there are, or a bad range.
+        """
+        if values is None:
+            return cls()
+        check_mapping("randomization", values)
+        return build("randomization", cls, values)
+
+    def draw(self, rng: np.random.Generator) -> Plant:
+        """Draw one plant; every field takes one number from `rng`, whatever its range."""
+        return Plant(*(float(rng.uniform(*getattr(self, name))) for name in Plant._fields))
+
+
+def _range(name: str, value: Any, exclusive: bool) -> Range:
+    pair = (value, value) if np.isscalar(value) else tuple(value)
+    if len(pair) != 2:
+        raise InvalidInputError(f"{name}: got {value!r}, expected a number or [low, high]")
+    low, high = (finite_float(name, end, minimum=0.0, exclusive=exclusive) for end in pair)
+    if low > high:
+        raise InvalidInputError(f"{name}: got {value!r}, expected low <= high")
+    return low, high
