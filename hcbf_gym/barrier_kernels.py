@@ -193,7 +193,7 @@ def rows(
                 h[i, k] = speed_limit(c, x[i, 2], x[i, 3])
                 a[i, k, 0] = -x[i, 2] / c[2]
                 a[i, k, 1] = -x[i, 3] / c[2]
-                alpha2_psi[i, k] = class_k(alpha2, h[i, k])
+                alpha2_psi[i, k] = class_k(alpha2, h[i, k] - c[3])
                 b[i, k] = -alpha2_psi[i, k]
                 continue
             qx, qy = x[i, 0] - c[0] * t[i], x[i, 1] - c[1] * t[i]

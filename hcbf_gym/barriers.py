@@ -327,19 +327,25 @@ class SpeedLimit(Barrier):
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
         v_max: [m/s], positive.
+        margin: what the row keeps between h and zero [m/s]: a body sways around its model's speed.
 
     Raises:
-        InvalidInputError: if v_max is not positive.
+        InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).
     """
 
     v_max: float = 1.0
+    margin: float = 0.0
     kind: ClassVar[int] = 4
     reads_position: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         v_max = finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)
+        margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0)
+        if margin >= v_max:
+            raise InvalidInputError(f"{self.name}: margin: got {margin}, expected below {v_max}")
         object.__setattr__(self, "v_max", v_max)
+        object.__setattr__(self, "margin", margin)
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
@@ -352,7 +358,7 @@ class SpeedLimit(Barrier):
 
     def parameters(self) -> list[float]:
         """Return the numbers that the compiled kernel of this kind reads."""
-        return [0.0, 0.0, self.v_max]
+        return [0.0, 0.0, self.v_max, self.margin]
 
 
 KINDS: dict[str, type] = {
@@ -393,7 +399,10 @@ def cbf_rows(
     drift, input_matrix, drift_jacobian = model.f(x), model.g(x), model.f_jacobian(x)
     for barrier in barriers:
         jet = barrier.jet(x, t)
-        kept = margin if barrier.priority == 1 and barrier.reads_position else 0.0
+        if isinstance(barrier, SpeedLimit):
+            kept = barrier.margin
+        else:
+            kept = margin if barrier.priority == 1 else 0.0
         psi: float = jet.h - kept
         gradient, rate = jet.gradient, jet.rate
         if model.relative_degree(barrier.reads_position) == 2:

@@ -25,7 +25,7 @@ BARRIERS: tuple[Barrier, ...] = (
     Disc("moving disc", 2, center=(-1.0, 0.4), radius=0.5, velocity=(0.3, -0.7)),
     Ellipse("ellipse", 2, center=(0.1, 0.3), semi_axes=(1.5, 0.4), angle=0.7, velocity=(-0.2, 0.1)),
     ConvexPolygon("square", 3, vertices=((-1, -1), (1, -1), (1, 1), (-1, 1)), velocity=(0.1, 0.2)),
-    SpeedLimit("cap", 1, v_max=1.2),
+    SpeedLimit("cap", 1, v_max=1.2, margin=0.1),
 )
 MODELS = (SingleIntegrator(), DoubleIntegrator(), LinearInvertedPendulum())
 ALPHA1, ALPHA2 = LogClassK(), LinearClassK(2.0)
@@ -66,7 +66,7 @@ def test_row_is_psi_dot_plus_alpha2_psi_along_the_models_flow(model):
     def psi(barrier, x, t):
         jet = barrier.jet(x, t)
         if model.relative_degree(barrier.reads_position) == 1:
-            return jet.h
+            return jet.h - getattr(barrier, "margin", 0.0)
         return jet.gradient @ model.f(x) + jet.rate + ALPHA1(jet.h)
 
     for _ in range(30):
@@ -141,6 +141,7 @@ def test_a_region_has_a_gradient_even_at_its_centre():
         lambda: ConvexPolygon("p", 1, vertices=((0, 0), (0, 1), (1, 0))),
         lambda: ConvexPolygon("p", 1, vertices=((0, 0), (1, 0))),
         lambda: SpeedLimit("s", 1, v_max=0.0),
+        lambda: SpeedLimit("s", 1, v_max=1.0, margin=1.0),
         lambda: LinearClassK(-1.0),
         lambda: LogClassK(phi3=0.0),
         lambda: BarrierSet([[]]),

@@ -28,6 +28,9 @@ V_MAX = 1.2
 MARGIN = 0.03
 """What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
 
+SPEED_MARGIN = 0.12
+"""What the speed limit's row keeps [m/s]: the trunk's speed sways around its model's."""
+
 _FEEDBACK = {
     "measured": "position and velocity of the trunk",
     "position": "position of the trunk, velocity of the reduced-order model",
@@ -128,7 +131,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
     @property
     def barriers(self) -> tuple[Barrier, ...]:
         """The scenario's barriers, then the environment's own, in the order of info["h"]."""
-        return task.barriers_of(self.scenario, self._v_max)
+        return task.barriers_of(self.scenario, self._v_max, SPEED_MARGIN)
 
     @property
     def margin(self) -> float:

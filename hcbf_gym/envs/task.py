@@ -38,11 +38,13 @@ def observation_space(n_barriers: int) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, shape=(8 + 4 * n_barriers,), dtype=np.float64)
 
 
-def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
+def barriers_of(
+    scenario: Scenario, v_max: float | None, speed_margin: float = 0.0
+) -> tuple[Barrier, ...]:
     """Return the scenario's barriers, then the environment's own strict speed limit, if any."""
     if v_max is None:
         return scenario.barriers
-    return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max))
+    return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max, speed_margin))
 
 
 def reference_table(scenario: Scenario) -> Array:
