@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError
 from hcbf_gym.input_sets import InputSet
+from hcbf_gym.programs.planar.soft import NEGLIGIBLE
+from hcbf_gym.programs.planar.stages import least_cost as planar_least_cost
 from hcbf_gym.programs.qp import QpProblem, Solver
 
 Array = NDArray[np.float64]
@@ -32,6 +34,7 @@ class FeasibleSet(NamedTuple):
         basis: (n_u, r) orthonormal free directions.
         a: (k, n_u) unit rows.
         b: (k,) their lower bounds.
+        radius: the largest norm of an input in U.
         nonempty: whether the set is known to have a member; if so, a solver that finds none has
             failed.
     """
@@ -40,12 +43,19 @@ class FeasibleSet(NamedTuple):
     basis: Array
     a: Array
     b: Array
+    radius: float
     nonempty: bool
 
     @classmethod
     def of_input_set(cls, input_set: InputSet) -> "FeasibleSet":
         """Return U."""
-        return cls(np.zeros(input_set.n_u), np.eye(input_set.n_u), *input_set.halfspaces(), True)
+        return cls(
+            np.zeros(input_set.n_u),
+            np.eye(input_set.n_u),
+            *input_set.halfspaces(),
+            input_set.radius,
+            True,
+        )
 
     def intersect(self, a: Array, b: Array) -> "FeasibleSet":
         """Return the inputs of this set that meet the rows ``a u ≥ b`` (rows of any length)."""
@@ -67,8 +77,11 @@ class FeasibleSet(NamedTuple):
         pinned = a[norm > ZERO_GRADIENT] / norm[norm > ZERO_GRADIENT, None] @ self.basis
         _, singular, directions = np.linalg.svd(pinned)
         rank = int(np.sum(singular > DEPENDENT))
-        return FeasibleSet(
-            u, self.basis @ directions[rank:].T, self.a, np.minimum(self.b, self.a @ u), True
+        return self._replace(
+            point=u,
+            basis=self.basis @ directions[rank:].T,
+            b=np.minimum(self.b, self.a @ u),
+            nonempty=True,
         )
 
     def bound(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
@@ -76,12 +89,14 @@ class FeasibleSet(NamedTuple):
         return self.intersect(a, np.minimum(b, a @ u))._replace(nonempty=True)
 
     def lock(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
-        """Return the minimisers of a stage of which u is one, ``min Σ w_k max(0, b_k − a_k u)²``.
+        """Return the minimisers of a stage of which u is one, ``min Σ max(0, b_k − a_k u)²``.
 
         Each violated row has one value on all of them: it is pinned; the others are met.
         """
         norm = np.maximum(np.sqrt(np.einsum("ij,ij->i", a, a)), ZERO_GRADIENT)
-        violated = (b - a @ u) / norm > MET * (1.0 + np.abs(u).max())
+        lack = b - a @ u
+        violated = lack > MET * (1.0 + np.abs(u).max()) * norm
+        violated &= lack > NEGLIGIBLE * np.linalg.norm(lack[violated])
         return self.bound(a[~violated], b[~violated], u).pin(a[violated], u)
 
 
@@ -130,7 +145,7 @@ def trade(feasible: FeasibleSet, u_nominal: Array, soft: SoftRows, solver: Solve
 def _trade_equalities(
     feasible: FeasibleSet, centre: Array, a: Array, target: Array, solver: Solver
 ) -> Array | None:
-    """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``, where ``[1; a] = Q R``."""
+    """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``, ``[1; a] = Q R``."""
     free = centre.size
     orthonormal, factor = np.linalg.qr(np.concatenate((np.eye(free), a)))
     y_centre = orthonormal.T @ np.concatenate((centre, target))
@@ -163,18 +178,30 @@ def _trade_inequalities(
 
 
 def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: Solver) -> Array:
-    """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set, by proximal points.
+    """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set.
 
-    ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²`` converges to a minimiser; with ε at 1e-4 of the
-    largest curvature three or four steps leave nothing to see.
+    In at most two free directions exactly, on a polygon. Else by proximal points, which converge
+    to a minimiser: ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²``.
     """
-    curvature = (soft.weight * np.einsum("ij,ij->i", soft.a, soft.a)).max()
-    if curvature <= ZERO_GRADIENT**2:
+    a = soft.a @ feasible.basis
+    slope = np.sqrt(np.einsum("ij,ij->i", a, a))
+    norm = np.sqrt(np.einsum("ij,ij->i", soft.a, soft.a))
+    steers = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
+    if not steers.any():
         return u_start
-    heavy = soft._replace(weight=soft.weight * (1e4 / curvature))
+    least = None if soft.least is None else soft.least[steers]
+    soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
+    if feasible.basis.shape[1] <= 2:
+        target = soft.target - soft.a @ feasible.point
+        z = planar_least_cost(
+            a[steers], target, least, soft.weight, *_reduced(feasible), feasible.radius
+        )
+        return feasible.point + feasible.basis @ z
+    # a stronger pull would leave DAQP no digits for the slacks
+    steep = soft._replace(weight=soft.weight * (1e4 / (soft.weight * slope[steers] ** 2).max()))
     u = u_start
     for _ in range(50):
-        previous, u = u, required(trade(feasible, u, heavy, solver))
+        previous, u = u, required(trade(feasible, u, steep, solver))
         if np.abs(u - previous).max() <= 1e-11 * (1.0 + np.abs(u).max()):
             break
     return u
@@ -226,7 +253,10 @@ def relax(
         return None
     feasible = feasible._replace(nonempty=True)
     u = least_cost(feasible, u, SoftRows(a, target, weight, least), solver)
-    minimisers = feasible.pin(a, u) if least is None else feasible.lock(a, target - least, u)
+    if least is None:
+        return nearest(feasible.pin(a, u), u_nominal, solver)
+    root = np.sqrt(weight)
+    minimisers = feasible.lock(root[:, None] * a, root * (target - least), u)
     return nearest(minimisers, u_nominal, solver)
 
 

@@ -13,8 +13,12 @@ Array = NDArray[np.float64]
 
 # Lengths below it, relative to the size of U, are rounding.
 THIN = 1e-10
-# A least-squares matrix whose singular values differ by more has one direction only.
-RANK_ONE = 1e-10
+# Where one direction of a least-squares problem pulls so much less than the other that it cannot
+# move it, the steep one decides first: their gradients do not fit into one sum of doubles.
+GRADED = 1e-3
+FAINT = 1e-8
+# Below it the flat one is rounding, and u* decides.
+RANK_ONE = 1e-12
 # A row with a smaller gradient is a constant: no input changes its violation.
 ZERO_GRADIENT = 1e-12
 
@@ -40,12 +44,12 @@ def cut(
     thin = THIN * radius
     lowest, highest = np.inf, -np.inf
     for i in range(count):
-        height = nx * corners[i, 0] + ny * corners[i, 1] - d
-        lowest, highest = min(lowest, height), max(highest, height)
-    if lowest >= 0.0:
+        value = nx * corners[i, 0] + ny * corners[i, 1]
+        lowest, highest = min(lowest, value), max(highest, value)
+    if lowest >= d:
         return count
-    if highest <= thin:
-        return _face(corners, count, nx, ny, d + highest - thin, thin)
+    if highest <= d + thin:  # compared before d is subtracted, which may be huge
+        return _face(corners, count, nx, ny, highest - thin, thin)
     new = 0
     previous_x, previous_y = corners[count - 1]
     previous = nx * previous_x + ny * previous_y - d
@@ -54,13 +58,9 @@ def cut(
         height = nx * x + ny * y - d
         if (height >= 0.0) != (previous >= 0.0):
             t = previous / (previous - height)
-            new = _append(
-                scratch,
-                new,
-                previous_x + t * (x - previous_x),
-                previous_y + t * (y - previous_y),
-                1e-4 * thin,
-            )
+            crossing_x = previous_x + t * (x - previous_x)
+            crossing_y = previous_y + t * (y - previous_y)
+            new = _append(scratch, new, crossing_x, crossing_y, 1e-4 * thin)
         if height >= 0.0:
             new = _append(scratch, new, x, y, 1e-4 * thin)
         previous_x, previous_y, previous = x, y, height
@@ -164,28 +164,40 @@ def minimise(
     """
     r11, r12, r22, z1, z2 = factor
     size = np.sqrt(r11 * r11 + r12 * r12 + r22 * r22)
-    if abs(r11 * r22) > RANK_ONE * size * size:
-        y = z2 / r22
-        return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
-    nearest = (1.0, 0.0, 1.0, ux, uy)
     if size <= ZERO_GRADIENT:
-        return _descend(corners, count, nearest, ux, uy)
-    # one direction n counts: R = l nᵀ up to rounding
-    if r11 * r11 + r12 * r12 >= r22 * r22:
-        length = np.hypot(r11, r12)
-        nx, ny = r11 / length, r12 / length
-    else:
-        nx, ny = 0.0, 1.0
-    l1, l2 = r11 * nx + r12 * ny, r22 * ny
-    target = (l1 * z1 + l2 * z2) / (l1 * l1 + l2 * l2)
+        return _descend(corners, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
+    if abs(r11 * r22) > GRADED * size * size:
+        return _full_rank(corners, count, factor)
+    # R = σ₁ p nᵀ + σ₂ p⊥ n⊥ᵀ with σ₂ ≪ σ₁: n decides first, what is left to n⊥ after it
+    angle = 0.5 * np.arctan2(2.0 * r11 * r12, r11 * r11 - r12 * r12 - r22 * r22)
+    nx, ny = np.cos(angle), np.sin(angle)
+    p1, p2 = r11 * nx + r12 * ny, r22 * ny
+    steep = np.hypot(p1, p2)
+    flat = r11 * r22 / steep
+    pull = abs(p1 * z2 - p2 * z1) / steep + abs(flat) * radius
+    if abs(flat) * pull > FAINT * steep * steep * radius:
+        return _full_rank(corners, count, factor)
+    target = (p1 * z1 + p2 * z2) / (steep * steep)
     low, high = np.inf, -np.inf
     for i in range(count):
         value = nx * corners[i, 0] + ny * corners[i, 1]
         low, high = min(low, value), max(high, value)
-    scratch[:count] = corners[:count]
     target = min(max(target, low), high)
+    scratch[:count] = corners[:count]
     count = slice_at(scratch, count, nx, ny, target, radius, scratch_cut)
-    return _descend(scratch, count, nearest, ux, uy)
+    if abs(flat) > RANK_ONE * steep:
+        along = (p1 * z2 - p2 * z1) / (steep * flat)
+        ux, uy = target * nx - along * ny, target * ny + along * nx
+    return _descend(scratch, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
+
+
+@njit(cache=True)
+def _full_rank(
+    corners: Array, count: int, factor: tuple[float, float, float, float, float]
+) -> tuple[float, float]:
+    r11, r12, r22, z1, z2 = factor
+    y = z2 / r22
+    return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
 
 
 @njit(cache=True)

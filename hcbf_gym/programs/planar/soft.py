@@ -14,6 +14,9 @@ from hcbf_gym.programs.planar.polygon import THIN, ZERO_GRADIENT, add_row, cut, 
 
 Array = NDArray[np.float64]
 
+# A violation whose share of the penalty's root is smaller is the rounding of steeper rows.
+NEGLIGIBLE = 1e-11
+
 # What is known of a row on the cell: nothing yet, that it is paid for, that it is not.
 _OPEN, _PAID, _MET = 0, 1, 2
 
@@ -68,11 +71,11 @@ def soft_minimum(
         nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, (b[k] - least[k]) / norm
         lowest, highest = np.inf, -np.inf
         for i in range(count):
-            height = nx * cell[i, 0] + ny * cell[i, 1] - d
-            lowest, highest = min(lowest, height), max(highest, height)
-        if lowest >= -thin:
+            value = nx * cell[i, 0] + ny * cell[i, 1]
+            lowest, highest = min(lowest, value), max(highest, value)
+        if lowest >= d - thin:
             state[k] = _MET
-        elif highest <= thin:
+        elif highest <= d + thin:
             state[k] = _PAID
         else:
             x, y, side = _settle(
@@ -108,15 +111,22 @@ def lock(
 
     Each violation above m_k has one value on all of them. Returns the new number of corners.
     """
+    total = 0.0
+    for k in range(b.size):
+        excess = max(0.0, b[k] - least[k] - a[k, 0] * x - a[k, 1] * y)
+        total += weight[k] * excess * excess
+    negligible = NEGLIGIBLE * np.sqrt(total)
     for k in range(b.size):
         norm = np.hypot(a[k, 0], a[k, 1])
-        if weight[k] > 0.0 and norm > ZERO_GRADIENT:
-            nx, ny = a[k, 0] / norm, a[k, 1] / norm
-            value, d = nx * x + ny * y, (b[k] - least[k]) / norm
-            if value < d - THIN * radius:
-                count = slice_at(corners, count, nx, ny, value, radius, scratch)
-            else:
-                count = cut(corners, count, nx, ny, min(value, d), radius, scratch)
+        if weight[k] == 0.0 or norm <= ZERO_GRADIENT:
+            continue
+        nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, (b[k] - least[k]) / norm
+        value = nx * x + ny * y
+        excess = norm * (d - value)
+        if value < d - THIN * radius and np.sqrt(weight[k]) * excess > negligible:
+            count = slice_at(corners, count, nx, ny, value, radius, scratch)
+        else:
+            count = cut(corners, count, nx, ny, min(value, d), radius, scratch)
     return count
 
 
@@ -151,8 +161,10 @@ def _slope(
             continue
         over = lack - least[k]
         rounding = THIN * radius * (abs(a[k, 0]) + abs(a[k, 1]))
-        if over > rounding or (over > -rounding and gain < 0.0):
-            slope -= weight[k] * max(lack, 0.0) * gain
+        if over > rounding:
+            slope -= weight[k] * lack * gain
+        elif over > -rounding and gain < 0.0:
+            slope -= weight[k] * least[k] * gain
     return slope
 
 

@@ -136,6 +136,49 @@ def relax(
     return project(w.trial, count, ux, uy, radius, w)
 
 
+def least_cost(
+    a: Array,
+    target: Array,
+    least: Array | None,
+    weight: Array,
+    rows: Array,
+    lower: Array,
+    radius: float,
+) -> Array:
+    """Return a minimiser of ``Σ w_k δ_k²`` over ``rows z ≥ lower``.
+
+    Args:
+        a: (s, r) gradients, with one or two free directions r.
+        target: (s,) t_k.
+        least: (s,) the least δ_k of ``a_k z + δ_k ≥ t_k``, or None for ``a_k z + δ_k = t_k``.
+        weight: (s,) w_k.
+        rows: (k, r) unit rows of a nonempty set of diameter 2 `radius` at most.
+        lower: (k,) their bounds.
+        radius: the largest norm of an input.
+    """
+    free = a.shape[1]
+    w = make_workspace(4 + lower.size, target.size)
+    size = 4.0 * radius
+    if free == 1:
+        count = 2
+        w.feasible[:2] = [[-size, 0.0], [size, 0.0]]
+        pad = ((0, 0), (0, 1))
+        a, rows = np.pad(a, pad), np.pad(rows, pad)
+    else:
+        count = 4
+        w.feasible[:4] = [[-size, -size], [size, -size], [size, size], [-size, size]]
+    for (nx, ny), d in zip(rows, lower, strict=True):
+        count = cut(w.feasible, count, nx, ny, d, radius, w.first)
+    if least is None:
+        z = draw(count, a, target, weight, 0.0, 0.0, 0.0, radius, w)
+    else:
+        z = soft_minimum(
+            w.feasible, count, a, target, least, weight, 0.0, 0.0, 0.0, radius,
+            w.cell, w.first, w.second, w.state,
+        )  # fmt: skip
+    return np.array(z[:free])
+
+
 @njit(cache=True)
 def draw(
     count: int,

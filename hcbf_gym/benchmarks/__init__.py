@@ -1,0 +1,1 @@
+"""Measurements of the package, each with the command that repeats it."""
