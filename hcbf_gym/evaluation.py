@@ -242,14 +242,27 @@ def evaluate(
         MissingDependencyError: if Ray is asked for and not installed.
     """
     jobs = [(case, seed) for case in cases for seed in seeds]
-    if workers == 1 and backend == "loky":
-        episodes: Any = (case.run(seed) for case, seed in jobs)
-    else:
-        use_backend(backend)
-        parallel = joblib.Parallel(n_jobs=workers, backend=backend, return_as="generator")
-        episodes = parallel(joblib.delayed(case.run)(seed) for case, seed in jobs)
-    for (case, seed), episode in zip(jobs, episodes, strict=True):
+    tasks = [joblib.delayed(case.run)(seed) for case, seed in jobs]
+    for (case, seed), episode in zip(jobs, in_parallel(tasks, workers, backend), strict=True):
         yield case, seed, episode
+
+
+def in_parallel(tasks: Sequence[Any], workers: int, backend: str) -> Iterator[Any]:
+    """Yield the tasks' results in order, as they come where the backend can; else at the end.
+
+    Args:
+        tasks: what `joblib.delayed` makes.
+        workers: processes.
+        backend: as `evaluate` takes it.
+
+    Raises:
+        MissingDependencyError: if Ray is asked for and not installed.
+    """
+    if workers == 1 and backend == "loky":
+        return (function(*args, **kwargs) for function, args, kwargs in tasks)
+    use_backend(backend)
+    return_as = "generator" if backend in ("loky", "threading") else "list"
+    return iter(joblib.Parallel(n_jobs=workers, backend=backend, return_as=return_as)(tasks))
 
 
 def use_backend(backend: str) -> None:
