@@ -147,5 +147,6 @@ def double_integrator_step(
     vx, vy = x[2] + u[0] * dt, x[3] + u[1] * dt
     speed = np.sqrt(vx * vx + vy * vy)
     if speed > v_max:
-        vx, vy = vx * v_max / speed, vy * v_max / speed
+        scale = v_max * (1.0 - 1e-12) / speed  # below the limit whichever way it is rounded
+        vx, vy = scale * vx, scale * vy
     return x[0] + 0.5 * (x[2] + vx) * dt, x[1] + 0.5 * (x[3] + vy) * dt, vx, vy

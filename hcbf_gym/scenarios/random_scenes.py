@@ -126,7 +126,7 @@ def _lay_out(uniform: Array, moving: bool, goal: Array, regions: Array) -> float
         x = first + k * stretch + 0.5 * GAP + radius + free * chance[1]
         straight = goal[1] * x / length
         reach = half_width - GAP - radius
-        y = min(max(straight + (2.0 * chance[2] - 1.0) * radius, -reach), reach)
+        y = min(max(straight + 0.5 * (2.0 * chance[2] - 1.0) * radius, -reach), reach)
         region[_X], region[_Y], region[_RADIUS] = x, y, radius
         region[_SHAPE] = (_DISC, _ELLIPSE, 3 + int(4.0 * chance[5]))[int(3.0 * chance[3])]
         region[_ASPECT], region[_ANGLE] = 0.5 + 0.5 * chance[5], 2.0 * np.pi * chance[4]
