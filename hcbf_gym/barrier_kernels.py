@@ -146,6 +146,14 @@ def values(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Ar
 
 
 @njit(cache=True)
+def along(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Array) -> None:
+    """Write h (k, m) of one scene, kind (m,), at k states x (k, 4) and times t (k,)."""
+    for i in range(x.shape[0]):
+        for k in range(kind.shape[0]):
+            h[i, k] = value(kind[k], parameters[k], x[i], t[i])
+
+
+@njit(cache=True)
 def sense(
     kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Array, sensed: Array
 ) -> None:

@@ -73,6 +73,12 @@ class BarrierSet:
         barrier_kernels.values(self.kind, self.parameters, x, t, h)
         return h
 
+    def along(self, x: Array, t: Array) -> Array:
+        """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
+        h = np.empty((len(x), self.kind.shape[1]))
+        barrier_kernels.along(self.kind[0], self.parameters[0], x, t, h)
+        return h
+
     def sense(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return h (N, m) and (N, m, 4) what a policy sees: h, unit gradient, ∂h/∂t."""
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))

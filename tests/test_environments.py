@@ -207,6 +207,51 @@ def test_the_a1_refuses_what_only_it_could_misread():
         A1RegionsEnv(feedback="guessed")
     with pytest.raises(HcbfError, match="expected"):
         A1RegionsEnv(xml_file="nothing.xml")
+    with pytest.raises(UnknownNameError, match="rough"):
+        A1RegionsEnv(terrain="lunar")
+    with pytest.raises(UnknownNameError, match="trot"):
+        A1RegionsEnv(gait="gallop")
+    with pytest.raises(InvalidInputError, match="payload"):
+        A1RegionsEnv(randomization={"load": 3.0})
+    with pytest.raises(InvalidInputError, match="low <= high"):
+        A1RegionsEnv(randomization={"payload": [3.0, 1.0]})
+    with pytest.raises(InvalidInputError, match="expected"):
+        A1RegionsEnv(disturbances={"kind": "random", "interval": -1.0, "impulse": [0.0, 1.0]})
+
+
+def test_a_randomised_episode_is_decided_by_its_seed():
+    settings = {
+        "randomization": {"payload": [0.0, 4.0], "start_distance": [0.05, 0.1], "start_yaw": 0.2},
+        "disturbances": {"kind": "random", "interval": 0.2, "impulse": [5.0, 10.0]},
+        "diagnostics": True,
+    }
+
+    def end(seed):
+        env = gym.make("HCBF-A1Regions-v0", **settings)
+        state = env.reset(seed=seed)[0], run(env, 30, seed)[-1][0]
+        env.close()
+        return state
+
+    (start, one), (_, again), (elsewhere, other) = end(1), end(1), end(2)
+    np.testing.assert_array_equal(one, again)
+    assert np.abs(one - other).max() > 1e-3
+    assert 0.05 <= np.linalg.norm(start[:2]) <= 0.1
+    assert np.abs(start - elsewhere).max() > 1e-3
+
+
+def test_a_fall_ends_the_episode_without_an_exception_or_a_nan():
+    shove = {"time": 0.2, "duration": 0.2, "force": [0.0, 900.0, 0.0]}
+    env = gym.make(
+        "HCBF-A1Regions-v0", disturbances={"kind": "scheduled", "pushes": [shove]}, diagnostics=True
+    )
+    record = run(env, 200)
+    assert record[-1][2]["fallen"] == 1.0
+    assert len(record) < 200
+    for observation, reward, info in record:
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward)
+        assert all(np.isfinite(value).all() for _, value in flat(info))
+    env.close()
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)

@@ -16,7 +16,7 @@ from hcbf_gym.envs import task
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
-from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios import Scenario
 
@@ -78,6 +78,14 @@ class A1RegionsEnv(gym.Env[Array, Array]):
       its position and the reduced-order model's velocity, "rom" on that model's own state.
     * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
     * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
+    * `gait`: "trot", "walk", or "stand" (which trots when something is asked or disturbs).
+    * `friction`: µ of the contact forces that the controller plans.
+    * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
+    * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
+      strength, delay, sensor noise, start pose.
+    * `disturbances`: plain dict of scheduled or random pushes.
+    * `diagnostics`: adds `info["locomotion"]`: stance, foot targets, torques, the QP's status and
+      residual.
     * `render_mode`: None, "rgb_array", or "human" (a window).
 
     ## Version History
@@ -95,6 +103,12 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         feedback: str = "measured",
         xml_file: str | None = None,
         timestep: float = task.PHYSICS_DT,
+        gait: str = "trot",
+        friction: float = 0.6,
+        terrain: str = "flat",
+        randomization: Mapping[str, Any] | None = None,
+        disturbances: Mapping[str, Any] | None = None,
+        diagnostics: bool = False,
         render_mode: str | None = None,
     ):
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -106,13 +120,22 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         self.render_mode = render_mode
         self.feedback = feedback
         self._source = scenario
-        self._substeps = _substeps(timestep)
-        self._timestep = timestep
+        self._diagnostics = diagnostics
+        self._ticks = timestep * np.arange(1, _substeps(timestep) + 1)
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
         robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
-        self.simulation = Simulation(robot, timestep=timestep, obstacles=self.scenario.obstacles)
+        self.simulation = Simulation(
+            robot,
+            timestep=timestep,
+            obstacles=self.scenario.obstacles,
+            terrain=terrain,
+            randomization=randomization,
+            disturbances=disturbances,
+        )
         self._v_max = V_MAX if self.scenario.v_max is None else min(V_MAX, self.scenario.v_max)
-        self.controller = LocomotionController(robot, timestep=timestep, max_speed=self._v_max)
+        self.controller = LocomotionController(
+            robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
+        )
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._artist = SceneArtist()
@@ -122,11 +145,11 @@ class A1RegionsEnv(gym.Env[Array, Array]):
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
+        if self.feedback == "measured":
+            return self._measured.copy()
         reference = self.controller.reference
-        measured = self.simulation
-        position = reference.position if self.feedback == "rom" else measured.base_position
-        velocity = measured.base_velocity if self.feedback == "measured" else reference.velocity
-        return np.concatenate([position, velocity])
+        position = reference.position if self.feedback == "rom" else self._measured[:2]
+        return np.concatenate([position, reference.velocity])
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
@@ -154,9 +177,11 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         yaw = _initial_yaw(self.scenario)
         self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
         self.controller.reset(self.simulation.state())
+        self._measured = self._measure()
         self._artist.restart()
-        h = self._barrier_values()
-        return self._observe(), task.first(task.step_info(h, h.copy(), self._error())) | {
+        h = self.barrier_set.along(self._measured[None], np.zeros(1))
+        info = task.first(task.step_info(h, h.copy(), self._error()))
+        return self._observe(), info | {
             "fallen": 0.0,
             "qp_failures": 0.0,
             "obstacle_force": np.zeros(len(self.scenario.obstacles)),
@@ -165,27 +190,34 @@ class A1RegionsEnv(gym.Env[Array, Array]):
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         u = np.clip(task.check_action(action, (2,)), *self._bounds)
-        distance_before, min_h = self._error(), np.full(self.barrier_set.kind.shape, np.inf)
-        force = np.zeros(len(self.scenario.obstacles))
-        for _ in range(self._substeps):
-            torque = self.controller.step(self.simulation.state(), u)
-            self.simulation.step(torque)
-            np.minimum(min_h, self._barrier_values(), out=min_h)
-            np.maximum(force, self._obstacle_forces(), out=force)
-        self._steps += 1
-        self._artist.walk(self.simulation.base_position)
-
-        fallen, distance = self.simulation.fallen, self._error()
-        reached = (distance <= self.scenario.goal_radius) & (self.scenario.task == "reach")
-        terms = task.reward_terms(
-            self.scenario.task, distance_before, distance, reached & (not fallen), u[None]
+        distance_before = self._error()
+        path, forces = [], [np.zeros(len(self.scenario.obstacles))]
+        for _ in self._ticks:
+            self.simulation.step(self.controller.step(self.simulation.state(), u))
+            if not np.isfinite(self._measure()).all():  # diverged; the last finite state stands
+                break
+            path.append(self._measure())
+            forces.append(self.simulation.obstacle_forces())
+        fallen = self.simulation.fallen
+        self._measured = path[-1] if path else self._measured
+        h = self.barrier_set.along(
+            np.array(path or [self._measured]), self.time + self._ticks[: len(path) or 1]
         )
-        info = task.first(task.step_info(self._barrier_values(), min_h, distance) | terms)
+        self._steps += 1
+        self._artist.walk(self._measured[:2])
+
+        distance = self._error()
+        near = (distance <= self.scenario.goal_radius) & (self.scenario.task == "reach")
+        reached = near & (not fallen)
+        terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
+        info = task.first(task.step_info(h[-1:], h.min(axis=0, keepdims=True), distance) | terms)
         info |= {
             "fallen": float(fallen),
             "qp_failures": float(self.controller.failed),
-            "obstacle_force": force,
+            "obstacle_force": np.max(forces, axis=0),
         }
+        if self._diagnostics:
+            info["locomotion"] = _plain(self.controller.diagnostics)
         if self.render_mode == "human":
             self.render()
         reward = float(sum(term[0] for term in terms.values()))
@@ -220,24 +252,30 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
+        self._measured = np.array([*scenario.start, 0.0, 0.0])
 
     def _reference(self) -> Array:
         return self._references[None, min(self._steps, len(self._references) - 1)]
 
     def _error(self) -> Array:
-        return np.linalg.norm(self._reference()[:, :2] - self.simulation.base_position, axis=1)
+        gap = self._reference()[0, :2] - self._measured[:2]
+        return np.array([np.hypot(gap[0], gap[1])])
 
-    def _barrier_values(self) -> Array:
-        measured = np.concatenate([self.simulation.base_position, self.simulation.base_velocity])
-        return self.barrier_set.values(measured[None], np.array([self.simulation.data.time]))
+    def _measure(self) -> Array:
+        return np.concatenate([self.simulation.base_position, self.simulation.base_velocity])
 
     def _observe(self) -> Array:
         x = self.rom_state[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
         return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
 
-    def _obstacle_forces(self) -> Array:
-        return self.simulation.obstacle_forces()
+
+def _plain(diagnostics: Diagnostics) -> dict[str, Any]:
+    """Return the controller's record as floats and float arrays, as infos carry them."""
+    return {
+        name: np.asarray(value, dtype=np.float64) if np.ndim(value) else float(value)
+        for name, value in diagnostics._asdict().items()
+    }
 
 
 def _substeps(timestep: float) -> int:

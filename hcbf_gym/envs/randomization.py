@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.locomotion.state import Array
 from hcbf_gym.records import build, check_mapping
 
 Range = tuple[float, float]
@@ -43,6 +44,9 @@ class Randomization:
         sensor_noise: scale of Gaussian noise; 1 means standard deviations of .1 m/s, .2 rad/s on
             the trunk, .01 rad and .6 rad/s on the joints.
 
+        start_distance: from the scenario's start, in any direction [m].
+        start_yaw: to either side of the reference's direction [rad].
+
     Raises:
         InvalidInputError: on a range that is empty, not finite or out of bounds.
     """
@@ -53,10 +57,12 @@ class Randomization:
     motor_strength: Range = (1.0, 1.0)
     delay: Range = (0.0, 0.0)
     sensor_noise: Range = (0.0, 0.0)
+    start_distance: Range = (0.0, 0.0)
+    start_yaw: Range = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         positive = ("floor_friction", "motor_strength")
-        for name in Plant._fields:
+        for name in (*Plant._fields, "start_distance", "start_yaw"):
             bounds = _range(name, getattr(self, name), exclusive=name in positive)
             object.__setattr__(self, name, bounds)
         place = finite_array("payload_position", self.payload_position, (3,))
@@ -77,6 +83,13 @@ class Randomization:
     def draw(self, rng: np.random.Generator) -> Plant:
         """Draw one plant; every field takes one number from `rng`, whatever its range."""
         return Plant(*(float(rng.uniform(*getattr(self, name))) for name in Plant._fields))
+
+    def draw_start(self, rng: np.random.Generator) -> tuple[Array, float]:
+        """Draw where an episode starts: the offset (2,) [m] and turn [rad] from the scenario's."""
+        direction, side = rng.uniform(-np.pi, np.pi), rng.choice([-1.0, 1.0])
+        distance = rng.uniform(*self.start_distance)
+        offset = distance * np.array([np.cos(direction), np.sin(direction)])
+        return offset, float(side * rng.uniform(*self.start_yaw))
 
 
 def _range(name: str, value: Any, exclusive: bool) -> Range:

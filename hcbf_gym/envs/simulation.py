@@ -80,7 +80,7 @@ class Simulation:
         self.plant: Plant = self._randomization.draw(self._rng)
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
-        """Put the robot at rest on its feet at `position` (2,) [m], facing `yaw` [rad].
+        """Put the robot at rest on its feet near `position` (2,) [m], facing about `yaw` [rad].
 
         Args:
             position: (2,) [m].
@@ -90,13 +90,15 @@ class Simulation:
         self._rng = rng
         self.plant = self._randomization.draw(rng)
         self._pushes = self._disturbance.draw(rng)
+        offset, turn = self._randomization.draw_start(rng)
+        yaw += turn
         ticks = round(self.plant.delay / self.model.opt.timestep)
         self._delayed = deque(np.zeros((ticks, 12)))
         self.model.geom_friction[self._feet, 0] = self.plant.floor_friction
         mujoco.mj_resetData(self.model, self.data)
         if self._randomization.payload[1] > 0.0:
             self._load(self.plant.payload)
-        self._qpos[:2] = position
+        self._qpos[:2] = position + offset
         self._qpos[2] = self._start_height
         self._qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
         self._qpos[7:] = a1.HOME_JOINTS
