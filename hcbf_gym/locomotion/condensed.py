@@ -169,3 +169,48 @@ def condense(
     lower[12:24] = -torque_limit - torque_offset
     upper[12:24] = torque_limit - torque_offset
     return (row - 12) // 4
+
+
+@njit(cache=True)
+def free_minimiser(program: QuadraticProgram, rows: int, x: Array) -> bool:
+    """Write ``−H⁻¹f`` into x (n,) and return whether it keeps to every bound: then it is optimal.
+
+    While the robot walks undisturbed no friction or torque limit binds, and the QP needs no solver.
+
+    Args:
+        program: with a positive definite Hessian; the first `rows` rows of A count.
+        rows: how many.
+        x: (n,) filled in.
+    """
+    n = len(x)
+    L = np.zeros((n, n))  # Cholesky factor of H
+    for i in range(n):
+        for j in range(i + 1):
+            total = program.H[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total > 0.0:
+                L[i, i] = np.sqrt(total)
+            else:
+                return False
+    for i in range(n):
+        total = -program.f[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    for i in range(n):
+        if not program.lower[i] <= x[i] <= program.upper[i]:
+            return False
+    for row in range(rows):
+        value = 0.0
+        for k in range(n):
+            value += program.A[row, k] * x[k]
+        if not program.lower[n + row] <= value <= program.upper[n + row]:
+            return False
+    return True

@@ -128,8 +128,9 @@ class LocomotionController:
         """
         M, nonlinear_effects = self.model.dynamics(state)
         formulation = self._formulation
-        program = formulation.plan(self._settings, self._memory, state, u, M, nonlinear_effects)
-        self._solution = qp.solve(program)
+        self._solution = formulation.solve(
+            self._settings, self._memory, state, u, M, nonlinear_effects
+        )
         if self._solution.x is None:
             self.failed += 1  # the last torques hold for this tick
         else:

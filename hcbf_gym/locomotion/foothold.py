@@ -58,9 +58,7 @@ def foothold(
     scale = min(1.0, MAX_OFFSET / max(np.sqrt(dx * dx + dy * dy), 1e-9))
     heading = yaw + reference.yaw_rate * remaining
     c, s = np.cos(heading), np.sin(heading)
-    return np.array(
-        [
-            position[0] + vx * remaining + c * nominal[0] - s * nominal[1] + scale * dx,
-            position[1] + vy * remaining + s * nominal[0] + c * nominal[1] + scale * dy,
-        ]
-    )
+    landing = np.empty(2)
+    landing[0] = position[0] + vx * remaining + c * nominal[0] - s * nominal[1] + scale * dx
+    landing[1] = position[1] + vy * remaining + s * nominal[0] + c * nominal[1] + scale * dy
+    return landing

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.matrices import affine
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.locomotion.task_space import QuadraticProgram
@@ -29,9 +30,10 @@ class CondensedForm:
         ]
         self._torque_map, self._torque_offset = A[:12], np.zeros(12)
         self.program = self._with_contacts[0]
+        self._x = np.zeros(12)
         self.feedback = np.zeros(12)
 
-    def plan(
+    def solve(
         self,
         settings: Record,
         memory: Record,
@@ -39,9 +41,9 @@ class CondensedForm:
         u: Array,
         M: Array,
         nonlinear_effects: Array,
-    ) -> QuadraticProgram:
-        """Move `memory` on by one tick and return the QP; see `tick.tick_condensed`."""
-        contacts = tick_condensed(
+    ) -> qp.QpSolution:
+        """Move `memory` on by one tick and solve its QP; see `tick.tick_condensed`."""
+        contacts, solved = tick_condensed(
             settings,
             memory,
             *state,
@@ -50,10 +52,11 @@ class CondensedForm:
             nonlinear_effects,
             *self._arrays,
             self._torque_offset,
+            self._x,
             self.feedback,
         )
         self.program = self._with_contacts[contacts]
-        return self.program
+        return qp.unconstrained(self.program, self._x) if solved else qp.solve(self.program)
 
     def torque(self, x: Array) -> Array:
         """Return (12,) the joint torques of a solution [N·m]."""
@@ -66,7 +69,7 @@ class FullForm:
     program: QuadraticProgram
     feedback: Array
 
-    def plan(
+    def solve(
         self,
         settings: Record,
         memory: Record,
@@ -74,10 +77,10 @@ class FullForm:
         u: Array,
         M: Array,
         nonlinear_effects: Array,
-    ) -> QuadraticProgram:
-        """Move `memory` on by one tick and return the QP; see `tick.tick_full`."""
+    ) -> qp.QpSolution:
+        """Move `memory` on by one tick and solve its QP; see `tick.tick_full`."""
         self.program, self.feedback = tick_full(settings, memory, state, u, M, nonlinear_effects)
-        return self.program
+        return qp.solve(self.program)
 
     def torque(self, x: Array) -> Array:
         """Return (12,) the joint torques of a solution [N·m]."""

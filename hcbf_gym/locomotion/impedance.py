@@ -36,7 +36,8 @@ def joint_feedback(
         reference: of the trunk.
     """
     torque = np.empty(12)
-    desired_velocity = np.array([reference.velocity[0], reference.velocity[1], 0.0])
+    desired_velocity = np.zeros(3)
+    desired_velocity[:2] = reference.velocity
     desired_omega = reference.yaw_rate * R[2]
     for foot in range(4):
         k = slice(3 * foot, 3 * foot + 3)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.locomotion.rotation import wrap_angle
 from hcbf_gym.locomotion.state import Array
 
 
@@ -99,4 +100,8 @@ def inverse_kinematics(geometry: LegGeometry, leg: int, foot: Array) -> Array:
     cos_knee = (x * x + down * down - l2 * l2 - l3 * l3) / (2.0 * l2 * l3)
     knee = -np.arccos(min(max(cos_knee, -1.0), 1.0))
     hip = np.arctan2(-x, down) - np.arctan2(l3 * np.sin(knee), l2 + l3 * np.cos(knee))
-    return np.array([(abad + np.pi) % (2.0 * np.pi) - np.pi, hip, knee])
+    joints = np.empty(3)
+    joints[0] = wrap_angle(abad)
+    joints[1] = hip
+    joints[2] = knee
+    return joints

@@ -1,7 +1,7 @@
 """Small dense matrices for the compiled kernels.
 
-Written out as loops: at these sizes a call to BLAS costs more than the product, and a result that
-no library decides is the same on every machine.
+Written out as loops: at these sizes a call to BLAS, or an array made from a list, costs more than
+the arithmetic, and a result that no library decides is the same on every machine.
 """
 
 import numpy as np
@@ -13,15 +13,21 @@ from hcbf_gym.locomotion.state import Array
 @njit(cache=True)
 def cross(a: Array, b: Array) -> Array:
     """Return (3,) a × b."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    c = np.empty(3)
+    c[0] = a[1] * b[2] - a[2] * b[1]
+    c[1] = a[2] * b[0] - a[0] * b[2]
+    c[2] = a[0] * b[1] - a[1] * b[0]
+    return c
 
 
 @njit(cache=True)
 def skew(a: Array) -> Array:
     """Return (3, 3) the matrix of a×."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    S = np.zeros((3, 3))
+    S[0, 1], S[0, 2] = -a[2], a[1]
+    S[1, 0], S[1, 2] = a[2], -a[0]
+    S[2, 0], S[2, 1] = -a[1], a[0]
+    return S
 
 
 @njit(cache=True)

@@ -8,7 +8,7 @@ import numpy as np
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.task_space import QuadraticProgram
 
-_OPTIMAL = 1
+OPTIMAL = 1
 _EQUALITY = 5
 
 
@@ -35,7 +35,12 @@ def solve(program: QuadraticProgram) -> QpSolution:
         x, _, exitflag, info = daqp.solve(H, f, A, upper, lower, sense, eps_prox=1e-5)
     else:
         x, _, exitflag, info = daqp.solve(H, f, A, upper, lower)
-    return QpSolution(x if exitflag == _OPTIMAL else None, exitflag, info["lam"])
+    return QpSolution(x if exitflag == OPTIMAL else None, exitflag, info["lam"])
+
+
+def unconstrained(program: QuadraticProgram, x: Array) -> QpSolution:
+    """Return the solution x (n,) of a program none of whose bounds binds."""
+    return QpSolution(x, OPTIMAL, np.zeros(len(program.lower)))
 
 
 def residual(program: QuadraticProgram, solution: QpSolution) -> float:

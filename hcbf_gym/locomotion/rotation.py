@@ -38,10 +38,13 @@ def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
         E[i, 0] = R[0, i] * c + R[1, i] * s
         E[i, 1] = -R[0, i] * s + R[1, i] * c
         E[i, 2] = R[2, i]
-    twice_sine = np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
-    sine = 0.5 * np.sqrt((twice_sine**2).sum())
+    axis = np.empty(3)  # times twice the sine of the angle
+    axis[0] = E[2, 1] - E[1, 2]
+    axis[1] = E[0, 2] - E[2, 0]
+    axis[2] = E[1, 0] - E[0, 1]
+    sine = 0.5 * np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
     angle = np.arctan2(sine, 0.5 * (E[0, 0] + E[1, 1] + E[2, 2] - 1.0))
-    return twice_sine * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
+    return axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
 
 
 @njit(cache=True)

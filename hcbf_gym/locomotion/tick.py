@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
-from hcbf_gym.locomotion.condensed import condense
+from hcbf_gym.locomotion.condensed import condense, free_minimiser
 from hcbf_gym.locomotion.feet import TARGETS, plan_feet
 from hcbf_gym.locomotion.gait import GAIT, advance_clock, foot_phases
 from hcbf_gym.locomotion.impedance import joint_feedback
@@ -185,9 +185,10 @@ def tick_condensed(
     lower: Array,
     upper: Array,
     torque_offset: Array,
+    x: Array,
     feedback: Array,
-) -> int:
-    """Fill in the condensed QP of this tick and return how many feet stand.
+) -> tuple[int, bool]:
+    """Fill in the condensed QP of this tick; return how many feet stand and whether x solves it.
 
     Args:
         settings: (1,) `SETTINGS`.
@@ -208,6 +209,7 @@ def tick_condensed(
         lower: see there.
         upper: see there.
         torque_offset: (12,) ``τ_ff = A[:12] z + torque_offset``, filled [N·m].
+        x: (12,) the minimiser without bounds, filled; the solution if it keeps to them.
         feedback: (12,) torques of the joint impedance, filled [N·m].
     """
     state = RobotState(
@@ -221,7 +223,8 @@ def tick_condensed(
     )
     p = plan(settings[0], memory[0], state, u, nonlinear_effects)
     feedback[:] = p.feedback
-    return condense(
+    program = QuadraticProgram(H, f, A, lower, upper, 0)
+    contacts = condense(
         M,
         p.bias,
         p.v,
@@ -231,9 +234,10 @@ def tick_condensed(
         p.tasks,
         settings[0].friction,
         settings[0].torque_limit,
-        QuadraticProgram(H, f, A, lower, upper, 0),
+        program,
         torque_offset,
     )
+    return contacts, free_minimiser(program, 12 + 4 * contacts, x)
 
 
 @njit(cache=True)
