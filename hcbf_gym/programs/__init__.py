@@ -5,6 +5,7 @@ from typing import Any
 from hcbf_gym.errors import check_options, choose
 from hcbf_gym.input_sets import Box, InputSet
 from hcbf_gym.programs.cbf import CbfQp
+from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
 from hcbf_gym.programs.hierarchical import HierarchicalCbfQp
 from hcbf_gym.programs.lexicographic import LexicographicCbfQp
@@ -17,9 +18,12 @@ from hcbf_gym.rows import CbfRows
 __all__ = [
     "BatchProgram",
     "CbfRows",
+    "ConflictReport",
     "FilterResult",
     "FilterStatus",
     "Program",
+    "conflict_report",
+    "equivalent_offset",
     "make",
     "make_batch",
     "names",

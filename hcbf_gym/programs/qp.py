@@ -6,6 +6,7 @@ can take DAQP's place. No solver is believed: its status is read and its point i
 """
 
 import functools
+import warnings
 from collections.abc import Callable
 from enum import Enum
 from typing import Any, NamedTuple
@@ -168,7 +169,9 @@ def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpS
         matrix(a[equal]) if equal.any() else None,
         lower[equal] if equal.any() else None,
     )
-    answer = qpsolvers.solve_problem(quadratic, solver=name, **SETTINGS.get(name, {}))
+    with warnings.catch_warnings():  # backends warn of their own deprecations and of accuracy
+        warnings.simplefilter("ignore")
+        answer = qpsolvers.solve_problem(quadratic, solver=name, **SETTINGS.get(name, {}))
     # qpsolvers does not tell an infeasible problem from a failed attempt
     if not answer.found or answer.x is None:
         return None, QpStatus.FAILED

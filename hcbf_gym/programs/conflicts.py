@@ -1,0 +1,94 @@
+"""Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.class_k import ClassK
+from hcbf_gym.input_sets import InputSet
+from hcbf_gym.programs.program import check_rows
+from hcbf_gym.programs.qp import Solver
+from hcbf_gym.programs.result import FilterResult
+from hcbf_gym.programs.stage import ZERO_GRADIENT, FeasibleSet, nearest
+from hcbf_gym.rows import CbfRows
+
+
+class ConflictReport(NamedTuple):
+    """Why no input meets all rows.
+
+    Attributes:
+        rows: indices of an irreducible infeasible subset: without any one of them, the others can
+            be met in U. Rows of higher priority are preferred.
+        needs_input_set: whether U's limits are part of the conflict, that is, whether an unbounded
+            input could meet these rows.
+        paid: priority → the largest violation among its rows, for the priorities that pay.
+    """
+
+    rows: tuple[int, ...]
+    needs_input_set: bool
+    paid: dict[int, float]
+
+
+def conflict_report(
+    rows: CbfRows, result: FilterResult, input_set: InputSet, solver: str = "daqp"
+) -> ConflictReport | None:
+    """Report the conflict among the rows of one state, or None where there is none.
+
+    The subset is found by a deletion filter: rows are left out one by one, the lowest priority
+    first, as long as the rest stays infeasible.
+
+    Args:
+        rows: the rows of one state.
+        result: what a program made of them.
+        input_set: U.
+        solver: the solver's name.
+
+    Raises:
+        InvalidInputError: on malformed rows.
+    """
+    check_rows(rows, input_set.n_u)
+    judge, admissible = Solver(solver), FeasibleSet.of_input_set(input_set)
+    kept = np.argsort(rows.priority, kind="stable")
+    if _feasible(rows, kept, admissible, judge):
+        return None
+    for row in kept[::-1]:
+        rest = kept[kept != row]
+        if not _feasible(rows, rest, admissible, judge):
+            kept = rest
+    unbounded = admissible._replace(a=admissible.a[:0], b=admissible.b[:0])
+    paid = {
+        int(priority): float(result.slack[rows.priority == priority].max())
+        for priority in np.unique(rows.priority[result.slack > 0.0])
+    }
+    return ConflictReport(
+        tuple(sorted(int(row) for row in kept)), _feasible(rows, kept, unbounded, judge), paid
+    )
+
+
+def _feasible(
+    rows: CbfRows, kept: NDArray[np.int64], admissible: FeasibleSet, judge: Solver
+) -> bool:
+    a, b = rows.a[kept], rows.b[kept]
+    constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2
+    if (b[constant] > 0.0).any():
+        return False
+    return nearest(admissible.intersect(a, b), np.zeros(a.shape[1]), judge) is not None
+
+
+def equivalent_offset(alpha2: ClassK, psi: float, delta: float) -> float:
+    r"""Return the offset c by which a relaxation δ enlarges a row's set.
+
+    .. math:: c = α₂^{-1}(α₂(ψ) + δ) − ψ
+
+    With the offset the row reads as the CBF condition of ``ψ + c``, whose safe set is
+    ``{x : ψ(x) ≥ −c}``.
+
+    Args:
+        alpha2: α₂.
+        psi: the barrier at its relative degree.
+        delta: δ.
+
+    Source: section III-A of the paper.
+    """
+    return alpha2.inverse(alpha2(psi) + delta) - psi
