@@ -177,7 +177,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         yaw = _initial_yaw(self.scenario)
         self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
         self.controller.reset(self.simulation.state())
-        self._measured = self._measure()
+        self._measured = self.simulation.base_state
         self._artist.restart()
         h = self.barrier_set.along(self._measured[None], np.zeros(1))
         info = task.first(task.step_info(h, h.copy(), self._error()))
@@ -194,9 +194,10 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
         for _ in self._ticks:
             self.simulation.step(self.controller.step(self.simulation.state(), u))
-            if not np.isfinite(self._measure()).all():  # diverged; the last finite state stands
+            measured = self.simulation.base_state
+            if not np.isfinite(measured).all():  # diverged; the last finite state stands
                 break
-            path.append(self._measure())
+            path.append(measured)
             forces.append(self.simulation.obstacle_forces())
         fallen = self.simulation.fallen
         self._measured = path[-1] if path else self._measured
@@ -260,9 +261,6 @@ class A1RegionsEnv(gym.Env[Array, Array]):
     def _error(self) -> Array:
         gap = self._reference()[0, :2] - self._measured[:2]
         return np.array([np.hypot(gap[0], gap[1])])
-
-    def _measure(self) -> Array:
-        return np.concatenate([self.simulation.base_position, self.simulation.base_velocity])
 
     def _observe(self) -> Array:
         x = self.rom_state[None]

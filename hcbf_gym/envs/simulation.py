@@ -134,14 +134,9 @@ class Simulation:
         self.data.xfrc_applied[self._trunk, :3] = force
 
     @property
-    def base_position(self) -> Array:
-        """(2,) of the trunk [m]."""
-        return self._qpos[:2].copy()
-
-    @property
-    def base_velocity(self) -> Array:
-        """(2,) of the trunk [m/s]."""
-        return self._qvel[:2].copy()
+    def base_state(self) -> Array:
+        """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
+        return np.concatenate((self._qpos[:2], self._qvel[:2]))
 
     @property
     def fallen(self) -> bool:
