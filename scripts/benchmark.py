@@ -1,0 +1,56 @@
+"""Measure speed and quality, beside others where they are installed; medians of several runs.
+
+Every suite prints its table and leaves a JSON of the figures in the output folder.
+"""
+
+import os
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")  # figures are for one core
+
+import importlib
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from hcbf_gym.errors import HcbfError
+
+SUITES = {
+    "programs": "hcbf_gym.benchmarks.programs",
+    "verify-programs": "hcbf_gym.benchmarks.verify_programs",
+    "environments": "hcbf_gym.benchmarks.environments",
+    "locomotion": "hcbf_gym.benchmarks.locomotion",
+}
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which figures to make."""
+
+    suite: Literal["programs", "verify-programs", "environments", "locomotion"]
+    """programs: time of each filter; verify-programs: each filter against exact solutions;
+    environments: steps per second; locomotion: quality, robustness and speed of the walk."""
+    quick: bool = False
+    """Fewer and shorter runs."""
+    output: Path = Path("results/benchmark")
+    """Folder for SUITE.json."""
+
+
+def main(args: Args) -> None:
+    """Run one suite and save its figures."""
+    args.output.mkdir(parents=True, exist_ok=True)
+    figures = importlib.import_module(SUITES[args.suite]).run(quick=args.quick)
+    path = args.output / f"{args.suite}.json"
+    path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    print(f"written to {path}")
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(Args, description=__doc__))
+    except HcbfError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,53 @@
+"""What README and docs show is run as it stands there."""
+
+import json
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+from hcbf_gym import scenarios
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.wrappers import SafetyFilter
+
+ROOT = Path(__file__).parent.parent
+
+
+def blocks(page, language):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+@pytest.mark.physics
+def test_the_readmes_code_runs_and_does_what_it_says():
+    names: dict = {}
+    loop, vector, alone = blocks("README.md", "python")
+    exec(loop, names)
+    assert set(names["info"]["safety_filter"]) >= {"u_nominal", "u_safe", "slack", "status"}
+    assert names["truncated"]
+    assert not names["terminated"]
+    exec(vector, names)
+    names["envs"].reset(seed=0)
+    exec(alone, names)
+    result = names["result"]
+    assert result.u == pytest.approx([1.0, 0.0], abs=1e-9)
+    assert result.slack == pytest.approx([0.0, 1.5], abs=1e-9)
+    assert result.status == FilterStatus.RELAXED
+
+
+def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
+    names: dict = {}
+    exec(blocks("docs/environments.md", "python")[0], names)
+    assert "safety_filter" in names["info"]
+    (scene,) = blocks("docs/environments.md", "json")
+    assert scenarios.make(json.loads(scene)).name == "one disc"
+    env = SafetyFilter(gym.make("HCBF-Regions-v0", scenario=json.loads(scene)))
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+def test_every_link_of_the_pages_leads_somewhere():
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
