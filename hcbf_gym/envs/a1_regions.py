@@ -121,7 +121,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         self.feedback = feedback
         self._source = scenario
         self._diagnostics = diagnostics
-        self._ticks = timestep * np.arange(1, _substeps(timestep) + 1)
+        self._ticks: Array = np.arange(1, _substeps(timestep) + 1) * np.float64(timestep)
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
         robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
         self.simulation = Simulation(
