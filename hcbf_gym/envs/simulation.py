@@ -71,6 +71,7 @@ class Simulation:
         self._trunk = self.model.body(a1.TRUNK).id
         self._feet = np.array([_foot_geom(self.model, leg) for leg in a1.LEGS])
         self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
+        self._forces = np.zeros(len(self._boxes))
         self._start_height = a1.HOME_HEIGHT + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
         # the robot comes first in the scene, so these are its own
         self._qpos, self._qvel = self.data.qpos[:19], self.data.qvel[:18]
@@ -127,6 +128,7 @@ class Simulation:
             self.push(self._scheduled_force())
         np.multiply(torque, self.plant.motor_strength, out=self.data.ctrl)
         mujoco.mj_step2(self.model, self.data)
+        self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
         mujoco.mj_step1(self.model, self.data)
 
     def push(self, force: Array) -> None:
@@ -146,7 +148,10 @@ class Simulation:
         return not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)  # NaN has fallen, too
 
     def obstacle_forces(self) -> Array:
-        """Return (k,) the normal force between the robot and each obstacle [N]."""
+        """Return (k,) the normal force between the robot and each obstacle in the last tick [N]."""
+        return self._forces
+
+    def _measure_forces(self) -> Array:
         forces = np.zeros(len(self._boxes))
         if not len(self._boxes):
             return forces

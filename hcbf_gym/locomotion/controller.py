@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.compilation import announce_compilation
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import stand
 from hcbf_gym.locomotion.foothold import nominal_stance
 from hcbf_gym.locomotion.formulations import CondensedForm, FullForm
-from hcbf_gym.locomotion.gait import GAITS, RESTING
+from hcbf_gym.locomotion.gait import GAITS, RESTING, Gait
 from hcbf_gym.locomotion.impedance import limited_sum
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
@@ -57,7 +58,7 @@ class LocomotionController:
         friction: µ of the friction pyramid that the contact forces keep to.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
         heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
-        max_speed: cap on the reference's speed [m/s].
+        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
         height: of the trunk above the ground [m].
         formulation: of the task-space QP, "condensed" or "full"; both give the same torques.
 
@@ -74,20 +75,22 @@ class LocomotionController:
         friction: float = 0.6,
         gait: str = "trot",
         heading: str = "velocity",
-        max_speed: float = 1.2,
+        max_speed: float | None = None,
         height: float = a1.HOME_HEIGHT,
         formulation: str = "condensed",
     ) -> None:
+        announce_compilation()
         self.model = RobotModel(xml_file)
+        chosen_gait = choose("gait", gait, GAITS)
         settings = (
             finite_float("timestep", timestep, minimum=0.0, exclusive=True),
             finite_float("friction", friction, minimum=0.0, exclusive=True),
             a1.TORQUE_LIMIT,
             finite_float("height", height, minimum=0.0, exclusive=True),
-            finite_float("max_speed", max_speed, minimum=0.0, exclusive=True),
+            _speed_cap(chosen_gait, max_speed),
             choose("heading", heading, {"velocity": True, "fixed": False}),
             a1.FOOT_RADIUS,
-            choose("gait", gait, GAITS),
+            chosen_gait,
             self.model.legs,
             nominal_stance(self.model.legs.hip),
             self.model.losses,
@@ -170,3 +173,14 @@ class LocomotionController:
             qp_solved=self.solved,
             qp_failed=self.failed,
         )
+
+
+def _speed_cap(gait: Gait, max_speed: float | None) -> float:
+    if max_speed is None:
+        return gait.max_speed
+    speed = finite_float("max_speed", max_speed, minimum=0.0, exclusive=True)
+    if speed > gait.max_speed:
+        raise InvalidInputError(
+            f"max_speed: got {speed} m/s, expected at most {gait.max_speed} m/s for this gait"
+        )
+    return speed

@@ -20,23 +20,35 @@ class Gait(NamedTuple):
         duty: share of the period that a foot stands.
         offsets: phase of FR, FL, RR, RL at time zero; a foot stands while its phase is below duty.
         rests: whether all feet stay down while nothing is asked and nothing disturbs.
+        max_speed: up to which it walks well [m/s].
     """
 
     period: float
     duty: float
     offsets: tuple[float, float, float, float]
     rests: bool
+    max_speed: float
 
 
 # the same fields as one record, which compiled code reads
 GAIT = np.dtype(
-    (np.record, [("period", "f8"), ("duty", "f8"), ("offsets", "f8", 4), ("rests", "u1")])
+    (
+        np.record,
+        [
+            ("period", "f8"),
+            ("duty", "f8"),
+            ("offsets", "f8", 4),
+            ("rests", "u1"),
+            ("max_speed", "f8"),
+        ],
+    )
 )
 
+_TROT = Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=False, max_speed=1.8)
 GAITS = {
-    "trot": Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=False),
-    "stand": Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=True),
-    "walk": Gait(period=0.60, duty=0.75, offsets=(0.0, 0.5, 0.75, 0.25), rests=False),
+    "trot": _TROT,
+    "stand": _TROT._replace(rests=True),
+    "walk": Gait(period=0.6, duty=0.75, offsets=(0.5, 0.0, 0.75, 0.25), rests=False, max_speed=0.4),
 }
 
 
