@@ -28,7 +28,7 @@ V_MAX = 1.2
 MARGIN = 0.03
 """What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
 
-SPEED_MARGIN = 0.12
+SPEED_MARGIN = 0.08
 """What the speed limit's row keeps [m/s]: the trunk's speed sways around its model's."""
 
 _FEEDBACK = {
@@ -138,7 +138,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         )
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
-        self._artist = SceneArtist()
+        self.artist = SceneArtist()
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._take_scene(self.scenario)
 
@@ -178,7 +178,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
         self.controller.reset(self.simulation.state())
         self._measured = self.simulation.base_state
-        self._artist.restart()
+        self.artist.restart()
         h = self.barrier_set.along(self._measured[None], np.zeros(1))
         info = task.first(task.step_info(h, h.copy(), self._error()))
         return self._observe(), info | {
@@ -205,7 +205,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
             np.array(path or [self._measured]), self.time + self._ticks[: len(path) or 1]
         )
         self._steps += 1
-        self._artist.walk(self._measured[:2])
+        self.artist.walk(self._measured[:2])
 
         distance = self._error()
         near = (distance <= self.scenario.goal_radius) & (self.scenario.task == "reach")
@@ -236,8 +236,8 @@ class A1RegionsEnv(gym.Env[Array, Array]):
                 else WindowRenderer(simulation.model, simulation.data)
             )
         if isinstance(self._renderer, OffscreenRenderer):
-            return self._renderer.frame(simulation.data, self._artist, self.scenario, self.time)
-        self._renderer.show(self._artist, self.scenario, self.time)
+            return self._renderer.frame(simulation.data, self.artist, self.scenario, self.time)
+        self._renderer.show(self.artist, self.scenario, self.time)
         return None
 
     def close(self) -> None:
