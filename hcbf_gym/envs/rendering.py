@@ -23,9 +23,14 @@ _IDENTITY = np.eye(3).ravel()
 
 
 class SceneArtist:
-    """Draws what the robot cannot feel: regions, walls, the reference, and the path walked."""
+    """Draws what the robot cannot feel: regions, walls, the reference, and the path walked.
+
+    Attributes:
+        path_color: (r, g, b, opacity) of the path, each in [0, 1].
+    """
 
     def __init__(self) -> None:
+        self.path_color = (0.0, 0.45, 0.7, 1.0)
         self._path: list[Array] = []
 
     def restart(self) -> None:
@@ -45,7 +50,7 @@ class SceneArtist:
         _draw_line(scene, reference[::2], reference[1::2], 0.015, (0.25, 0.25, 0.25, 1.0))
         _add(scene, "SPHERE", (0.08, 0, 0), (*scenario.goal, 0.08), (0.1, 0.1, 0.1, 1.0))
         path = self._path[:: max(1, len(self._path) // _PATH_POINTS)]
-        _draw_line(scene, path[:-1], path[1:], 0.02, (0.0, 0.45, 0.7, 1.0))
+        _draw_line(scene, path[:-1], path[1:], 0.02, self.path_color)
 
 
 class OffscreenRenderer:
