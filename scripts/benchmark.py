@@ -24,6 +24,7 @@ SUITES = {
     "verify-programs": "hcbf_gym.benchmarks.verify_programs",
     "environments": "hcbf_gym.benchmarks.environments",
     "locomotion": "hcbf_gym.benchmarks.locomotion",
+    "margin": "hcbf_gym.benchmarks.margin",
 }
 
 
@@ -31,9 +32,10 @@ SUITES = {
 class Args:
     """Which figures to make."""
 
-    suite: Literal["programs", "verify-programs", "environments", "locomotion"]
+    suite: Literal["programs", "verify-programs", "environments", "locomotion", "margin"]
     """programs: time of each filter; verify-programs: each filter against exact solutions;
-    environments: steps per second; locomotion: quality, robustness and speed of the walk."""
+    environments: steps per second; locomotion: quality, robustness and speed of the walk;
+    margin: how far the walking robot dips below what its strict rows keep."""
     quick: bool = False
     """Fewer and shorter runs."""
     output: Path = Path("results/benchmark")
