@@ -106,10 +106,10 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     }
     times = (2.0, 5.0, 8.0, 12.0)
     try:
-        films = {name: runs.frames(jobs[k], times) for name, k in (("R", 0), ("H", 3))}
+        films = runs.films("fig 5e, pictures", [jobs[0], jobs[3]], times)
     except RenderingError as error:
         return result | {"frames": str(error)}
-    plots.frames(films, times).savefig(folder / "fig5e-frames.png")
+    plots.frames(("R", "H"), films, times).savefig(folder / "fig5e-frames.png")
     return result | {"frames": "fig5e-frames.png"}
 
 

@@ -66,10 +66,10 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     }
     times = (4.0, 6.0, 8.0, 16.0)
     try:
-        films = {name: runs.frames(jobs[name], times) for name in ("R", "H")}
+        films = runs.films("fig 6, pictures", [jobs["R"], jobs["H"]], times)
     except RenderingError as error:
         return result | {"frames": str(error)}
-    plots.frames(films, times).savefig(folder / "fig6-frames.png")
+    plots.frames(("R", "H"), films, times).savefig(folder / "fig6-frames.png")
     return result | {"frames": "fig6-frames.png"}
 
 

@@ -39,7 +39,7 @@ def _lines(axes: Axes, time: Array, values: Array, gammas: Sequence[float]) -> N
 
 def _stacked(cell: SubplotSpec) -> tuple[Axes, Axes]:
     """Return two panels above each other that share the axis of time [s]."""
-    upper, lower = np.ravel(cell.subgridspec(2, 1).subplots(sharex=True))
+    upper, lower = np.asarray(cell.subgridspec(2, 1).subplots(sharex=True))
     lower.set_xlabel("$t$ [s]")
     return upper, lower
 
@@ -112,11 +112,13 @@ def fig5e_paths(scene: str, rom: Any, a1: Any, gammas: Sequence[float]) -> Figur
     return figure
 
 
-def frames(films: Mapping[str, NDArray[np.uint8]], times: Sequence[float]) -> Figure:
+def frames(
+    names: Sequence[str], films: Sequence[NDArray[np.uint8]], times: Sequence[float]
+) -> Figure:
     """Return rendered pictures, one row for each film, one column for each time [s]."""
     figure = new_figure(2.4 * len(times), 1.95 * len(films) + 0.2)
     panels = np.atleast_2d(figure.subplots(len(films), len(times)))
-    for row, (name, film) in zip(panels, films.items(), strict=True):
+    for row, name, film in zip(panels, names, films, strict=True):
         for axes, time, picture in zip(row, times, film, strict=False):
             axes.imshow(picture)
             axes.set(xticks=[], yticks=[])

@@ -67,29 +67,41 @@ class Runs:
             title: what they are, for the progress.
             jobs: what to run.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
         paths = [self.folder / f"{job.key()}.npz" for job in jobs]
-        missing = {path: job for path, job in zip(paths, jobs, strict=True) if not path.exists()}
-        done = len(jobs) - len(missing)
-        self.on_progress(title, done, len(jobs))
-        tasks = [joblib.delayed(_run)(job, path) for path, job in missing.items()]
-        for _ in in_parallel(tasks, self.workers, self.backend) if tasks else ():
-            done += 1
-            self.on_progress(title, done, len(jobs))
+        self._complete(
+            title, paths, [joblib.delayed(_run)(*task) for task in zip(jobs, paths, strict=True)]
+        )
         return [_load(path) for path in paths]
 
-    def frames(self, job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
-        """Return pictures (k, h, w, 3) of an episode at the given times [s].
+    def films(
+        self, title: str, jobs: Sequence[Job], times: Sequence[float]
+    ) -> list[NDArray[np.uint8]]:
+        """Return pictures (k, h, w, 3) of each episode at the given times [s].
 
         Raises:
             RenderingError: if no OpenGL context can be made.
         """
         name = "-".join(f"{time:g}" for time in times)
-        path = self.folder / f"{job.key()}-frames-{name}.npz"
-        if not path.exists():
-            _save(path, {"frames": _film(job, times)})
-        with np.load(path) as data:
-            return data["frames"]
+        paths = [self.folder / f"{job.key()}-film-{name}.npz" for job in jobs]
+        tasks = [
+            joblib.delayed(_film)(job, path, times) for job, path in zip(jobs, paths, strict=True)
+        ]
+        self._complete(title, paths, tasks)
+        films = []
+        for path in paths:
+            with np.load(path) as data:
+                films.append(data["frames"])
+        return films
+
+    def _complete(self, title: str, paths: Sequence[Path], tasks: Sequence[Any]) -> None:
+        """Run the tasks whose files are not there yet."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        missing = {path: task for path, task in zip(paths, tasks, strict=True) if not path.exists()}
+        done = len(paths) - len(missing)
+        self.on_progress(title, done, len(paths))
+        for _ in in_parallel(list(missing.values()), self.workers, self.backend) if missing else ():
+            done += 1
+            self.on_progress(title, done, len(paths))
 
 
 def _run(job: Job, path: Path) -> None:
@@ -111,7 +123,7 @@ def _load(path: Path) -> Episode:
     return Episode(**values)
 
 
-def _film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
+def _film(job: Job, path: Path, times: Sequence[float]) -> None:
     env = job.case.make(render_mode="rgb_array")
     inner: Any = env.unwrapped
     inner.artist.path_color = to_rgba(PROGRAM_COLORS[job.case.program])
@@ -130,4 +142,4 @@ def _film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
                 break
     finally:
         env.close()
-    return np.array(frames, dtype=np.uint8)
+    _save(path, {"frames": np.array(frames, dtype=np.uint8)})
