@@ -13,8 +13,8 @@ from hcbf_gym.barriers import (
     Ellipse,
     HalfPlane,
     SpeedLimit,
-    cbf_rows,
 )
+from hcbf_gym.cbf_rows import cbf_rows
 from hcbf_gym.class_k import LinearClassK, LogClassK
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.reduced_order import DoubleIntegrator, LinearInvertedPendulum, SingleIntegrator
