@@ -8,7 +8,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import InvalidInputError, UnknownNameError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.learned import LearnedPolicy, load
+
+__all__ = ["LearnedPolicy", "PDTracker", "Policy", "load"]
 
 Array = NDArray[np.float64]
 
@@ -75,12 +78,3 @@ class PDTracker:
         if self.feed_forward:
             u = u + observation[..., 6:8]
         return np.clip(u, self.low, self.high).astype(np.float32)
-
-
-def load(name: str, env: gym.Env) -> Policy:
-    """Return a learned policy by name or file.
-
-    Raises:
-        UnknownNameError: if there is no such policy; the message lists those that are.
-    """
-    raise UnknownNameError(f"unknown policy: got {name!r}, expected one of ['pd', 'pd-ff']")

@@ -1,0 +1,133 @@
+"""The native vector environment as Stable-Baselines3 expects a VecEnv; needs the extra `rl`."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise MissingDependencyError(
+        "SB3 adapter: got no stable_baselines3, expected the extra: pip install 'hcbf-gym[rl]'"
+    ) from error
+
+Array = NDArray[np.float64]
+
+
+class Sb3VecEnv(VecEnv):
+    """N native environments behind SB3's interface, actions scaled to [−1, 1].
+
+    Finished episodes restart within the step; their last observation, return, length and success
+    are in the infos under SB3's names.
+
+    Args:
+        env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N, autoreset_mode="Disabled", …)``,
+            possibly in vector wrappers.
+        hold: control steps of 0.02 s for which one action is held, rewards summed.
+
+    Raises:
+        InvalidInputError: if the environment resets itself, or `hold` is below 1.
+
+    Attributes:
+        applied: (N, 2) what reached the robots in the last step, in [−1, 1] and averaged over the
+            hold; differs from the action where a filter stands between.
+    """
+
+    def __init__(self, env: VectorEnv, hold: int = 1):
+        if env.metadata["autoreset_mode"] is not AutoresetMode.DISABLED:
+            raise InvalidInputError(
+                f"autoreset_mode: got {env.metadata['autoreset_mode']}, expected 'Disabled'"
+            )
+        if hold < 1:
+            raise InvalidInputError(f"hold: got {hold}, expected >= 1")
+        self.env = env
+        self.hold = hold
+        bounds = env.single_action_space
+        assert isinstance(bounds, spaces.Box)
+        self._center = 0.5 * (bounds.high + bounds.low).astype(np.float64)
+        self._reach = 0.5 * (bounds.high - bounds.low).astype(np.float64)
+        self.applied = np.zeros((env.num_envs, 2))
+        self._actions = self.applied
+        self._returns = np.zeros(env.num_envs)
+        self._lengths = np.zeros(env.num_envs, dtype=np.int64)
+        normalized = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        super().__init__(env.num_envs, env.single_observation_space, normalized)
+
+    def reset(self) -> Array:
+        """Start new episodes everywhere, with the seed that `seed` left."""
+        observation, _ = self.env.reset(seed=self._seeds[0])
+        self._reset_seeds()
+        self._returns[:] = 0.0
+        self._lengths[:] = 0
+        return observation
+
+    def step_async(self, actions: Array) -> None:
+        """Take the actions (N, 2) in [−1, 1]."""
+        self._actions = np.asarray(actions, dtype=np.float64)
+
+    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
+        """Hold the actions and restart what has ended."""
+        u = self._center + self._reach * self._actions
+        reward, self.applied = np.zeros(self.num_envs), np.zeros((self.num_envs, 2))
+        terminated = np.zeros(self.num_envs, dtype=np.bool_)
+        truncated, last = terminated.copy(), np.empty(0)
+        for held in range(self.hold):
+            observation, gained, ends, stops, info = self.env.step(u)
+            running = ~(terminated | truncated)
+            last = observation if held == 0 else np.where(running[:, None], observation, last)
+            reward += running * gained
+            terminated |= running & ends
+            truncated |= running & stops
+            safe = info["safety_filter"]["u_safe"] if "safety_filter" in info else u
+            self.applied += (safe - self._center) / self._reach / self.hold
+            self._lengths += running
+        self._returns += reward
+        done = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(done):
+            infos[i] = {
+                "terminal_observation": last[i],
+                "TimeLimit.truncated": bool(truncated[i]),
+                "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": 0.0},
+                "is_success": bool(terminated[i]),
+            }
+        if done.any():
+            self._returns[done], self._lengths[done] = 0.0, 0
+            last, _ = self.env.reset(options={"reset_mask": done})
+        return last, reward, done, infos
+
+    def close(self) -> None:
+        """Close the environment."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return the vector environment's attribute once for each index."""
+        value = getattr(self.env, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuse: the environments share their attributes.
+
+        Raises:
+            InvalidInputError: always.
+        """
+        raise InvalidInputError(
+            f"set_attr: got {attr_name!r}, expected the environment's own calls"
+        )
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        """Refuse: there are no single environments to call.
+
+        Raises:
+            InvalidInputError: always.
+        """
+        raise InvalidInputError(f"env_method: got {method_name!r}, expected the vector's own calls")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Return False for each index: episodes are recorded by the adapter itself."""
+        return [False for _ in self._get_indices(indices)]
