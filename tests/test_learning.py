@@ -13,7 +13,7 @@ from hcbf_gym.errors import HcbfError, InvalidInputError, UnknownNameError
 stable_baselines3 = pytest.importorskip("stable_baselines3")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:stable_baselines3")
 
-from stable_baselines3 import PPO, SAC, TD3  # noqa: E402
+from stable_baselines3 import PPO, SAC  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList  # noqa: E402
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecNormalize  # noqa: E402
 
@@ -166,7 +166,7 @@ def test_the_adapter_reports_ends_as_sb3_expects():
         for i in np.flatnonzero(done):
             assert not np.allclose(observation[i], infos[i]["terminal_observation"])
             np.testing.assert_array_equal(native.unwrapped.rom_state[i], np.zeros(4))
-    first = {i: info for i, info in reversed(endings)}
+    first = dict(reversed(endings))
     assert first[0]["is_success"]
     assert not first[0]["TimeLimit.truncated"]
     assert first[0]["episode"]["l"] < 1000
@@ -184,7 +184,7 @@ def test_a_policy_for_another_observation_shape_is_refused_with_both_shapes(tmp_
     with pytest.raises(UnknownNameError, match="ppo"):
         policies.load("no-such-policy", other)
     (tmp_path / "broken.npz").write_bytes(b"no policy")
-    with pytest.raises(InvalidInputError, match="LearnedPolicy.save"):
+    with pytest.raises(InvalidInputError, match=r"LearnedPolicy\.save"):
         policies.load(tmp_path / "broken.npz", other)
     with pytest.raises(InvalidInputError):
         policies.load(tmp_path / "missing.npz", other)
