@@ -105,8 +105,8 @@ class BezierReference:
         """Return the length run [m], the speed [m/s] and its change [m/s²]."""
         total, ramp = self._arc_length[1][-1], self.ramp
         top = total / (self.duration - ramp)
-        if t <= 0.0:
-            return 0.0, 0.0, top / ramp
+        if t < 0.0:
+            return 0.0, 0.0, 0.0
         if t < ramp:
             return 0.5 * top / ramp * t**2, top / ramp * t, top / ramp
         if t <= self.duration - ramp:
