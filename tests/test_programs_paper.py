@@ -1,8 +1,8 @@
 """The statements of the paper's section III, and what takes their place where they fall short."""
 
-import daqp
 import itertools
 
+import daqp
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
