@@ -103,6 +103,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         "rom_map": _map_summary(samples),
         "a1_map": None if a1_samples is None else _map_summary(a1_samples),
         "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
+        "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
     }
     times = (2.0, 5.0, 8.0, 12.0)
     try:
@@ -154,6 +155,16 @@ def _rom() -> Runs5:
         np.concatenate([relaxed.tracking_error, hierarchical.tracking_error], axis=1),
         np.zeros(len(settings), dtype=np.bool_),
     )
+
+
+def _distance_with_equal_weights() -> list[float]:
+    """Return how far R and H get from each other under the same weights, for each γ₀ [m]."""
+    weights = GAMMAS, [DELTA_GAMMA] * len(GAMMAS)
+    relaxed, hierarchical = (
+        simulate(SCENE, program, *weights) for program in ("r-cbf-qp", "h-cbf-qp")
+    )
+    apart = np.linalg.norm(relaxed.position - hierarchical.position, axis=2)
+    return apart.max(axis=0).tolist()
 
 
 def _stack(episodes: list[Episode]) -> Runs5:
