@@ -194,7 +194,7 @@ def test_a_known_offset_needs_rows_that_carry_it():
 
 
 def test_a_point_that_misses_a_row_is_not_believed(monkeypatch):
-    problem = QpProblem(np.zeros(2), np.eye(2), np.ones(2), np.full(2, np.inf))
+    problem = QpProblem(np.zeros(2), np.eye(2), np.ones(2))
     assert qp.solve(problem).status is QpStatus.OPTIMAL
     liar = lambda _: (np.zeros(2), QpStatus.OPTIMAL)  # noqa: E731
     monkeypatch.setattr(qp, "_backend", lambda name: liar)
@@ -205,7 +205,7 @@ def test_a_point_that_misses_a_row_is_not_believed(monkeypatch):
 @pytest.mark.parametrize("solver", ["daqp", "clarabel"])
 def test_an_infeasible_problem_has_no_point(solver):
     rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
-    problem = QpProblem(np.zeros(2), rows, np.ones(2), np.full(2, np.inf))
+    problem = QpProblem(np.zeros(2), rows, np.ones(2))
     solution = qp.solve(problem, solver)
     assert solution.status is QpStatus.INFEASIBLE
     assert solution.x is None
@@ -234,8 +234,6 @@ def test_where_every_solver_fails_the_robot_brakes_and_says_so(name, monkeypatch
 
 
 def test_a_problem_with_a_solution_that_nobody_finds_is_an_error():
-    problem = QpProblem(
-        np.zeros(1), np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]), np.full(2, np.inf)
-    )
+    problem = QpProblem(np.zeros(1), np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]))
     with pytest.raises(SolverError):
         qp.Solver("daqp").must(problem)

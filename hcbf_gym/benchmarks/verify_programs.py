@@ -1,11 +1,13 @@
 """Every program against its solution in rational arithmetic, on random problems of every kind."""
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+from rich.table import Table
 
 from hcbf_gym import programs
 from hcbf_gym.benchmarks.exact import Exact, Polygon, gap, nearest, rational
@@ -180,6 +182,25 @@ def _judge(
         tally.wrong += 1
 
 
-def report(tallies: dict[str, Tally]) -> dict[str, dict[str, float]]:
-    """Return the tallies as plain numbers."""
-    return {form: dict(Counter(vars(tally))) for form, tally in tallies.items()}
+def run(quick: bool) -> dict[str, Any]:
+    """Verify every program on 100,000 problems (2,000 if quick), print and return the tallies."""
+    samples = 2_000 if quick else 100_000
+    table = Table(title=f"{samples:,} problems for each program, against rational arithmetic")
+    for header in ("program", "form", "max |Δu|", "equal cost", "undetermined", "wrong"):
+        table.add_column(header, justify="right")
+    for header in ("backups", "second solver"):
+        table.add_column(header, justify="right")
+    figures: dict[str, Any] = {}
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        for name in programs.names():
+            bar = progress.add_task(name, total=samples)
+            for tallies in verify(name, samples):
+                progress.update(bar, completed=tallies["batch"].problems)
+                figures[name] = {form: asdict(tally) for form, tally in tallies.items()}
+            for form, tally in figures[name].items():
+                cells = [f"{tally['largest_difference']:.1e}"]
+                keys = ("equal_cost", "undetermined", "wrong", "backups", "fallbacks")
+                table.add_row(name, form, *cells, *(str(tally[key]) for key in keys))
+    Console().print(table)
+    return figures

@@ -25,9 +25,11 @@ class ExplicitHierarchicalCbfQp(HierarchicalCbfQp):
     def decide(self, u_nominal: Array, rows: CbfRows, solver: Solver) -> tuple[Array, Array]:
         """Solve the cascade."""
         strict = rows.priority == 1
-        feasible, u = meet(self._admissible, rows.a[strict], rows.b[strict], u_nominal, solver)
         target, weight = self.targets(u_nominal, rows, solver), self.weight(rows)
+        feasible, u = meet(self._admissible, rows.a[strict], rows.b[strict], u_nominal, solver)
         for priority in range(2, rows.priority.max(initial=1) + 1):
+            if not feasible.basis.shape[1]:
+                break  # nothing is left to decide
             level = rows.priority == priority
             soft = SoftRows(rows.a[level], target[level], weight[level], None)
             u = required(relax(feasible, u_nominal, soft, self.lambda_u, solver))

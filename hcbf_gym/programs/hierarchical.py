@@ -4,7 +4,7 @@ import numpy as np
 
 from hcbf_gym.programs.program import Array, WeightedProgram
 from hcbf_gym.programs.qp import Solver
-from hcbf_gym.programs.stage import SoftRows, meet, relax, required
+from hcbf_gym.programs.stage import ZERO_GRADIENT, SoftRows, meet, relax, required
 from hcbf_gym.rows import CbfRows
 
 
@@ -43,9 +43,12 @@ class HierarchicalCbfQp(WeightedProgram):
             if value[k] >= rows.b[k]:
                 target[k] = value[k]
                 continue
-            row = slice(k, k + 1)
-            alone = meet(self._admissible, rows.a[row], rows.b[row], u_nominal, solver)[1]
-            target[k] = rows.a[k] @ alone
+            a, b = rows.a[k], rows.b[k]
+            on_row = u_nominal + a * ((b - a @ u_nominal) / max(a @ a, ZERO_GRADIENT**2))
+            if b > a @ u_nominal and self.input_set.contains(on_row, 0.0):
+                continue  # U does not bind: û_k lies on the row
+            alone = meet(self._admissible, a[None], b[None], u_nominal, solver)[1]
+            target[k] = a @ alone
         return target
 
 

@@ -1,7 +1,7 @@
 """What every program shares: its door, its weights, and the account of what each row pays."""
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from hcbf_gym.errors import (
     finite_float,
 )
 from hcbf_gym.input_sets import InputSet
+from hcbf_gym.programs.dense import well_formed
 from hcbf_gym.programs.qp import Solver, check_solver
 from hcbf_gym.programs.result import FilterResult, FilterStatus, classify, violation
 from hcbf_gym.programs.stage import FeasibleSet
@@ -40,27 +41,28 @@ def check_rows(rows: CbfRows, n_u: int) -> None:
         got = getattr(rows, name).shape
         if got != wanted:
             raise InvalidInputError(f"rows.{name}: got shape {got}, expected {wanted}")
-    for name in ("a", "b", "h", "alpha2_psi"):
-        value = getattr(rows, name)
-        if value is not None and not np.isfinite(value).all():
-            raise InvalidInputError(f"rows.{name}: got {value}, expected finite numbers")
-    check_priorities(rows.priority)
-
-
-def check_priorities(priority: NDArray[np.int64]) -> None:
-    """Refuse priorities (…, m) that are not the integers 1, 2, … without a gap.
-
-    Raises:
-        InvalidInputError: on any other priorities; no rows at all are accepted.
-    """
-    if priority.dtype.kind not in "iu":
-        raise InvalidInputError(f"rows.priority: got {priority.dtype}, expected integers from 1")
-    ordered = np.sort(priority, axis=-1)
-    steps = np.diff(ordered, axis=-1, prepend=0)
-    if ordered.size and not ((steps[..., :1] == 1).all() and (steps[..., 1:] <= 1).all()):
+    if rows.alpha2_psi is not None and not np.isfinite(rows.alpha2_psi).all():
+        raise InvalidInputError(f"rows.alpha2_psi: got {rows.alpha2_psi}, expected finite numbers")
+    if rows.priority.dtype.kind not in "iu":
         raise InvalidInputError(
-            f"rows.priority: got {priority.tolist()}, expected the integers from 1 without a gap"
+            f"rows.priority: got {rows.priority.dtype}, expected integers from 1"
         )
+    a, b, h, priority = rows.a, rows.b, rows.h, rows.priority
+    if b.ndim == 1:
+        a, b, h, priority = a[None], b[None], h[None], priority[None]
+    if not well_formed(a, b, h, priority):
+        _explain(rows)
+
+
+def _explain(rows: CbfRows) -> NoReturn:
+    """Raise the error that says what is wrong with the rows."""
+    for name in ("a", "b", "h"):
+        value = getattr(rows, name)
+        if not np.isfinite(value).all():
+            raise InvalidInputError(f"rows.{name}: got {value}, expected finite numbers")
+    raise InvalidInputError(
+        f"rows.priority: got {rows.priority.tolist()}, expected the integers from 1 without a gap"
+    )
 
 
 def check_weights(name: str, value: float | list[float] | Array) -> Array:

@@ -1,8 +1,8 @@
 """The only door to a solver: every stage of every program is a projection on a polyhedron.
 
-After scaling, all of them read ``minimise ½‖x − centre‖² subject to lower ≤ a x ≤ upper`` with unit
-rows. DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows
-can take DAQP's place. No solver is believed: its status is read and its point is checked.
+After scaling, all of them read ``minimise ½‖x − centre‖² subject to a x ≥ lower`` with unit rows.
+DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows can
+take DAQP's place. No solver is believed: its status is read and its point is checked.
 """
 
 import functools
@@ -29,7 +29,7 @@ PRIMAL_TOLERANCE = 1e-7
 
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000, "polishing": True},
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},
     "scs": {"eps_abs": 1e-9, "eps_rel": 1e-9},
     "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0},
     "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-10},
@@ -37,19 +37,17 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 
 class QpProblem(NamedTuple):
-    """``minimise ½‖x − centre‖²  subject to  lower ≤ a x ≤ upper``.
+    """``minimise ½‖x − centre‖²  subject to  a x ≥ lower``.
 
     Attributes:
         centre: (n,) the point to stay near.
         a: (k, n) unit rows.
-        lower: (k,) lower bounds, −inf where absent.
-        upper: (k,) upper bounds, +inf where absent; equal to `lower` for an equality.
+        lower: (k,) lower bounds.
     """
 
     centre: Array
     a: Array
     lower: Array
-    upper: Array
 
 
 class QpStatus(Enum):
@@ -104,8 +102,7 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
     x, status = _backend(solver)(problem)
     if x is None or status is not QpStatus.OPTIMAL:
         return QpSolution(None, status, solver)
-    value = problem.a @ x
-    miss = np.maximum(problem.lower - value, value - problem.upper).max(initial=0.0)
+    miss = (problem.lower - problem.a @ x).max(initial=0.0)
     if not miss <= PRIMAL_TOLERANCE * (1.0 + np.abs(x).max(initial=0.0)):  # NaN fails, too
         return QpSolution(None, QpStatus.FAILED, solver)
     return QpSolution(x, status, solver)
@@ -122,9 +119,14 @@ def _identity(n: int) -> Array:
     return np.eye(n)
 
 
+@functools.cache
+def _no_upper_bounds(count: int) -> tuple[Array, NDArray[np.intc]]:
+    return np.full(count, np.inf), np.zeros(count, dtype=np.intc)
+
+
 def _daqp(problem: QpProblem) -> tuple[Array | None, QpStatus]:
-    centre, a, lower, upper = problem
-    sense = np.where(lower == upper, np.intc(5), np.intc(0))
+    centre, a, lower = problem
+    upper, sense = _no_upper_bounds(lower.size)
     x, _, flag, _ = daqp.solve(
         _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=1e-9
     )
@@ -134,20 +136,13 @@ def _daqp(problem: QpProblem) -> tuple[Array | None, QpStatus]:
 
 
 def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
-    centre, a, lower, upper = problem
-    equal = lower == upper
-    below, above = ~equal & np.isfinite(lower), ~equal & np.isfinite(upper)
-    rows = scipy.sparse.csc_matrix(np.vstack((a[equal], -a[below], a[above])))
-    bounds = np.concatenate((upper[equal], -lower[below], upper[above]))
-    cones = [
-        clarabel.ZeroConeT(int(equal.sum())),
-        clarabel.NonnegativeConeT(int(below.sum() + above.sum())),
-    ]
+    centre, a, lower = problem
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
     identity = scipy.sparse.csc_matrix(_identity(centre.size))
-    answer = clarabel.DefaultSolver(identity, -centre, rows, bounds, cones, settings).solve()
+    rows, cones = scipy.sparse.csc_matrix(-a), [clarabel.NonnegativeConeT(lower.size)]
+    answer = clarabel.DefaultSolver(identity, -centre, rows, -lower, cones, settings).solve()
     status = clarabel.SolverStatus
     if answer.status in (status.Solved, status.AlmostSolved, status.InsufficientProgress):
         # the last two missed 1e-12; the check in `solve` decides
@@ -157,18 +152,9 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
 
 
 def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpStatus]:
-    centre, a, lower, upper = problem
-    equal = lower == upper
-    below, above = ~equal & np.isfinite(lower), ~equal & np.isfinite(upper)
+    centre, a, lower = problem
     matrix = np.asarray if name in qpsolvers.dense_solvers else scipy.sparse.csc_matrix
-    quadratic = qpsolvers.Problem(
-        matrix(_identity(centre.size)),
-        -centre,
-        matrix(np.vstack((-a[below], a[above]))),
-        np.concatenate((-lower[below], upper[above])),
-        matrix(a[equal]) if equal.any() else None,
-        lower[equal] if equal.any() else None,
-    )
+    quadratic = qpsolvers.Problem(matrix(_identity(centre.size)), -centre, matrix(-a), -lower)
     with warnings.catch_warnings():  # backends warn of their own deprecations and of accuracy
         warnings.simplefilter("ignore")
         answer = qpsolvers.solve_problem(quadratic, solver=name, **SETTINGS.get(name, {}))

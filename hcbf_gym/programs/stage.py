@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError
 from hcbf_gym.input_sets import InputSet
+from hcbf_gym.programs.dense import back_substitute, rows_of_image, unit_rows, whiten
 from hcbf_gym.programs.planar.soft import NEGLIGIBLE
 from hcbf_gym.programs.planar.stages import least_cost as planar_least_cost
 from hcbf_gym.programs.qp import QpProblem, Solver
@@ -59,30 +60,28 @@ class FeasibleSet(NamedTuple):
 
     def intersect(self, a: Array, b: Array) -> "FeasibleSet":
         """Return the inputs of this set that meet the rows ``a u ≥ b`` (rows of any length)."""
-        norm = np.sqrt(np.einsum("ij,ij->i", a, a))
-        keep = norm > ZERO_GRADIENT
-        norm = norm[keep]
-        return self._replace(
-            a=np.concatenate((self.a, a[keep] / norm[:, None])),
-            b=np.concatenate((self.b, b[keep] / norm)),
-            nonempty=False,
-        )
+        unit, bound = unit_rows(a, b, ZERO_GRADIENT)
+        rows, bounds = np.concatenate((self.a, unit)), np.concatenate((self.b, bound))
+        return FeasibleSet(self.point, self.basis, rows, bounds, self.radius, False)
 
     def pin(self, a: Array, u: Array) -> "FeasibleSet":
         """Return the inputs of this set on which the rows a (s, n_u) have their value at u.
 
         u is a member: rounding must not take it out, so no bound stays above its value at u.
         """
-        norm = np.sqrt(np.einsum("ij,ij->i", a, a))
-        pinned = a[norm > ZERO_GRADIENT] / norm[norm > ZERO_GRADIENT, None] @ self.basis
-        _, singular, directions = np.linalg.svd(pinned)
-        rank = int(np.sum(singular > DEPENDENT))
-        return self._replace(
-            point=u,
-            basis=self.basis @ directions[rank:].T,
-            b=np.minimum(self.b, self.a @ u),
-            nonempty=True,
-        )
+        unit, _ = unit_rows(a, np.zeros(len(a)), ZERO_GRADIENT)
+        pinned, _ = unit_rows(unit @ self.basis, np.zeros(len(unit)), DEPENDENT)
+        bounds = np.minimum(self.b, self.a @ u)
+        if not len(pinned):
+            return self._replace(b=bounds, nonempty=True)
+        if pinned.shape == (1, 2):
+            directions = np.array([[-pinned[0, 1]], [pinned[0, 0]]])
+        elif pinned.shape[1] == 1:
+            directions = np.empty((1, 0))
+        else:
+            _, singular, orthogonal = np.linalg.svd(pinned)
+            directions = orthogonal[int(np.sum(singular > DEPENDENT)) :].T
+        return self._replace(point=u, basis=self.basis @ directions, b=bounds, nonempty=True)
 
     def bound(self, a: Array, b: Array, u: Array) -> "FeasibleSet":
         """Return the inputs of this set on which no row is violated more than at its member u."""
@@ -122,7 +121,7 @@ def nearest(feasible: FeasibleSet, u_nominal: Array, solver: Solver) -> Array | 
         return feasible.point
     rows, lower = _reduced(feasible)
     centre = feasible.basis.T @ (u_nominal - feasible.point)
-    problem = QpProblem(centre, rows, lower, np.full(lower.size, np.inf))
+    problem = QpProblem(centre, rows, lower)
     z = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
     return None if z is None else feasible.point + feasible.basis @ z
 
@@ -145,16 +144,12 @@ def trade(feasible: FeasibleSet, u_nominal: Array, soft: SoftRows, solver: Solve
 def _trade_equalities(
     feasible: FeasibleSet, centre: Array, a: Array, target: Array, solver: Solver
 ) -> Array | None:
-    """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``, ``[1; a] = Q R``."""
-    free = centre.size
-    orthonormal, factor = np.linalg.qr(np.concatenate((np.eye(free), a)))
-    y_centre = orthonormal.T @ np.concatenate((centre, target))
+    """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``."""
+    factor, y_centre = whiten(a, target, centre)
     rows, lower = _reduced(feasible)
-    rows = np.linalg.solve(factor.T, rows.T).T
-    norm = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    problem = QpProblem(y_centre, rows / norm[:, None], lower / norm, np.full(lower.size, np.inf))
+    problem = QpProblem(y_centre, *unit_rows(rows_of_image(rows, factor), lower, 0.0))
     y = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
-    return None if y is None else np.asarray(np.linalg.solve(factor, y), dtype=np.float64)
+    return None if y is None else back_substitute(factor, y)
 
 
 def _trade_inequalities(
@@ -170,9 +165,7 @@ def _trade_inequalities(
     matrix[range(hard, hard + count), range(free, free + count)] = 1.0 / norm
     matrix[range(hard + count, hard + 2 * count), range(free, free + count)] = 1.0
     below = np.concatenate((lower, target / norm, least))
-    problem = QpProblem(
-        np.concatenate((centre, np.zeros(count))), matrix, below, np.full(below.size, np.inf)
-    )
+    problem = QpProblem(np.concatenate((centre, np.zeros(count))), matrix, below)
     x = solver.must(problem) if feasible.nonempty else solver.attempt(problem)
     return None if x is None else x[:free]
 
@@ -276,10 +269,8 @@ def _reduced(feasible: FeasibleSet) -> tuple[Array, Array]:
 
     A row that none of those directions changes is a constant and left out.
     """
+    n_u, free = feasible.basis.shape
+    if free == n_u:  # nothing is pinned yet: z = u
+        return feasible.a, feasible.b
     lower = feasible.b - feasible.a @ feasible.point
-    rows = feasible.a @ feasible.basis
-    if rows.shape[1] == feasible.a.shape[1]:
-        return rows, lower
-    norm = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    keep = norm > DEPENDENT
-    return rows[keep] / norm[keep, None], lower[keep] / norm[keep]
+    return unit_rows(feasible.a @ feasible.basis, lower, DEPENDENT)

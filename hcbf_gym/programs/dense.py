@@ -1,0 +1,109 @@
+"""Small dense steps of the stages, compiled: NumPy's calls would cost more than the solver."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True)
+def unit_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
+    """Return the rows ``a x ≥ b`` scaled to unit norm, without those of norm `least` or below.
+
+    Args:
+        a: (k, n) rows.
+        b: (k,) bounds.
+        least: the norm up to which a row is a constant.
+    """
+    unit, bound, kept = np.empty_like(a), np.empty_like(b), 0
+    for k in range(b.size):
+        square = 0.0
+        for j in range(a.shape[1]):
+            square += a[k, j] * a[k, j]
+        norm = np.sqrt(square)
+        if norm > least:
+            for j in range(a.shape[1]):
+                unit[kept, j] = a[k, j] / norm
+            bound[kept] = b[k] / norm
+            kept += 1
+    return unit[:kept], bound[:kept]
+
+
+@njit(cache=True)
+def whiten(a: Array, target: Array, centre: Array) -> tuple[Array, Array]:
+    """Return R and R⁻ᵀ-image of the minimiser of ``‖z − c‖² + ‖a z − t‖²``: it is ``‖R z − y‖²``.
+
+    R is upper triangular and comes from Givens rotations, row by row: squares are never formed.
+
+    Args:
+        a: (s, n) rows.
+        target: (s,) t.
+        centre: (n,) c.
+    """
+    n = centre.size
+    factor, y = np.eye(n), centre.copy()
+    for k in range(target.size):
+        row, t = a[k].copy(), target[k]
+        for i in range(n):
+            if row[i] == 0.0:
+                continue
+            length = np.hypot(factor[i, i], row[i])
+            cos, sin = factor[i, i] / length, row[i] / length
+            for j in range(i, n):
+                above, below = factor[i, j], row[j]
+                factor[i, j] = cos * above + sin * below
+                row[j] = cos * below - sin * above
+            y[i], t = cos * y[i] + sin * t, cos * t - sin * y[i]
+    return factor, y
+
+
+@njit(cache=True)
+def rows_of_image(rows: Array, factor: Array) -> Array:
+    """Return ``rows R⁻¹`` (k, n): the rows as they act on y = R z."""
+    image = rows.copy()
+    for k in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            for i in range(j):
+                image[k, j] -= image[k, i] * factor[i, j]
+            image[k, j] /= factor[j, j]
+    return image
+
+
+@njit(cache=True)
+def back_substitute(factor: Array, y: Array) -> Array:
+    """Return z (n,) with ``R z = y``."""
+    z = y.copy()
+    for i in range(y.size - 1, -1, -1):
+        for j in range(i + 1, y.size):
+            z[i] -= factor[i, j] * z[j]
+        z[i] /= factor[i, i]
+    return z
+
+
+@njit(cache=True)
+def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bool:
+    """Tell whether rows are finite, with priorities 1, 2, … without a gap; see `check_rows`.
+
+    Args:
+        a: (N, m, n) gradients.
+        b: (N, m) bounds.
+        h: (N, m) barrier values.
+        priority: (N, m).
+    """
+    m = b.shape[1]
+    if not (np.isfinite(a).all() and np.isfinite(b).all() and np.isfinite(h).all()):
+        return False
+    present = np.empty(m, dtype=np.bool_)
+    for i in range(b.shape[0]):
+        present[:] = False
+        levels = 0
+        for k in range(m):
+            if not 1 <= priority[i, k] <= m:
+                return False
+            present[priority[i, k] - 1] = True
+            levels = max(levels, priority[i, k])
+        for p in range(levels):
+            if not present[p]:
+                return False
+    return True
