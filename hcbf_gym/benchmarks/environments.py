@@ -1,0 +1,122 @@
+"""Environment steps per second of one core, beside Gymnasium's own ways and Ant-v5.
+
+The seconds are the process's own (CPU time of one thread), so that a busy machine does not count.
+"""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import SyncVectorEnv
+from rich.console import Console
+from rich.table import Table
+
+import hcbf_gym
+from hcbf_gym import scenarios, wrappers
+from hcbf_gym.scenarios import Scenario
+
+FIVE_ROWS = replace(scenarios.make("paper-four-levels"), name="four levels, speed limit", v_max=1.2)
+"""m = 5: the paper's four barriers at four priorities, and a speed limit."""
+
+TARGETS = {("native", "none"): 1_000_000, ("native", "lex-cbf-qp"): 200_000}
+"""Steps per second that the batch of 4096 must reach with five rows."""
+
+N = 4096
+EPISODE = 100
+"""Steps of an episode, few enough for every episode to restart during the measurement."""
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Measure, print and return steps per second of each combination.
+
+    Args:
+        quick: fewer steps.
+    """
+    steps = EPISODE + 10 if quick else 3 * EPISODE
+    rows = [
+        _row("native", N, scenario, program, native(scenario, program, N), steps)
+        for scenario in (FIVE_ROWS, "random")
+        for program in ("none", "r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+    ]
+    rows += [
+        _row(kind, n, FIVE_ROWS, program, make(FIVE_ROWS, program, n), steps)
+        for program in ("none", "lex-cbf-qp")
+        for kind, n, make in (("native", 1, native), ("SyncVectorEnv", 16, sync))
+    ]
+    ant = SyncVectorEnv([lambda: gym.make("Ant-v5")] * 16)
+    rows.append(_row("SyncVectorEnv of Ant-v5", 16, "-", "-", ant, steps))
+    _print(rows)
+    return {"rows": rows, "hcbf_gym": hcbf_gym.__version__, "gymnasium": gym.__version__}
+
+
+def native(scenario: str | Scenario, program: str, n: int) -> gym.vector.VectorEnv:
+    """Return the native batch of n environments."""
+    env = gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario, max_episode_steps=EPISODE)
+    return env if program == "none" else wrappers.VectorSafetyFilter(env, program=program)
+
+
+def sync(scenario: str | Scenario, program: str, n: int) -> gym.vector.VectorEnv:
+    """Return n single environments, stepped one after the other."""
+
+    def make() -> gym.Env:
+        env = gym.make("HCBF-Regions-v0", scenario=scenario, max_episode_steps=EPISODE)
+        return env if program == "none" else wrappers.SafetyFilter(env, program=program)
+
+    return SyncVectorEnv([make] * n)
+
+
+def steps_per_second(env: gym.vector.VectorEnv, steps: int) -> float:
+    """Return environment steps per second under uniform random actions, restarts included."""
+    space: Any = env.single_action_space
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(space.low, space.high, (8, env.num_envs, *space.shape))
+    actions = actions.astype(space.dtype)
+    env.reset(seed=0)
+    for action in actions[:5]:
+        env.step(action)
+    begin = time.process_time()
+    for i in range(steps):
+        env.step(actions[i % len(actions)])
+    seconds = time.process_time() - begin
+    env.close()
+    return env.num_envs * steps / seconds
+
+
+def _row(
+    kind: str,
+    n: int,
+    scenario: str | Scenario,
+    program: str,
+    env: gym.vector.VectorEnv,
+    steps: int,
+) -> dict[str, Any]:
+    target = TARGETS.get((kind, program)) if n == N and scenario is FIVE_ROWS else None
+    return {
+        "environment": kind,
+        "n": n,
+        "scenario": scenario if isinstance(scenario, str) else scenario.name,
+        "program": program,
+        "steps_per_second": steps_per_second(env, steps),
+        "target": target,
+    }
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    table = Table(title="Environment steps per second of one core")
+    for heading in ("environment", "N", "scene", "program"):
+        table.add_column(heading)
+    for heading in ("steps/s", "target"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        rate, target = row["steps_per_second"], row["target"]
+        table.add_row(
+            row["environment"],
+            str(row["n"]),
+            row["scenario"],
+            row["program"],
+            f"{rate:,.0f}",
+            "" if target is None else f"{target:,.0f} {'met' if rate >= target else 'MISSED'}",
+        )
+    Console().print(table)
