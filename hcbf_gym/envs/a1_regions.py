@@ -23,7 +23,7 @@ from hcbf_gym.scenarios import Scenario
 Array = NDArray[np.float64]
 
 V_MAX = 1.2
-"""Strict cap on the speed [m/s] where the scenario sets none: the trot falls far above it."""
+"""Strict cap on the speed [m/s] where the scenario sets none; the trot walks well up to 1.8 m/s."""
 
 MARGIN = 0.03
 """What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
@@ -132,7 +132,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
             randomization=randomization,
             disturbances=disturbances,
         )
-        self._v_max = V_MAX if self.scenario.v_max is None else min(V_MAX, self.scenario.v_max)
+        self._v_max = V_MAX if self.scenario.v_max is None else self.scenario.v_max
         self.controller = LocomotionController(
             robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
         )
