@@ -1,6 +1,7 @@
 """Both environments, bare and filtered, as users of Gymnasium and SB3 expect them."""
 
 import warnings
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -9,7 +10,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import hcbf_gym
-from hcbf_gym import policies, programs, wrappers
+from hcbf_gym import policies, programs, scenarios, wrappers
 from hcbf_gym.envs.a1_regions import A1RegionsEnv
 from hcbf_gym.errors import HcbfError, InvalidInputError, RenderingError, UnknownNameError
 from hcbf_gym.programs import FilterStatus
@@ -207,6 +208,8 @@ def test_the_a1_refuses_what_only_it_could_misread():
         A1RegionsEnv(feedback="guessed")
     with pytest.raises(HcbfError, match="expected"):
         A1RegionsEnv(xml_file="nothing.xml")
+    with pytest.raises(InvalidInputError, match="at most"):
+        A1RegionsEnv(scenario=replace(scenarios.make("paper-simulation"), v_max=3.0))
     with pytest.raises(UnknownNameError, match="rough"):
         A1RegionsEnv(terrain="lunar")
     with pytest.raises(UnknownNameError, match="trot"):

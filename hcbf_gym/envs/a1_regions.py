@@ -23,7 +23,10 @@ from hcbf_gym.scenarios import Scenario
 Array = NDArray[np.float64]
 
 V_MAX = 1.2
-"""Strict cap on the speed [m/s] where the scenario sets none; the trot walks well up to 1.8 m/s."""
+"""Strict cap on the speed [m/s] where the scenario sets none."""
+
+FASTEST = 1.8
+"""The highest cap [m/s] that a scenario may set: the trot falls not far above it."""
 
 MARGIN = 0.03
 """What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
@@ -132,7 +135,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
             randomization=randomization,
             disturbances=disturbances,
         )
-        self._v_max = V_MAX if self.scenario.v_max is None else self.scenario.v_max
+        self._v_max = _speed_limit(self.scenario)
         self.controller = LocomotionController(
             robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
         )
@@ -274,6 +277,15 @@ def _plain(diagnostics: Diagnostics) -> dict[str, Any]:
         name: np.asarray(value, dtype=np.float64) if np.ndim(value) else float(value)
         for name, value in diagnostics._asdict().items()
     }
+
+
+def _speed_limit(scenario: Scenario) -> float:
+    v_max = V_MAX if scenario.v_max is None else scenario.v_max
+    if v_max > FASTEST:
+        raise InvalidInputError(
+            f"{scenario.name}: v_max: got {v_max} m/s, expected at most {FASTEST} for the A1"
+        )
+    return v_max
 
 
 def _substeps(timestep: float) -> int:
