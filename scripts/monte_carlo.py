@@ -20,7 +20,7 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym.benchmarks import monte_carlo
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.errors import HcbfError, InvalidInputError, choose
 from hcbf_gym.evaluation import in_parallel
 from hcbf_gym.output_folder import open_folder, write_json
 
@@ -33,6 +33,8 @@ class Args:
     """Scenes for each policy and program; the same scenes for all."""
     policies: tuple[Literal["pd", "noisy", "adversarial"], ...] = ("pd", "noisy", "adversarial")
     """Nominal policies."""
+    programs: tuple[str, ...] = tuple(monte_carlo.PROGRAMS)
+    """Names from hcbf_gym.benchmarks.monte_carlo.PROGRAMS."""
     rows: tuple[Literal["held", "continuous", "continuous + 1 cm"], ...] = ("held",)
     """Rows made for a held input, the usual ones, or those with a margin."""
     seed: int = 0
@@ -53,12 +55,14 @@ def main(args: Args) -> None:
         raise InvalidInputError(
             f"got episodes {args.episodes} and chunk {args.chunk}, expected >= 1"
         )
+    for program in args.programs:
+        choose("program", program, monte_carlo.PROGRAMS)
     open_folder(args.output, {"seed": args.seed, "chunk": args.chunk})
     jobs = [
         (rows, policy, program, start)
         for rows in args.rows
         for policy in args.policies
-        for program in monte_carlo.PROGRAMS
+        for program in args.programs
         for start in range(0, args.episodes, args.chunk)
     ]
     missing = [job for job in jobs if not _path(args, *job).exists()]
