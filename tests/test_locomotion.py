@@ -23,12 +23,13 @@ from hcbf_gym.locomotion.body_reference import (
     REFERENCE,
     advance,
 )
-from hcbf_gym.locomotion.condensed import condense, free_minimiser
+from hcbf_gym.locomotion.condensed import WORKSPACE, condense, free_minimiser
 from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.dynamics import rigid_body_terms
 from hcbf_gym.locomotion.foothold import MAX_OFFSET, foothold, nominal_stance
 from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
 from hcbf_gym.locomotion.leg import foot_kinematics
-from hcbf_gym.locomotion.model import RobotModel, with_joint_losses
+from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
@@ -211,10 +212,9 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
         rng.standard_normal(12),
         np.array(stance, dtype=bool),
     )
-    M, nonlinear = MODEL.dynamics(state)
     R = rotation_matrix(state.quaternion)
     v = np.concatenate([R.T @ state.linear_velocity, state.angular_velocity, state.joint_velocity])
-    bias = with_joint_losses(nonlinear, v, MODEL.losses)
+    M, bias = rigid_body_terms(MODEL.bodies, MODEL.legs, R, v, state.joint_position)
     feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
     tasks = TaskAccelerations(
         effort * rng.standard_normal(3),
@@ -224,17 +224,14 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
     q = np.concatenate(
         [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
     )
-    args = (M.copy(), bias, v, R, feet, np.array(stance, dtype=np.uint8), tasks, 0.6, 33.5)
+    args = (M, bias, v, R, feet, np.array(stance, dtype=np.uint8), tasks, 0.6, 33.5)
     return args, q
 
 
-def condensed(args) -> tuple[QuadraticProgram, np.ndarray]:
-    arrays = (np.zeros((12, 12)), np.zeros(12), np.zeros((28, 12)), np.zeros(40), np.zeros(40))
-    offset = np.zeros(12)
-    contacts = condense(*args, QuadraticProgram(*arrays, 0), offset)
-    H, f, A, lower, upper = arrays
-    rows = 12 + 4 * contacts
-    return QuadraticProgram(H, f, A[:rows], lower[: 12 + rows], upper[: 12 + rows], 0), offset
+def condensed(args) -> tuple[QuadraticProgram, np.record]:
+    w = np.zeros(1, dtype=WORKSPACE)[0]
+    rows = 12 + 4 * condense(*args, w)
+    return QuadraticProgram(w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0), w
 
 
 @pytest.mark.parametrize("stance", STANCES)
@@ -242,12 +239,14 @@ def condensed(args) -> tuple[QuadraticProgram, np.ndarray]:
 def test_the_condensed_and_the_paper_s_form_give_the_same_torques(stance, effort):
     for seed in range(5):
         args, _ = problem(seed, stance, effort)
-        program, offset = condensed(args)
+        program, work = condensed(args)
         ours = qp.solve(program)
         reference = qp.solve(full_form(*args))
         assert ours.x is not None
         assert reference.x is not None
-        np.testing.assert_allclose(program.A[:12] @ ours.x + offset, reference.x[18:30], atol=1e-4)
+        np.testing.assert_allclose(
+            program.A[:12] @ ours.x + work.torque_offset, reference.x[18:30], atol=1e-4
+        )
 
 
 @pytest.mark.parametrize("stance", STANCES)
@@ -267,13 +266,12 @@ def test_solutions_meet_the_kkt_conditions(stance):
 def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
     counts = {True: 0, False: 0}
     for seed in range(20):
-        program, _ = condensed(problem(seed, (1, 1, 1, 1), 0.25 * seed)[0])
-        x = np.zeros(12)
-        free = free_minimiser(program, len(program.A), x)
+        program, work = condensed(problem(seed, (1, 1, 1, 1), 0.25 * seed)[0])
+        free = free_minimiser(work, len(program.A))
         counts[free] += 1
         solution = qp.solve(program)
         if free:
-            np.testing.assert_allclose(x, solution.x, atol=1e-6)
+            np.testing.assert_allclose(work.z, solution.x, atol=1e-6)
         else:
             assert np.abs(solution.multipliers).max() > 0.0
     assert min(counts.values()) > 0
@@ -290,7 +288,7 @@ def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
     rate = pin.computeCentroidalMomentumTimeVariation(
         MODEL.pinocchio, data, q, v, acceleration
     ).linear
-    weight = np.array([0.0, 0.0, -9.81 * MODEL.mass])
+    weight = np.array([0.0, 0.0, -9.81 * MODEL.bodies.mass.sum()])
     np.testing.assert_allclose(rate, forces.sum(axis=0) + weight, atol=1e-6)
     assert (np.abs(forces[:, :2]) <= 0.6 * forces[:, 2:] + 1e-6).all()
     assert (np.abs(x[18:30]) <= 33.5 + 1e-6).all()

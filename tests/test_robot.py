@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import RobotModelError
+from hcbf_gym.locomotion.dynamics import rigid_body_terms
 from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
-from hcbf_gym.locomotion.model import RobotModel, with_joint_losses
+from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space import foot_bias, foot_jacobian
@@ -39,12 +40,18 @@ def random_state(seed: int) -> RobotState:
     )
 
 
-def terms(state: RobotState):
-    """Return R, v, symmetric M and nonlinear effects as the controller computes them."""
-    M, nonlinear = MODEL.dynamics(state)
+def generalised_velocity(state: RobotState) -> tuple[np.ndarray, np.ndarray]:
+    """Return R and Pinocchio's v: the trunk's velocity in its own axes, then the joints."""
     R = rotation_matrix(state.quaternion)
-    v = np.concatenate([R.T @ state.linear_velocity, state.angular_velocity, state.joint_velocity])
-    return R, v, np.triu(M) + np.triu(M, 1).T, nonlinear.copy()
+    return R, np.concatenate(
+        [R.T @ state.linear_velocity, state.angular_velocity, state.joint_velocity]
+    )
+
+
+def pinocchio_configuration(state: RobotState) -> np.ndarray:
+    return np.concatenate(
+        [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
+    )
 
 
 def mujoco_at(state: RobotState):
@@ -60,29 +67,42 @@ def mujoco_at(state: RobotState):
 
 
 @pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_and_bias_agree_with_pinocchio(seed):
+    state = random_state(seed)
+    R, v = generalised_velocity(state)
+    M, bias = rigid_body_terms(MODEL.bodies, MODEL.legs, R, v, state.joint_position)
+    model, data = MODEL.pinocchio, MODEL.pinocchio.createData()
+    q = pinocchio_configuration(state)
+    upper = np.triu(pin.crba(model, data, q))
+    np.testing.assert_allclose(M, upper + np.triu(upper, 1).T, atol=1e-12)
+    losses = MODEL.bodies.damping * v[6:] + MODEL.bodies.dry_friction * np.tanh(v[6:] / 0.1)
+    expected = pin.nonLinearEffects(model, data, q, v)
+    expected[6:] += losses
+    np.testing.assert_allclose(bias, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
 def test_mass_matrix_and_bias_agree_with_mujoco(seed):
     state = random_state(seed)
-    R, v, M, nonlinear = terms(state)
+    R, v = generalised_velocity(state)
+    slippery = MODEL.bodies._replace(dry_friction=np.zeros(12))  # a constraint in MuJoCo
+    M, bias = rigid_body_terms(slippery, MODEL.legs, R, v, state.joint_position)
     model, data = mujoco_at(state)
-    T = np.eye(18)  # MuJoCo's velocities from Pinocchio's: the trunk's linear one in the world
+    T = np.eye(18)  # MuJoCo's velocities from ours: the trunk's linear one in the world
     T[:3, :3] = R
     M_mujoco = np.zeros((18, 18))
     mujoco.mj_fullM(model, data, M_mujoco)
     np.testing.assert_allclose(M, T.T @ M_mujoco @ T, atol=1e-9)
-
     rotating_axes = np.zeros(18)  # Ṫ v
     rotating_axes[:3] = R @ np.cross(v[3:6], v[:3])
-    bias_mujoco = T.T @ (data.qfrc_bias + M_mujoco @ rotating_axes)
-    np.testing.assert_allclose(nonlinear, bias_mujoco, atol=1e-9)
-
-    damped = with_joint_losses(nonlinear, v, np.stack([MODEL.losses[0], np.zeros(12)]))
-    np.testing.assert_allclose(damped - nonlinear, -data.qfrc_passive, atol=1e-9)
+    forces = data.qfrc_bias - data.qfrc_passive + M_mujoco @ rotating_axes
+    np.testing.assert_allclose(bias, T.T @ forces, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_foot_jacobians_and_their_drift_agree_with_mujoco_and_pinocchio(seed):
     state = random_state(seed)
-    R, v, _, _ = terms(state)
+    R, v = generalised_velocity(state)
     feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
     model, data = mujoco_at(state)
     v_mujoco = np.concatenate([state.linear_velocity, v[3:]])
@@ -110,13 +130,11 @@ def test_foot_jacobians_and_their_drift_agree_with_mujoco_and_pinocchio(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_foot_acceleration_agrees_with_pinocchio(seed):
     state = random_state(seed)
-    R, v, _, _ = terms(state)
+    R, v = generalised_velocity(state)
     feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
     model = MODEL.pinocchio
     data = model.createData()
-    q = np.concatenate(
-        [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
-    )
+    q = pinocchio_configuration(state)
     acceleration = np.random.default_rng(seed).standard_normal(18)
     pin.forwardKinematics(model, data, q, v, acceleration)
     for foot, leg in enumerate(a1.LEGS):
@@ -158,7 +176,7 @@ def test_inverse_kinematics_answers_any_target_with_finite_joints(target):
 
 
 def test_the_package_robot_weighs_what_the_public_models_say():
-    assert MODEL.mass == pytest.approx(12.453, abs=1e-9)
+    assert MODEL.bodies.mass.sum() == pytest.approx(12.453, abs=1e-9)
     assert Simulation().model.body_subtreemass[1] == pytest.approx(12.453, abs=1e-9)
 
 

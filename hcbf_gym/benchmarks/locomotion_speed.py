@@ -111,9 +111,7 @@ def stage_shares() -> list[Figure]:
     stages = {
         "physics (MuJoCo)": (core.simulation, "step"),
         "state, as sensed": (core.simulation, "state"),
-        "dynamics (Pinocchio)": (core.controller.model, "dynamics"),
-        "plan, tasks and QP": (core.controller._formulation, "solve"),
-        "whole controller": (core.controller, "step"),
+        "dynamics, plan, tasks and QP": (core.controller._form, "step"),
     }
     spent = {name: _timed(owner, method) for name, (owner, method) in stages.items()}
     timed_tick = run_episode(env) / ticks

@@ -22,15 +22,33 @@ from hcbf_gym.locomotion.matrices import (
     product,
     skew,
     solve_in_place,
-    symmetric_block,
 )
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.task_space import (
     FORCE_WEIGHT,
-    QuadraticProgram,
     foot_bias,
 )
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
+
+# a program and what comes of it, as one record that compiled code fills in: of A and the bounds the
+# rows for four standing feet, of which those of the feet that stand count
+WORKSPACE = np.dtype(
+    (
+        np.record,
+        [
+            ("H", "f8", (12, 12)),
+            ("f", "f8", 12),
+            ("A", "f8", (28, 12)),  # the first 12 rows are the torques
+            ("lower", "f8", 40),
+            ("upper", "f8", 40),
+            ("torque_offset", "f8", 12),  # τ = A[:12] z + torque_offset [N·m]
+            ("z", "f8", 12),
+            ("feedforward", "f8", 12),  # τ of the latest solution [N·m]
+            ("feedback", "f8", 12),  # of the joint impedance [N·m]
+            ("torque", "f8", 12),  # their sum within the limit [N·m]
+        ],
+    )
+)
 
 
 @njit(cache=True)
@@ -45,7 +63,7 @@ def accelerations(
     """Return (18, 13) Q with ``q̈ = Q [z; 1]``.
 
     Args:
-        M: (18, 18) mass matrix, upper triangle.
+        M: (18, 18) mass matrix.
         bias: (18,) forces.
         R: (3, 3) trunk → world.
         feet: the feet's kinematics in the trunk's axes.
@@ -55,7 +73,7 @@ def accelerations(
     Q = np.zeros((18, 13))
     trunk = Q[:6]
     trunk[:, 12] = -bias[:6]
-    inertia = symmetric_block(M, 0, 6)
+    inertia = M[:6, :6].copy()
     lever = np.empty((4, 3, 6))  # −J⁻¹B
     for foot in range(4):
         column = 3 * foot
@@ -92,13 +110,12 @@ def condense(
     tasks: TaskAccelerations,
     friction: float,
     torque_limit: float,
-    out: QuadraticProgram,
-    torque_offset: Array,
+    out: np.record,
 ) -> int:
     """Fill in the program in z (12,) and return how many feet stand, c.
 
     Args:
-        M: (18, 18) mass matrix, upper triangle.
+        M: (18, 18) mass matrix.
         bias: (18,) forces of the dynamics.
         v: (18,) generalised velocity.
         R: (3, 3) trunk → world.
@@ -107,8 +124,7 @@ def condense(
         tasks: the accelerations to come close to.
         friction: µ of the friction pyramid.
         torque_limit: of every joint [N·m].
-        out: arrays for four standing feet; the rows ``A[: 12 + 4c]`` count, the torques' first.
-        torque_offset: (12,) filled in: ``τ = A[:12] z + torque_offset`` [N·m].
+        out: a `WORKSPACE` record; the rows ``A[: 12 + 4c]`` count.
     """
     beta = np.empty((4, 3))
     for foot in range(4):
@@ -117,7 +133,7 @@ def condense(
     Q = accelerations(M, bias, R, feet, beta, stance)
     trunk = Q[:6]
 
-    H, f, A, lower, upper, _ = out
+    H, f, A, lower, upper = out.H, out.f, out.A, out.lower, out.upper
     H[:] = 0.0
     f[:] = 0.0
     A[12:] = 0.0
@@ -137,8 +153,8 @@ def condense(
         x, z = 3 * foot, 3 * foot + 2
         k, joints = slice(x, x + 3), slice(6 + x, 9 + x)
         J_world = product(R, feet.jacobian[foot])
-        add_product(torque[k], M[:6, joints].T, trunk)
-        add_product(torque[k], symmetric_block(M, 6 + x, 3), Q[joints])
+        add_product(torque[k], M[joints, :6], trunk)
+        add_product(torque[k], M[joints, joints], Q[joints])
         torque[k, 12] += bias[joints]
         if stance[foot]:
             torque[k, k] -= J_world.T
@@ -165,24 +181,23 @@ def condense(
                     H[i, j] += e * row_of_error[j]
                 f[i] += e * row_of_error[12]
     A[:12] = torque[:, :12]
-    torque_offset[:] = torque[:, 12]
-    lower[12:24] = -torque_limit - torque_offset
-    upper[12:24] = torque_limit - torque_offset
+    out.torque_offset[:] = torque[:, 12]
+    lower[12:24] = -torque_limit - out.torque_offset
+    upper[12:24] = torque_limit - out.torque_offset
     return (row - 12) // 4
 
 
 @njit(cache=True)
-def free_minimiser(program: QuadraticProgram, rows: int, x: Array) -> bool:
-    """Write ``−H⁻¹f`` into x (n,) and return whether it keeps to every bound: then it is optimal.
+def free_minimiser(program: np.record, rows: int) -> bool:
+    """Set ``z = −H⁻¹f`` and return whether it keeps to every bound: then it is optimal.
 
     While the robot walks undisturbed no friction or torque limit binds, and the QP needs no solver.
 
     Args:
-        program: with a positive definite Hessian; the first `rows` rows of A count.
+        program: a `WORKSPACE` record; the first `rows` rows of A count.
         rows: how many.
-        x: (n,) filled in.
     """
-    n = len(x)
+    n, x = 12, program.z
     L = np.zeros((n, n))  # Cholesky factor of H
     for i in range(n):
         for j in range(i + 1):
@@ -214,3 +229,18 @@ def free_minimiser(program: QuadraticProgram, rows: int, x: Array) -> bool:
         if not program.lower[n + row] <= value <= program.upper[n + row]:
             return False
     return True
+
+
+@njit(cache=True)
+def set_torque(work: np.record, torque_limit: float) -> None:
+    """Add up feedforward and feedback within ±torque_limit [N·m]."""
+    for joint in range(12):
+        total = work.feedforward[joint] + work.feedback[joint]
+        work.torque[joint] = min(max(total, -torque_limit), torque_limit)
+
+
+@njit(cache=True)
+def take_solution(work: np.record, torque_limit: float) -> None:
+    """Set the torques of the solution in ``work.z``."""
+    work.feedforward[:] = apply(work.A[:12], work.z) + work.torque_offset
+    set_torque(work, torque_limit)

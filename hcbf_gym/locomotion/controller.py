@@ -14,7 +14,6 @@ from hcbf_gym.locomotion.feet import stand
 from hcbf_gym.locomotion.foothold import nominal_stance
 from hcbf_gym.locomotion.formulations import CondensedForm, FullForm
 from hcbf_gym.locomotion.gait import GAITS, RESTING, Gait
-from hcbf_gym.locomotion.impedance import limited_sum
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
@@ -93,14 +92,13 @@ class LocomotionController:
             chosen_gait,
             self.model.legs,
             nominal_stance(self.model.legs.hip),
-            self.model.losses,
+            self.model.bodies,
         )
         self._settings = np.array([settings], dtype=SETTINGS)
         self._memory = np.zeros(1, dtype=MEMORY)
         make = choose("formulation", formulation, {"full": FullForm, "condensed": CondensedForm})
-        self._formulation = make()
-        self._solution = None
-        self._feedforward = np.zeros(12)
+        self._form = make(self._settings, self._memory)
+        self._solution: qp.QpSolution | None = None
         self._torque = np.zeros(12)
         self.solved = 0
         self.failed = 0
@@ -118,7 +116,7 @@ class LocomotionController:
         memory.ground = feet[:, 2].mean() - a1.FOOT_RADIUS
         for foot in range(4):
             stand(memory.targets, foot, feet[foot])
-        self._feedforward = np.zeros(12)
+        self._form.feedforward[:] = 0.0
         self.solved = 0
         self.failed = 0
 
@@ -129,17 +127,11 @@ class LocomotionController:
             state: as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
-        M, nonlinear_effects = self.model.dynamics(state)
-        formulation = self._formulation
-        self._solution = formulation.solve(
-            self._settings, self._memory, state, u, M, nonlinear_effects
-        )
+        self._torque, self._solution = self._form.step(state, u)
         if self._solution.x is None:
-            self.failed += 1  # the last torques hold for this tick
+            self.failed += 1
         else:
             self.solved += 1
-            self._feedforward = formulation.torque(self._solution.x)
-        self._torque = limited_sum(self._feedforward, formulation.feedback, a1.TORQUE_LIMIT)
         return self._torque
 
     @property
@@ -167,9 +159,9 @@ class LocomotionController:
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
-            feedforward=self._feedforward.copy(),
+            feedforward=self._form.feedforward.copy(),
             qp_exitflag=self._solution.exitflag,
-            qp_residual=qp.residual(self._formulation.program, self._solution),
+            qp_residual=qp.residual(self._form.program, self._solution),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )

@@ -1,87 +1,80 @@
-"""The two forms of the task-space QP behind one interface: plan a tick, read off torques."""
+"""The two forms of the task-space QP behind one interface: run a tick, have its torques."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.matrices import affine
+from hcbf_gym.locomotion.condensed import WORKSPACE, set_torque, take_solution
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.locomotion.task_space import QuadraticProgram
 from hcbf_gym.locomotion.tick import tick_condensed, tick_full
 
-Record = NDArray[np.void]
+Records = NDArray[np.void]
 
 
 class CondensedForm:
-    """Twelve unknowns; the arrays are made once and filled again every tick."""
+    """Twelve unknowns; a tick on which no bound binds is one compiled call."""
 
-    def __init__(self) -> None:
-        self._arrays = (
-            np.zeros((12, 12)),
-            np.zeros(12),
-            np.zeros((28, 12)),
-            np.zeros(40),
-            np.zeros(40),
-        )
-        H, f, A, lower, upper = self._arrays
-        self._with_contacts = [
-            QuadraticProgram(H, f, A[: 12 + 4 * c], lower[: 24 + 4 * c], upper[: 24 + 4 * c], 0)
-            for c in range(5)
+    def __init__(self, settings: Records, memory: Records) -> None:
+        self._settings, self._memory = settings, memory
+        self._workspace = np.zeros(1, dtype=WORKSPACE)
+        work = self._workspace[0]
+        self._torque, self.feedforward = work.torque, work.feedforward
+        self._programs = [
+            QuadraticProgram(
+                work.H,
+                work.f,
+                work.A[: 12 + 4 * contacts],
+                work.lower[: 24 + 4 * contacts],
+                work.upper[: 24 + 4 * contacts],
+                0,
+            )
+            for contacts in range(5)
         ]
-        self._torque_map, self._torque_offset = A[:12], np.zeros(12)
-        self.program = self._with_contacts[0]
-        self._x = np.zeros(12)
-        self.feedback = np.zeros(12)
+        # where no bound binds, the solution is in the workspace and the multipliers are zero
+        self._free = [
+            qp.QpSolution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
+            for program in self._programs
+        ]
+        self.program = self._programs[0]
 
-    def solve(
-        self,
-        settings: Record,
-        memory: Record,
-        state: RobotState,
-        u: Array,
-        M: Array,
-        nonlinear_effects: Array,
-    ) -> qp.QpSolution:
-        """Move `memory` on by one tick and solve its QP; see `tick.tick_condensed`."""
-        contacts, solved = tick_condensed(
-            settings,
-            memory,
-            *state,
-            u,
-            M,
-            nonlinear_effects,
-            *self._arrays,
-            self._torque_offset,
-            self._x,
-            self.feedback,
-        )
-        self.program = self._with_contacts[contacts]
-        return qp.unconstrained(self.program, self._x) if solved else qp.solve(self.program)
+    def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
+        """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
+        contacts, free = tick_condensed(self._settings, self._memory, self._workspace, *state, u)
+        self.program = self._programs[contacts]
+        if free:
+            return self._torque.copy(), self._free[contacts]
+        solution = qp.solve(self.program)
+        if solution.x is not None:
+            self._workspace["z"][0] = solution.x
+        finish_condensed(self._workspace, self._settings, solution.x is not None)
+        return self._torque.copy(), solution
 
-    def torque(self, x: Array) -> Array:
-        """Return (12,) the joint torques of a solution [N·m]."""
-        return affine(self._torque_map, x, self._torque_offset)
+
+@njit(cache=True)
+def finish_condensed(workspace: Records, settings: Records, solved: bool) -> None:
+    """Set the torques after the solver has been asked."""
+    if solved:
+        take_solution(workspace[0], settings[0].torque_limit)
+    else:
+        set_torque(workspace[0], settings[0].torque_limit)
 
 
 class FullForm:
     """The paper's unknowns (q̈, τ, F)."""
 
     program: QuadraticProgram
-    feedback: Array
 
-    def solve(
-        self,
-        settings: Record,
-        memory: Record,
-        state: RobotState,
-        u: Array,
-        M: Array,
-        nonlinear_effects: Array,
-    ) -> qp.QpSolution:
-        """Move `memory` on by one tick and solve its QP; see `tick.tick_full`."""
-        self.program, self.feedback = tick_full(settings, memory, state, u, M, nonlinear_effects)
-        return qp.solve(self.program)
+    def __init__(self, settings: Records, memory: Records) -> None:
+        self._settings, self._memory = settings, memory
+        self._limit = float(settings[0].torque_limit)
+        self.feedforward = np.zeros(12)
 
-    def torque(self, x: Array) -> Array:
-        """Return (12,) the joint torques of a solution [N·m]."""
-        return x[18:30].copy()
+    def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
+        """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
+        self.program, feedback = tick_full(self._settings, self._memory, state, u)
+        solution = qp.solve(self.program)
+        if solution.x is not None:
+            self.feedforward = solution.x[18:30].copy()
+        return np.clip(self.feedforward + feedback, -self._limit, self._limit), solution

@@ -57,9 +57,3 @@ def joint_feedback(
             torque[k] = SWING_KP * (joints - state.joint_position[k])
             torque[k] += SWING_KD * (apply(to_joints, slide) - rate)
     return torque
-
-
-@njit(cache=True)
-def limited_sum(feedforward: Array, feedback: Array, limit: float) -> Array:
-    """Return (12,) both torques together, cut off at ±limit [N·m]."""
-    return np.minimum(np.maximum(feedforward + feedback, -limit), limit)

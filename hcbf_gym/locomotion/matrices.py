@@ -43,12 +43,6 @@ def apply(A: Array, x: Array) -> Array:
 
 
 @njit(cache=True)
-def affine(A: Array, x: Array, b: Array) -> Array:
-    """Return (m,) A x + b."""
-    return apply(A, x) + b
-
-
-@njit(cache=True)
 def apply_transposed(A: Array, x: Array) -> Array:
     """Return (n,) Aᵀ x."""
     y = np.zeros(A.shape[1])
@@ -74,17 +68,6 @@ def product(A: Array, B: Array) -> Array:
     out = np.zeros((A.shape[0], B.shape[1]))
     add_product(out, A, B)
     return out
-
-
-@njit(cache=True)
-def symmetric_block(M: Array, start: int, size: int) -> Array:
-    """Return (size, size) the diagonal block at `start` of a matrix known by its upper triangle."""
-    block = np.empty((size, size))
-    for i in range(size):
-        for j in range(i, size):
-            block[i, j] = M[start + i, start + j]
-            block[j, i] = block[i, j]
-    return block
 
 
 @njit(cache=True)

@@ -1,26 +1,18 @@
-"""The controller's own rigid-body model: M(q), and everything that is not M(q)q̈."""
+"""The controller's own model of the robot, read by Pinocchio from an MJCF file."""
 
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
 from hcbf_gym.errors import RobotModelError
+from hcbf_gym.locomotion.dynamics import Bodies
 from hcbf_gym.locomotion.leg import LegGeometry
-from hcbf_gym.locomotion.matrices import apply_transposed
-from hcbf_gym.locomotion.rotation import rotation_matrix
-from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.robots import a1
-
-FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter
 
 
 class RobotModel:
-    """A floating trunk with four abad–hip–knee legs, read by Pinocchio from an MJCF file.
-
-    Generalised velocities are Pinocchio's: trunk linear and angular in the trunk's axes, then the
-    twelve joints.
+    """A floating trunk with four abad–hip–knee legs.
 
     Args:
         xml_file: the robot alone, no ``<include>``.
@@ -31,64 +23,20 @@ class RobotModel:
 
     def __init__(self, xml_file: Path) -> None:
         self.pinocchio = _read(xml_file)
-        self.data = self.pinocchio.createData()
-        self._q, self._v = np.zeros(19), np.zeros(18)
         self.legs = _leg_geometry(self.pinocchio, xml_file)
-        self.mass = float(sum(inertia.mass for inertia in self.pinocchio.inertias))
-        self.losses = np.stack(
-            [self.pinocchio.damping[6:], self.pinocchio.upperDryFrictionLimit[6:]]
-        )
-
-    def dynamics(self, state: RobotState) -> tuple[Array, Array]:
-        """Return M (18, 18), upper triangle only, and the nonlinear effects (18,).
-
-        The latter are Coriolis, centrifugal and gravity forces. Both are Pinocchio's own buffers,
-        overwritten by the next call.
-        """
-        fill_coordinates(self._q, self._v, *state[:6])
-        pin.crba(self.pinocchio, self.data, self._q)
-        pin.nonLinearEffects(self.pinocchio, self.data, self._q, self._v)
-        return self.data.M, self.data.nle
+        self.bodies = _bodies(self.pinocchio)
 
 
-@njit(cache=True)
-def fill_coordinates(
-    q: Array,
-    v: Array,
-    position: Array,
-    quaternion: Array,
-    linear_velocity: Array,
-    angular_velocity: Array,
-    joint_position: Array,
-    joint_velocity: Array,
-) -> None:
-    """Write Pinocchio's q (19,), whose quaternion ends with w, and v (18,) of a `RobotState`."""
-    q[:3] = position
-    q[3:6] = quaternion[1:]
-    q[6] = quaternion[0]
-    q[7:] = joint_position
-    v[:3] = apply_transposed(rotation_matrix(quaternion), linear_velocity)
-    v[3:6] = angular_velocity
-    v[6:] = joint_velocity
-
-
-@njit(cache=True)
-def with_joint_losses(nonlinear_effects: Array, v: Array, losses: Array) -> Array:
-    """Return the bias (18,) of ``M q̈ + bias = Sᵀτ + JᵀF``: damping and dry friction added.
-
-    Without them the trunk pitches by several degrees.
-
-    Args:
-        nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
-        v: (18,) generalised velocity.
-        losses: (2, 12) the joints' damping [N·m·s/rad] and dry friction [N·m].
-    """
-    bias = nonlinear_effects.copy()
-    for joint in range(12):
-        rate = v[6 + joint]
-        bias[6 + joint] += losses[0, joint] * rate
-        bias[6 + joint] += losses[1, joint] * np.tanh(rate / FRICTION_VELOCITY)
-    return bias
+def _bodies(model: pin.Model) -> Bodies:
+    inertias = [model.inertias[joint] for joint in range(1, model.njoints)]
+    return Bodies(
+        mass=np.array([inertia.mass for inertia in inertias]),
+        com=np.array([inertia.lever for inertia in inertias]),
+        inertia=np.array([inertia.inertia for inertia in inertias]),
+        armature=model.armature[6:].copy(),
+        damping=model.damping[6:].copy(),
+        dry_friction=model.upperDryFrictionLimit[6:].copy(),
+    )
 
 
 def _read(xml_file: Path) -> pin.Model:

@@ -38,11 +38,6 @@ def solve(program: QuadraticProgram) -> QpSolution:
     return QpSolution(x if exitflag == OPTIMAL else None, exitflag, info["lam"])
 
 
-def unconstrained(program: QuadraticProgram, x: Array) -> QpSolution:
-    """Return the solution x (n,) of a program none of whose bounds binds."""
-    return QpSolution(x, OPTIMAL, np.zeros(len(program.lower)))
-
-
 def residual(program: QuadraticProgram, solution: QpSolution) -> float:
     """Return the largest violation of the KKT conditions; infinite without a solution.
 

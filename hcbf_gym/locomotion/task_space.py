@@ -74,7 +74,7 @@ def full_form(
     of point feet, as a pyramid.
 
     Args:
-        M: (18, 18) D, upper triangle.
+        M: (18, 18) D.
         bias: (18,) H.
         v: (18,) q̇, generalised velocity.
         R: (3, 3) trunk → world.
@@ -91,7 +91,7 @@ def full_form(
         contacts += stance[foot]
     n = 30 + 3 * contacts
     equalities = 18 + 3 * contacts
-    J_y = np.zeros((18, n))  # trunk linear, trunk angular, feet
+    J_y = np.zeros((18, 18))  # trunk linear, trunk angular, feet
     y = np.zeros(18)
     A = np.zeros((equalities + 4 * contacts, n))
     lower = np.full(n + len(A), -np.inf)
@@ -105,12 +105,9 @@ def full_form(
     J_y[2] *= np.sqrt(HEIGHT_WEIGHT)
     y[2] *= np.sqrt(HEIGHT_WEIGHT)
 
-    for i in range(18):
-        for j in range(i, 18):
-            A[i, j] = M[i, j]
-            A[j, i] = M[i, j]
-        lower[n + i] = -bias[i]
-        upper[n + i] = -bias[i]
+    A[:18, :18] = M
+    lower[n : n + 18] = -bias
+    upper[n : n + 18] = -bias
     for joint in range(12):
         A[6 + joint, 18 + joint] = -1.0
         lower[18 + joint] = -torque_limit
@@ -123,7 +120,7 @@ def full_form(
         J_foot = foot_jacobian(R, r, J, foot)
         drift = apply(R, foot_bias(v, r, J, feet.bias[foot], joint_velocity))
         if not stance[foot]:
-            J_y[6 + 3 * foot : 9 + 3 * foot, :18] = J_foot
+            J_y[6 + 3 * foot : 9 + 3 * foot] = J_foot
             y[6 + 3 * foot : 9 + 3 * foot] = tasks.feet[foot] - drift
             continue
         A[:18, force : force + 3] = -J_foot.T
@@ -141,5 +138,7 @@ def full_form(
             H[i, i] = FORCE_WEIGHT
         force += 3
         contact_row += 3
-    add_product(H, J_y.T, J_y)
-    return QuadraticProgram(H, -apply_transposed(J_y, y), A, lower, upper, equalities)
+    add_product(H[:18, :18], J_y.T, J_y)
+    f = np.zeros(n)
+    f[:18] = -apply_transposed(J_y, y)
+    return QuadraticProgram(H, f, A, lower, upper, equalities)

@@ -11,13 +11,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
-from hcbf_gym.locomotion.condensed import condense, free_minimiser
+from hcbf_gym.locomotion.condensed import condense, free_minimiser, take_solution
+from hcbf_gym.locomotion.dynamics import BODIES, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS, plan_feet
 from hcbf_gym.locomotion.gait import GAIT, advance_clock, foot_phases
 from hcbf_gym.locomotion.impedance import joint_feedback
 from hcbf_gym.locomotion.leg import LEGS, FootKinematics, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
-from hcbf_gym.locomotion.model import with_joint_losses
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
@@ -45,7 +45,7 @@ SETTINGS = np.dtype(
             ("gait", GAIT),
             ("legs", LEGS),
             ("nominal", "f8", (4, 2)),  # footholds at rest in the trunk's axes [m]
-            ("losses", "f8", (2, 12)),  # damping [N·m·s/rad] and dry friction [N·m] of the joints
+            ("bodies", BODIES),
         ],
     )
 )
@@ -68,6 +68,7 @@ class Plan(NamedTuple):
 
     Attributes:
         v: (18,) generalised velocity.
+        M: (18, 18) mass matrix.
         bias: (18,) forces of the dynamics, joint losses included.
         R: (3, 3) trunk → world.
         feet: the feet's kinematics in the trunk's axes.
@@ -76,6 +77,7 @@ class Plan(NamedTuple):
     """
 
     v: Array
+    M: Array
     bias: Array
     R: Array
     feet: FootKinematics
@@ -119,9 +121,7 @@ def ground_height(ground: float, feet: Array, carrying: NDArray[np.bool_], radiu
 
 
 @njit(cache=True)
-def plan(
-    settings: np.record, memory: np.record, state: RobotState, u: Array, nonlinear_effects: Array
-) -> Plan:
+def plan(settings: np.record, memory: np.record, state: RobotState, u: Array) -> Plan:
     """Return what comes before the QP: gait → footholds → swing → tasks, and the impedance.
 
     Args:
@@ -129,12 +129,11 @@ def plan(
         memory: a `MEMORY` record, moved on by one tick.
         state: as measured.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
-        nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
     """
     dt, reference, targets = settings.timestep, memory.reference, memory.targets
     R = rotation_matrix(state.quaternion)
     v = generalised_velocity(state, R)
-    bias = with_joint_losses(nonlinear_effects, v, settings.losses)
+    M, bias = rigid_body_terms(settings.bodies, settings.legs, R, v, state.joint_position)
     feet = foot_kinematics(settings.legs, state.joint_position, state.joint_velocity)
     feet_in_world = np.empty((4, 3))
     for foot in range(4):
@@ -162,13 +161,14 @@ def plan(
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
     memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
-    return Plan(v, bias, R, feet, tasks, feedback)
+    return Plan(v, M, bias, R, feet, tasks, feedback)
 
 
 @njit(cache=True)
 def tick_condensed(
     settings: NDArray[np.void],
     memory: NDArray[np.void],
+    workspace: NDArray[np.void],
     position: Array,
     quaternion: Array,
     linear_velocity: Array,
@@ -177,22 +177,15 @@ def tick_condensed(
     joint_velocity: Array,
     foot_contact: NDArray[np.bool_],
     u: Array,
-    M: Array,
-    nonlinear_effects: Array,
-    H: Array,
-    f: Array,
-    A: Array,
-    lower: Array,
-    upper: Array,
-    torque_offset: Array,
-    x: Array,
-    feedback: Array,
 ) -> tuple[int, bool]:
-    """Fill in the condensed QP of this tick; return how many feet stand and whether x solves it.
+    """Run a tick up to the QP; return how many feet stand and whether no bound binds.
+
+    If none binds, the QP is solved and the torques are set.
 
     Args:
         settings: (1,) `SETTINGS`.
         memory: (1,) `MEMORY`, moved on by one tick.
+        workspace: (1,) `WORKSPACE`, filled in.
         position: and the next six, the fields of `RobotState`.
         quaternion: see there.
         linear_velocity: see there.
@@ -201,16 +194,6 @@ def tick_condensed(
         joint_velocity: see there.
         foot_contact: see there.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
-        M: (18, 18) mass matrix, upper triangle.
-        nonlinear_effects: (18,) Coriolis, centrifugal and gravity forces.
-        H: and the next four, the arrays of a `QuadraticProgram` for four standing feet, filled.
-        f: see there.
-        A: see there.
-        lower: see there.
-        upper: see there.
-        torque_offset: (12,) ``τ_ff = A[:12] z + torque_offset``, filled [N·m].
-        x: (12,) the minimiser without bounds, filled; the solution if it keeps to them.
-        feedback: (12,) torques of the joint impedance, filled [N·m].
     """
     state = RobotState(
         position,
@@ -221,45 +204,24 @@ def tick_condensed(
         joint_velocity,
         foot_contact,
     )
-    p = plan(settings[0], memory[0], state, u, nonlinear_effects)
-    feedback[:] = p.feedback
-    program = QuadraticProgram(H, f, A, lower, upper, 0)
-    contacts = condense(
-        M,
-        p.bias,
-        p.v,
-        p.R,
-        p.feet,
-        memory[0].targets.stance,
-        p.tasks,
-        settings[0].friction,
-        settings[0].torque_limit,
-        program,
-        torque_offset,
-    )
-    return contacts, free_minimiser(program, 12 + 4 * contacts, x)
+    friction, limit = settings[0].friction, settings[0].torque_limit
+    work, stance = workspace[0], memory[0].targets.stance
+    p = plan(settings[0], memory[0], state, u)
+    contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit, work)
+    work.feedback[:] = p.feedback
+    free = free_minimiser(work, 12 + 4 * contacts)
+    if free:
+        take_solution(work, limit)
+    return contacts, free
 
 
 @njit(cache=True)
 def tick_full(
-    settings: NDArray[np.void],
-    memory: NDArray[np.void],
-    state: RobotState,
-    u: Array,
-    M: Array,
-    nonlinear_effects: Array,
+    settings: NDArray[np.void], memory: NDArray[np.void], state: RobotState, u: Array
 ) -> tuple[QuadraticProgram, Array]:
     """Return the QP of this tick in (q̈, τ, F), and the feedback torques; see `tick_condensed`."""
-    p = plan(settings[0], memory[0], state, u, nonlinear_effects)
-    program = full_form(
-        M,
-        p.bias,
-        p.v,
-        p.R,
-        p.feet,
-        memory[0].targets.stance,
-        p.tasks,
-        settings[0].friction,
-        settings[0].torque_limit,
-    )
+    friction, limit = settings[0].friction, settings[0].torque_limit
+    p = plan(settings[0], memory[0], state, u)
+    stance = memory[0].targets.stance
+    program = full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit)
     return program, p.feedback
