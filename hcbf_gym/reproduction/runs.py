@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -110,8 +111,8 @@ def _run(job: Job, path: Path) -> None:
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:
-    """Write a file, whole or not at all."""
-    partial = path.with_suffix(".partial.npz")
+    """Write a file, whole or not at all, whoever else writes it."""
+    partial = path.with_suffix(f".{os.getpid()}.partial.npz")
     np.savez_compressed(partial, **arrays)
     partial.replace(path)
 
