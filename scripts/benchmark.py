@@ -23,6 +23,7 @@ SUITES = {
     "programs": "hcbf_gym.benchmarks.programs",
     "verify-programs": "hcbf_gym.benchmarks.verify_programs",
     "environments": "hcbf_gym.benchmarks.environments",
+    "learned-policies": "hcbf_gym.benchmarks.learned_policies",
     "locomotion": "hcbf_gym.benchmarks.locomotion",
     "margin": "hcbf_gym.benchmarks.margin",
 }
@@ -32,10 +33,13 @@ SUITES = {
 class Args:
     """Which figures to make."""
 
-    suite: Literal["programs", "verify-programs", "environments", "locomotion", "margin"]
+    suite: Literal[
+        "programs", "verify-programs", "environments", "learned-policies", "locomotion", "margin"
+    ]
     """programs: time of each filter; verify-programs: each filter against exact solutions;
-    environments: steps per second; locomotion: quality, robustness and speed of the walk;
-    margin: how far the walking robot dips below what its strict rows keep."""
+    environments: steps per second; learned-policies: success and safety under every program on the
+    reduced order and on the A1 (half an hour and more); locomotion: quality, robustness and speed
+    of the walk; margin: how far the walking robot dips below what its strict rows keep."""
     quick: bool = False
     """Fewer and shorter runs."""
     output: Path = Path("results/benchmark")
