@@ -45,7 +45,7 @@ class Args:
     """Processes."""
     backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
     """A joblib backend; "ray" runs on a cluster."""
-    output: Path = Path("outputs/monte-carlo")
+    output: Path = Path("results/monte-carlo")
     """Folder of the chunks and of summary.json."""
 
 
