@@ -121,7 +121,7 @@ def _write(
             "best": _best(samples),
             "gamma0": samples.gamma0.tolist(),
             "delta_gamma": samples.delta_gamma.tolist(),
-            "cost": [cost if cost < float("inf") else None for cost in samples.cost.tolist()],
+            "cost": [_number(cost) for cost in samples.cost.tolist()],
         }
         for name, (study, samples) in studies.items()
     }
@@ -134,14 +134,19 @@ def _write(
         plot_samplers(curves).savefig(args.output / "samplers.png")
 
 
-def _best(samples: Samples) -> dict[str, float]:
+def _best(samples: Samples) -> dict[str, float | None]:
     k = samples.best
     return {
         "number": k,
         "gamma0": float(samples.gamma0[k]),
         "delta_gamma": float(samples.delta_gamma[k]),
-        "cost": float(samples.cost[k]),
+        "cost": _number(float(samples.cost[k])),
     }
+
+
+def _number(cost: float) -> float | None:
+    """Return a cost as JSON can hold it: None where the robot fell."""
+    return cost if cost < float("inf") else None
 
 
 def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table:
@@ -154,7 +159,7 @@ def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table
             name,
             f"{best['gamma0']:.3f}",
             f"{best['delta_gamma']:.3f}",
-            f"{best['cost']:.2f}",
+            "fell" if best["cost"] is None else f"{best['cost']:.2f}",
             f"{best['number']}",
             f"{study.rejected(args.samples)}" if name == "normal" else "-",
         )

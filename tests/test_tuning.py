@@ -11,8 +11,10 @@ import optuna
 import pytest
 from hypothesis import given, settings
 
+from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import Case
+from hcbf_gym.programs import CbfRows
 from hcbf_gym.tuning import Cost, Normal, Problem, TuningStudy, simulate
 from hcbf_gym.tuning.journal import journal
 
@@ -156,6 +158,21 @@ def test_a_database_holds_a_study_too(problem, tmp_path):
     np.testing.assert_array_equal(longer.cost[:3], first.cost)
 
 
+@pytest.mark.parametrize("kind", ["journal", "database"])
+def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch, kind):
+    def costs(self, gamma0, delta_gamma, *args):
+        return np.where(np.array(gamma0) > 3.0, np.inf, np.array(gamma0))
+
+    monkeypatch.setattr(Problem, "costs", costs)
+    url = f"sqlite:///{tmp_path / 'study.db'}"
+    for _ in range(2):  # written, then read
+        storage = journal(tmp_path / "study.journal") if kind == "journal" else url
+        samples = TuningStudy(problem, Normal(), "normal", 0, storage).run(12)
+        np.testing.assert_array_equal(np.isinf(samples.cost), samples.gamma0 > 3.0)
+        assert np.isinf(samples.cost).any()
+        assert samples.cost[samples.best] == samples.gamma0.min()
+
+
 def test_a_storage_with_another_study_is_refused_and_left_alone(problem, tmp_path):
     path = tmp_path / "study.journal"
     TuningStudy(problem, Normal(), "normal", 0, journal(path)).run(2)
@@ -171,6 +188,13 @@ def test_a_storage_with_another_study_is_refused_and_left_alone(problem, tmp_pat
     assert kept[: before.count(b"\n")] == [json.loads(line) for line in before.splitlines()]
 
 
+def _filter_three_states(gamma0):
+    rows = CbfRows(
+        np.ones((3, 2, 2)), np.ones((3, 2)), np.ones((3, 2)), np.array([[1, 2]] * 3), None
+    )
+    return programs.make_batch("h-cbf-qp", gamma0=gamma0)(np.zeros((3, 2)), rows)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -181,6 +205,9 @@ def test_a_storage_with_another_study_is_refused_and_left_alone(problem, tmp_pat
         (lambda: Cost(w_i=-1.0), "w_i"),
         (lambda: Problem(program="lex-cbf-qp"), "takes gamma0"),
         (lambda: Problem(env="HCBF-Moon-v0"), "unknown environment"),
+        (lambda: programs.make_batch("h-cbf-qp", gamma0=np.array([[-1.0]])), "gamma0"),
+        (lambda: programs.make_batch("h-cbf-qp", delta_gamma=np.array([[np.nan]])), "delta_gamma"),
+        (lambda: _filter_three_states(np.ones((2, 1))), "weights of 2 states"),
         (lambda: Problem().costs([], []), "N >= 1"),
         (lambda: Problem().costs([-1.0], [0.0]), "gamma0"),
         (lambda: Problem().costs([1.0], [-0.1]), "delta_gamma"),

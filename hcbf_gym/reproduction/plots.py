@@ -14,8 +14,9 @@ from hcbf_gym import scenarios
 from hcbf_gym.episode_plot import new_figure
 from hcbf_gym.evaluation import Episode
 from hcbf_gym.figures import draw_cost_map
+from hcbf_gym.reproduction.trajectories import Trajectories
 from hcbf_gym.scene_plot import PROGRAM_COLORS, draw_scene, priority_color
-from hcbf_gym.tuning import Samples
+from hcbf_gym.tuning import Samples, Simulation
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,9 @@ def _stacked(cell: SubplotSpec) -> tuple[Axes, Axes]:
     return upper, lower
 
 
-def fig5_panels(run: Any, gammas: Sequence[float], fan: Any, samples: Samples | None) -> Figure:
+def fig5_panels(
+    run: Trajectories, gammas: Sequence[float], fan: Simulation | None, samples: Samples | None
+) -> Figure:
     """Return panels (a) to (d): positions, barriers, tracking error and the map of the cost.
 
     Args:
@@ -87,7 +90,7 @@ def fig5_panels(run: Any, gammas: Sequence[float], fan: Any, samples: Samples | 
     return figure
 
 
-def fig5e_paths(scene: str, rom: Any, a1: Any, gammas: Sequence[float]) -> Figure:
+def fig5e_paths(scene: str, rom: Trajectories, a1: Trajectories, gammas: Sequence[float]) -> Figure:
     """Return panel (e): paths from above on both models, and those of too large weights."""
     figure = new_figure(10.0, 4.0)
     for axes, title, run in zip(

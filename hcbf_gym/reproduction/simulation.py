@@ -3,7 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation import Case, Episode
+from hcbf_gym.evaluation import Case
 from hcbf_gym.figures import inside
 from hcbf_gym.reproduction import plots
 from hcbf_gym.reproduction.runs import Job, Runs
+from hcbf_gym.reproduction.trajectories import Trajectories, of_episodes, of_simulations
 from hcbf_gym.scenarios import Scenario
-from hcbf_gym.tuning import WINDOW, Normal, Problem, Samples, TuningStudy, simulate
+from hcbf_gym.tuning import WINDOW, Normal, Problem, Samples, Simulation, TuningStudy, simulate
 
 Array = NDArray[np.float64]
 
@@ -37,46 +38,6 @@ _INNER = (1.0, 4.75)
 """Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
 
 
-class Runs5(NamedTuple):
-    """The trajectories of one model: R-CBF-QP, H-CBF-QP for each of `GAMMAS`, and `TOO_LARGE`.
-
-    Attributes:
-        time: (k + 1,) [s].
-        position: (k + 1, 7, 2) [m].
-        h: (k + 1, 7, m) [m].
-        min_h: (7, m) over all physics steps [m].
-        tracking_error: (k + 1, 7) [m].
-        fell: (7,) whether the robot fell.
-    """
-
-    time: Array
-    position: Array
-    h: Array
-    min_h: Array
-    tracking_error: Array
-    fell: NDArray[np.bool_]
-
-    def summary(self) -> list[dict[str, Any]]:
-        """Return one line of figures for each trajectory."""
-        depth = CONTROL_DT * np.maximum(-self.h[1:, :, _H4], 0.0).sum(axis=0)
-        rms = np.sqrt(np.mean(self.tracking_error[1:] ** 2, axis=0))
-        return [
-            {
-                "program": program,
-                "gamma0": gamma0,
-                "delta_gamma": delta_gamma,
-                "min_h3": float(self.min_h[k, _H3]),
-                "min_h4": float(self.min_h[k, _H4]),
-                "violation_of_h4": float(depth[k]),
-                "tracking_rms": float(rms[k]),
-                "greatest_error": float(self.tracking_error[:, k].max()),
-                "final_error": float(self.tracking_error[-1, k]),
-                "fell": bool(self.fell[k]),
-            }
-            for k, (program, gamma0, delta_gamma) in enumerate(_settings())
-        ]
-
-
 def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
@@ -95,7 +56,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
 
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
-    a1 = _stack(runs.episodes("fig 5, A1", jobs))
+    a1 = of_episodes(runs.episodes("fig 5, A1", jobs))
     a1_samples = None if quick else _a1_samples(runs)
     plots.fig5_panels(a1, GAMMAS, None, a1_samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
@@ -104,8 +65,8 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         | _claims("A1", a1)
         | _map_claims("ROM", samples)
         | ({} if a1_samples is None else _map_claims("A1", a1_samples)),
-        "rom": rom.summary(),
-        "a1": a1.summary(),
+        "rom": _summary(rom),
+        "a1": _summary(a1),
         "rom_map": _map_summary(samples),
         "a1_map": None if a1_samples is None else _map_summary(a1_samples),
         "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
@@ -148,23 +109,16 @@ def _draws(count: int) -> Array:
     return np.array(draws)
 
 
-def _fan(count: int) -> Any:
+def _fan(count: int) -> Simulation:
     return simulate(SCENE, "h-cbf-qp", *_draws(count).T)
 
 
-def _rom() -> Runs5:
+def _rom() -> Trajectories:
     settings = _settings()
     relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]])
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
     hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T)
-    return Runs5(
-        relaxed.time,
-        np.concatenate([relaxed.position, hierarchical.position], axis=1),
-        np.concatenate([relaxed.h, hierarchical.h], axis=1),
-        np.concatenate([relaxed.min_h, hierarchical.min_h]),
-        np.concatenate([relaxed.tracking_error, hierarchical.tracking_error], axis=1),
-        np.zeros(len(settings), dtype=np.bool_),
-    )
+    return of_simulations(relaxed, hierarchical)
 
 
 def _distance_with_equal_weights() -> list[float]:
@@ -175,19 +129,6 @@ def _distance_with_equal_weights() -> list[float]:
     )
     apart = np.linalg.norm(relaxed.position - hierarchical.position, axis=2)
     return apart.max(axis=0).tolist()
-
-
-def _stack(episodes: list[Episode]) -> Runs5:
-    """Put episodes side by side, up to the end of the shortest."""
-    steps = min(len(episode.time) for episode in episodes)
-    return Runs5(
-        episodes[0].time[:steps],
-        np.stack([episode.position[:steps] for episode in episodes], axis=1),
-        np.stack([episode.h[:steps] for episode in episodes], axis=1),
-        np.stack([episode.min_h.min(axis=0) for episode in episodes]),
-        np.stack([episode.tracking_error[:steps] for episode in episodes], axis=1),
-        np.array([episode.fell for episode in episodes]),
-    )
 
 
 def _a1_samples(runs: Runs) -> Samples:
@@ -201,8 +142,29 @@ def _a1_samples(runs: Runs) -> Samples:
     return Samples(gamma0, delta_gamma, costs)
 
 
-def _claims(model: str, run: Runs5) -> dict[str, bool]:
-    lines = run.summary()
+def _summary(run: Trajectories) -> list[dict[str, Any]]:
+    """Return one line of figures for each trajectory, in the order of `_settings`."""
+    depth = CONTROL_DT * np.maximum(-run.h[1:, :, _H4], 0.0).sum(axis=0)
+    rms = np.sqrt(np.mean(run.tracking_error[1:] ** 2, axis=0))
+    return [
+        {
+            "program": program,
+            "gamma0": gamma0,
+            "delta_gamma": delta_gamma,
+            "min_h3": float(run.min_h[k, _H3]),
+            "min_h4": float(run.min_h[k, _H4]),
+            "violation_of_h4": float(depth[k]),
+            "tracking_rms": float(rms[k]),
+            "greatest_error": float(run.tracking_error[:, k].max()),
+            "final_error": float(run.tracking_error[-1, k]),
+            "fell": bool(run.fell[k]),
+        }
+        for k, (program, gamma0, delta_gamma) in enumerate(_settings())
+    ]
+
+
+def _claims(model: str, run: Trajectories) -> dict[str, bool]:
+    lines = _summary(run)
     relaxed, hierarchical, too_large = lines[0], lines[1:-1], lines[-1]
     depth = [line["violation_of_h4"] for line in hierarchical]
     least = [line["min_h4"] for line in hierarchical]
