@@ -53,6 +53,11 @@ class Problem:
             )
         self.case(0.0, 0.0).make().close()
 
+    @property
+    def batched(self) -> bool:
+        """Whether many pairs cost little more than one."""
+        return self.env == "HCBF-Regions-v0"
+
     def settings(self) -> dict[str, Any]:
         """Return what decides the costs, in JSON types."""
         random = scenarios.is_random(self.scenario)
@@ -83,7 +88,7 @@ class Problem:
             InvalidInputError: if a weight is negative or not finite, or there are none.
         """
         gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
-        if self.env == "HCBF-Regions-v0":
+        if self.batched:
             chunks = range(0, len(gamma0), _CHUNK)
             return np.concatenate(
                 [self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK]) for i in chunks]

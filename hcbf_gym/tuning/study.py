@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 WINDOW = (5.0, 2.5)
 """Greatest γ₀ and Δγ that the paper shows (section IV-A), and that TPE and CMA-ES search."""
 
+_EPISODES = 10
+"""Longest generation in full physics, where a killed run would lose more than seconds."""
 _SETTINGS = "settings"
 
 
@@ -178,6 +180,8 @@ class TuningStudy:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
         study = self._open()
         generation = SAMPLERS[self.sampler].generation
+        if not self.problem.batched:
+            generation = min(generation, _EPISODES)
 
         def finish(trials: list[Trial]) -> None:
             """Evaluate trials as one batch; another process may have told some already."""
