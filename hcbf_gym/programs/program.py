@@ -1,6 +1,7 @@
 """What every program shares: its door, its weights, and the account of what each row pays."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar, NoReturn
 
 import numpy as np
@@ -78,7 +79,7 @@ def check_weights(name: str, value: float | list[float] | Array) -> Array:
         if (weights < 0.0).any():
             raise InvalidInputError(f"{name}: got {weights.min()}, expected numbers >= 0.0")
         return weights
-    entries = [value] if np.isscalar(value) else list(value)  # pyright: ignore[reportArgumentType]
+    entries = list(value) if isinstance(value, Sequence) else [value]
     if not entries:
         raise InvalidInputError(f"{name}: got an empty list, expected at least one weight")
     return np.array([finite_float(name, entry, minimum=0.0) for entry in entries])

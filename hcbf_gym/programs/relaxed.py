@@ -1,6 +1,6 @@
 """R-CBF-QP: the rows of lower priority may be missed, at a price (paper, section III-A)."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -38,9 +38,9 @@ class RelaxedCbfQp(WeightedProgram):
         solver: str,
         *,
         epsilon: Literal["zero", "known"] = "zero",
-        **weights: float | list[float],
+        **weights: Any,
     ) -> None:
-        super().__init__(input_set, solver, **weights)  # type: ignore[arg-type]
+        super().__init__(input_set, solver, **weights)
         self.epsilon = choose("epsilon", epsilon, {"zero": "zero", "known": "known"})
 
     def least_slack(self, rows: CbfRows) -> Array:

@@ -64,27 +64,35 @@ def soft_minimum(
             state[k] = _MET
             continue
         state[k] = _OPEN
-    for k in range(b.size):
-        if state[k] != _OPEN:
-            continue
+    while True:
+        chosen, depth = -1, 0.0
+        for k in range(b.size):
+            if state[k] != _OPEN:
+                continue
+            norm = np.hypot(a[k, 0], a[k, 1])
+            nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, (b[k] - least[k]) / norm
+            lowest, highest = np.inf, -np.inf
+            for i in range(count):
+                value = nx * cell[i, 0] + ny * cell[i, 1]
+                lowest, highest = min(lowest, value), max(highest, value)
+            if lowest >= d - thin:
+                state[k] = _MET
+            elif highest <= d + thin:
+                state[k] = _PAID
+            elif min(d - lowest, highest - d) > depth:  # the kink that halves the cell best
+                chosen, depth = k, min(d - lowest, highest - d)
+        if chosen < 0:
+            break
+        k = chosen
         norm = np.hypot(a[k, 0], a[k, 1])
         nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, (b[k] - least[k]) / norm
-        lowest, highest = np.inf, -np.inf
-        for i in range(count):
-            value = nx * cell[i, 0] + ny * cell[i, 1]
-            lowest, highest = min(lowest, value), max(highest, value)
-        if lowest >= d - thin:
-            state[k] = _MET
-        elif highest <= d + thin:
-            state[k] = _PAID
-        else:
-            x, y, side = _settle(
-                cell, count, nx, ny, d, k, a, b, least, weight, lambda_u, ux, uy, radius, state
-            )
-            if side == 0:
-                return x, y
-            state[k] = _MET if side > 0 else _PAID
-            count = cut(cell, count, side * nx, side * ny, side * d, radius, scratch)
+        x, y, side = _settle(
+            cell, count, nx, ny, d, k, a, b, least, weight, lambda_u, ux, uy, radius, state
+        )
+        if side == 0:
+            return x, y
+        state[k] = _MET if side > 0 else _PAID
+        count = cut(cell, count, side * nx, side * ny, side * d, radius, scratch)
     root = np.sqrt(lambda_u)
     factor = (root, 0.0, root, root * ux, root * uy)
     for k in range(b.size):
@@ -131,7 +139,7 @@ def lock(
 
 
 @njit(cache=True)
-def _slope(
+def _slopes(
     x: float,
     y: float,
     dx: float,
@@ -145,27 +153,27 @@ def _slope(
     uy: float,
     radius: float,
     state: NDArray[np.int64],
-) -> float:
-    """Return half the directional derivative of the cost at (x, y) towards (dx, dy).
+) -> tuple[float, float]:
+    """Return half the directional derivatives of the cost at (x, y) towards d and towards −d.
 
     A row at its kink pays if the direction leads into its violation.
     """
-    slope = lambda_u * ((x - ux) * dx + (y - uy) * dy)
+    forward = lambda_u * ((x - ux) * dx + (y - uy) * dy)
+    backward = -forward
     for k in range(b.size):
         if state[k] == _MET:
             continue
         gain = a[k, 0] * dx + a[k, 1] * dy
         lack = b[k] - a[k, 0] * x - a[k, 1] * y
-        if state[k] == _PAID:
-            slope -= weight[k] * lack * gain
-            continue
         over = lack - least[k]
         rounding = THIN * radius * (abs(a[k, 0]) + abs(a[k, 1]))
-        if over > rounding:
-            slope -= weight[k] * lack * gain
-        elif over > -rounding and gain < 0.0:
-            slope -= weight[k] * least[k] * gain
-    return slope
+        if state[k] == _PAID or over > rounding:
+            forward -= weight[k] * lack * gain
+            backward += weight[k] * lack * gain
+        elif over > -rounding:
+            forward -= weight[k] * least[k] * min(gain, 0.0)
+            backward += weight[k] * least[k] * max(gain, 0.0)
+    return forward, backward
 
 
 @njit(cache=True)
@@ -207,9 +215,11 @@ def _settle(
 
     low, high = 0.0, 1.0
     at_end = 0
-    if _slope(px, py, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state) >= 0.0:
+    start, _ = _slopes(px, py, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
+    _, end = _slopes(qx, qy, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
+    if start >= 0.0:
         t, at_end = 0.0, 1
-    elif _slope(qx, qy, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state) >= 0.0:
+    elif end >= 0.0:
         t, at_end = 1.0, 2
     else:
         t = -1.0
@@ -223,19 +233,18 @@ def _settle(
             if not low < s < high:
                 continue
             x, y = px + s * dx, py + s * dy
-            if _slope(x, y, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state) < 0.0:
-                low = s
-            elif _slope(x, y, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state) < 0.0:
-                high = s
+            forward, backward = _slopes(
+                x, y, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state
+            )
+            if forward < 0.0:
+                low, start = s, forward
+            elif backward < 0.0:
+                high, end = s, backward
             else:
                 t = s
                 break
         if t < 0.0:  # between two neighbouring kinks the slope is a straight line
-            x, y = px + low * dx, py + low * dy
-            start = _slope(x, y, dx, dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
-            x, y = px + high * dx, py + high * dy
-            end = -_slope(x, y, -dx, -dy, a, b, least, weight, lambda_u, ux, uy, radius, state)
-            t = low + (high - low) * start / (start - end) if end > start else low
+            t = low + (high - low) * start / (start + end) if start + end < 0.0 else low
     x, y = px + t * dx, py + t * dy
 
     best, side = 0.0, 0
@@ -251,7 +260,7 @@ def _settle(
             ex, ey = cell[corner, 0] - x, cell[corner, 1] - y
             length = np.hypot(ex, ey)
             ex, ey = ex / length, ey / length
-        slope = _slope(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
+        slope, _ = _slopes(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
         if slope < best:
             best, side = slope, sign
         for k in range(b.size):  # along other rows' kinks through the same point
@@ -268,7 +277,7 @@ def _settle(
                 ex, ey = -ex, -ey
             if at_end > 0 and not _enters(cell, count, x, y, ex, ey, THIN * radius):
                 continue
-            slope = _slope(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
+            slope, _ = _slopes(x, y, ex, ey, a, b, least, weight, lambda_u, ux, uy, radius, state)
             if slope < best:
                 best, side = slope, sign
     return x, y, side
