@@ -5,14 +5,17 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
+from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import Case, Episode
 from hcbf_gym.output_folder import open_folder, write_json
 from hcbf_gym.reproduction import Runs, experiment, simulation
 from hcbf_gym.reproduction.runs import Job
+from hcbf_gym.scenarios import BoxObstacle
 from hcbf_gym.tuning import Samples
 
 ROOT = Path(__file__).parents[1]
@@ -68,6 +71,28 @@ def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal(tmp_path):
     claims = experiment._claims(dict(zip(("R", "H"), episodes, strict=True)))
     assert len(claims) == 7
     assert all(claims.values()), claims
+
+
+def test_the_force_on_a_box_is_that_of_the_tick_in_which_it_acts():
+    box = BoxObstacle("box", center=(0.3, 0.0), size=(0.2, 0.6, 0.3), mass=1.0)
+    plant = Simulation(obstacles=(box,))
+    plant.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    model, geom, wrench, felt = plant.model, plant.model.geom("box").id, np.zeros(6), 0.0
+    for _ in range(20):
+        solved = mujoco.MjData(model)
+        mujoco.mj_copyData(solved, model, plant.data)
+        solved.ctrl[:] = 0.0
+        mujoco.mj_forward(model, solved)
+        expected = 0.0
+        for index in range(solved.ncon):
+            pair = solved.contact[index].geom
+            if geom in pair and model.geom_bodyid[pair].all():  # the floor is body 0
+                mujoco.mj_contactForce(model, solved, index, wrench)
+                expected += wrench[0]
+        plant.step(np.zeros(12))
+        np.testing.assert_allclose(plant.obstacle_forces(), [expected], rtol=1e-9)
+        felt = max(felt, expected)
+    assert felt > 10.0
 
 
 def test_an_episode_is_run_once_and_is_the_same_for_any_number_of_workers(tmp_path):
