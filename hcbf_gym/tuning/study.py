@@ -214,8 +214,9 @@ class TuningStudy:
             storage=self.storage, study_name=self.sampler, load_if_exists=True
         )
         settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
+        fresh = not _trials(study)  # asked first: whoever adds a trial has left settings before
         known = study.user_attrs.get(_SETTINGS)
-        if known is None and not _trials(study):
+        if known is None and fresh:
             study.set_user_attr(_SETTINGS, settings)
         elif known != settings:
             raise InvalidInputError(
