@@ -1,6 +1,7 @@
 """Learned policies that need no learning library to act: a small network in one .npz file."""
 
 import json
+import os
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -56,7 +57,7 @@ class LearnedPolicy:
         return 0.5 * (self.high + self.low) + 0.5 * (self.high - self.low) * x
 
     def save(self, path: Path) -> None:
-        """Write the policy to an .npz file."""
+        """Write the policy to an .npz file, in one move."""
         layers: dict[str, Any] = {
             f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)
         }
@@ -64,8 +65,9 @@ class LearnedPolicy:
         about = json.dumps(
             {"activation": self.activation, "squash": self.squash, "about": self.about}
         )
+        fresh = path.with_suffix(".new.npz")
         np.savez_compressed(
-            path,
+            fresh,
             **layers,
             mean=self.mean,
             scale=self.scale,
@@ -73,6 +75,7 @@ class LearnedPolicy:
             high=self.high,
             header=np.array(about),
         )
+        os.replace(fresh, path)
 
 
 def names() -> list[str]:
