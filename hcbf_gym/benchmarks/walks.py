@@ -31,7 +31,7 @@ class Walk(NamedTuple):
     Attributes:
         state: of the robot, as arrays stacked along time.
         reference: (n, 5) position, velocity and yaw of the body reference.
-        slip: (n, 4) velocity of each touching foot along the ground, else NaN [m/s].
+        sole: (n, 4, 2) velocity along the ground of each foot's lowest point [m/s].
         fell: whether it did.
         solved: task-space QPs solved.
         failed: task-space QPs without a solution.
@@ -39,7 +39,7 @@ class Walk(NamedTuple):
 
     state: RobotState
     reference: Array
-    slip: Array
+    sole: Array
     fell: bool
     solved: int
     failed: int
@@ -83,16 +83,16 @@ def walk(
         if plant.fallen:
             break
     stacked = RobotState(*(np.array(field) for field in zip(*states, strict=True)))
-    slip = np.array([_foot_slip(brain.model.legs, state) for state in states])
-    return Walk(stacked, np.array(references), slip, plant.fallen, brain.solved, brain.failed)
+    sole = np.array([_sole_velocity(brain.model.legs, state) for state in states])
+    return Walk(stacked, np.array(references), sole, plant.fallen, brain.solved, brain.failed)
 
 
-def _foot_slip(legs: Any, state: RobotState) -> Array:
-    """Return (4,) how fast the lowest point of each touching foot moves along the ground."""
+def _sole_velocity(legs: Any, state: RobotState) -> Array:
+    """Return (4, 2) how fast the lowest point of each foot moves along the ground."""
     rotation = rotation_matrix(state.quaternion)
     feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
-    slip = np.full(4, np.nan)
-    for foot in np.flatnonzero(state.foot_contact):
+    sole = np.empty((4, 2))
+    for foot in range(4):
         q, rate = state.joint_position[3 * foot :], state.joint_velocity[3 * foot :]
         swing = rotation @ cross(state.angular_velocity, feet.position[foot])
         own = rotation @ feet.jacobian[foot] @ rate[:3]
@@ -102,8 +102,8 @@ def _foot_slip(legs: Any, state: RobotState) -> Array:
             state.angular_velocity + [rate[0], 0.0, 0.0] + (rate[1] + rate[2]) * abad
         )
         rolling = cross(spin, np.array([0.0, 0.0, -a1.FOOT_RADIUS]))
-        slip[foot] = np.linalg.norm((state.linear_velocity + swing + own + rolling)[:2])
-    return slip
+        sole[foot] = (state.linear_velocity + swing + own + rolling)[:2]
+    return sole
 
 
 def towards(velocity: Array, acceleration: float) -> Input:
@@ -125,11 +125,19 @@ def stride_average(values: Array) -> Array:
 
 
 def slip_per_step(walked: Walk, start: int) -> float:
-    """Return how far a foot slips in a stance, on average [m]."""
-    slipping = walked.slip[start:]
-    touching = np.isfinite(slipping)
-    touchdowns = (touching[1:] & ~touching[:-1]).sum()
-    return float(np.nansum(slipping) * DT / max(touchdowns, 1))
+    """Return how far a foot's point of contact moves from touchdown to lift-off, on average [m]."""
+    distances = []
+    for foot in range(4):
+        velocity = walked.sole[start:, foot]
+        touching = walked.state.foot_contact[start:, foot]
+        ends = np.flatnonzero(touching[:-1] & ~touching[1:]) + 1
+        starts = np.flatnonzero(~touching[:-1] & touching[1:]) + 1
+        for lift_off in ends[ends > starts[0]]:
+            touchdown = starts[starts < lift_off][-1]
+            # a tick moves by the velocity at its end
+            moved = velocity[touchdown + 1 : lift_off + 1].sum(axis=0) * DT
+            distances.append(float(np.linalg.norm(moved)))
+    return float(np.mean(distances))
 
 
 def follow_course(

@@ -1,5 +1,6 @@
 """HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -198,7 +199,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         for _ in self._ticks:
             self.simulation.step(self.controller.step(self.simulation.state(), u))
             measured = self.simulation.base_state
-            if not np.isfinite(measured).all():  # diverged; the last finite state stands
+            if not math.isfinite(measured.dot(measured)):  # diverged; the last finite state stands
                 break
             path.append(measured)
             forces.append(self.simulation.obstacle_forces())

@@ -75,6 +75,7 @@ class Simulation:
         self._start_height = a1.HOME_HEIGHT + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
         # the robot comes first in the scene, so these are its own
         self._qpos, self._qvel = self.data.qpos[:19], self.data.qvel[:18]
+        self._ctrl = self.data.ctrl
         self._rng = np.random.default_rng(0)
         self._pushes: list[Push] = []
         self._delayed: deque[Array] = deque()
@@ -126,9 +127,10 @@ class Simulation:
             torque = self._delayed.popleft()
         if self._pushes:
             self.push(self._scheduled_force())
-        np.multiply(torque, self.plant.motor_strength, out=self.data.ctrl)
+        np.multiply(torque, self.plant.motor_strength, out=self._ctrl)
         mujoco.mj_step2(self.model, self.data)
-        self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
+        if len(self._boxes):
+            self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
         mujoco.mj_step1(self.model, self.data)
 
     def push(self, force: Array) -> None:
@@ -138,7 +140,10 @@ class Simulation:
     @property
     def base_state(self) -> Array:
         """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
-        return np.concatenate((self._qpos[:2], self._qvel[:2]))
+        x = np.empty(4)
+        x[:2] = self._qpos[:2]
+        x[2:] = self._qvel[:2]
+        return x
 
     @property
     def fallen(self) -> bool:
@@ -152,10 +157,7 @@ class Simulation:
         return self._forces
 
     def _measure_forces(self) -> Array:
-        forces = np.zeros(len(self._boxes))
-        if not len(self._boxes):
-            return forces
-        wrench = np.zeros(6)
+        forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
         pairs = self.data.contact.geom
         for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
             first, second = pairs[index].tolist()

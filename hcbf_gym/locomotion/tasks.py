@@ -13,7 +13,7 @@ from hcbf_gym.locomotion.rotation import rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import Array, RobotState
 
 # stiffness [1/s²] and damping [1/s]
-PLANE_KP, PLANE_KD = 30.0, 10.0
+PLANE_KP, PLANE_KD = 80.0, 15.0
 HEIGHT_KP, HEIGHT_KD = 150.0, 25.0
 TILT_KP, TILT_KD = 300.0, 30.0
 YAW_KP, YAW_KD = 100.0, 20.0
