@@ -236,3 +236,14 @@ def test_the_home_pose_stands_on_the_ground():
     state = fresh().state()
     assert state.position[2] == a1.HOME_HEIGHT
     np.testing.assert_array_equal(state.joint_position, a1.HOME_JOINTS)
+
+
+def test_a_robot_with_position_servos_is_driven_by_torques(tmp_path):
+    servo = '<position kp="100" name="FR_hip" joint="FR_hip_joint"/>'
+    text = a1.XML_FILE.read_text().replace('<motor name="FR_hip" joint="FR_hip_joint"/>', servo)
+    assert servo in text
+    (tmp_path / "servo.xml").write_text(text)
+    simulation, plain = fresh(xml_file=tmp_path / "servo.xml"), fresh()
+    for each in (simulation, plain):
+        walk(each, 0.1)
+    np.testing.assert_array_equal(simulation.data.qpos, plain.data.qpos)
