@@ -117,6 +117,7 @@ class LocomotionController:
         for foot in range(4):
             stand(memory.targets, foot, feet[foot])
         self._form.feedforward[:] = 0.0
+        self._solution = None
         self.solved = 0
         self.failed = 0
 
@@ -153,7 +154,7 @@ class LocomotionController:
         """What the latest tick did; made on request, for its residual takes longer than the QP."""
         targets = self._memory[0].targets
         if self._solution is None:
-            raise InvalidInputError("diagnostics: got no step yet, expected one since construction")
+            raise InvalidInputError("diagnostics: got no step yet, expected one since the reset")
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),
             foot_position=targets.motion[:, 0].copy(),

@@ -2,8 +2,8 @@
 
 Everything is written in the trunk's axes at the trunk's origin, as spatial vectors with the linear
 part first: there the inertias of bodies simply add up, and the trunk's rows need no transformation.
-Pinocchio computes the same terms for any robot and is what these are tested against; in one piece
-with the rest of a tick they cost a third.
+Pinocchio computes the same terms for any robot and is what these are tested against; compiled in
+one piece with the rest of a tick, they need no way out of compiled code and back.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 and 6.
 """
