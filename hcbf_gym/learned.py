@@ -29,7 +29,7 @@ class LearnedPolicy:
         weights: each layer's (n_out, n_in).
         biases: each layer's (n_out,).
         mean: (n,) of the observations.
-        scale: (n,) their standard deviation.
+        scale: (n,) their standard deviation; infinite where an entry is to be ignored.
         low: (2,) least acceleration [m/s²].
         high: (2,) greatest acceleration [m/s²].
         activation: between the layers, "tanh" or "relu".

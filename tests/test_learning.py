@@ -83,6 +83,22 @@ def test_an_exported_policy_acts_as_the_model_does(algorithm, tmp_path):
     np.testing.assert_allclose(policy(env.get_original_obs()[0], {}), acted[0])
 
 
+def test_an_exported_policy_ignores_what_never_varied_in_training():
+    config = TrainingConfig(num_envs=4)
+    env = make_env(config)
+    model = make_model(config, env, None)
+    env.reset()
+    for _ in range(20):
+        env.step(np.full((4, 2), 0.5))
+    policy = export(model, env, {})
+    observation = env.get_original_obs()
+    moving, elsewhere = observation.copy(), observation.copy()
+    moving[:, 11::4] += 0.2  # the regions' own motion
+    elsewhere[:, 8::4] += 0.2
+    np.testing.assert_array_equal(policy(moving, {}), policy(observation, {}))
+    assert not np.allclose(policy(elsewhere, {}), policy(observation, {}))
+
+
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_a_killed_run_goes_on_from_its_checkpoint_as_if_nothing_had_happened(algorithm, tmp_path):
     config = TINY[algorithm]

@@ -13,6 +13,9 @@ from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.learned import LearnedPolicy
 from hcbf_gym.training.config import make_vector
 
+UNSEEN = 1e-5
+"""Variance of an observation's entry below which it counts as constant."""
+
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
     """Return the model's deterministic policy with the normalisation of its observations.
@@ -32,11 +35,15 @@ def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> Le
     linear = [module for module in modules if isinstance(module, torch.nn.Linear)]
     bounds = env.get_attr("single_action_space")[0]
     assert isinstance(bounds, spaces.Box)
+    variance = env.obs_rms.var  # type: ignore[union-attr]
+    # what never varied in training, such as the motion of regions at rest, was never learned from:
+    # an infinite scale keeps it at the zero that the network saw
+    scale = np.where(variance > UNSEEN, np.sqrt(variance + env.epsilon), np.inf)
     return LearnedPolicy(
         weights=tuple(layer.weight.detach().double().numpy().copy() for layer in linear),
         biases=tuple(layer.bias.detach().double().numpy().copy() for layer in linear),
         mean=env.obs_rms.mean.copy(),  # type: ignore[union-attr]
-        scale=np.sqrt(env.obs_rms.var + env.epsilon),  # type: ignore[union-attr]
+        scale=scale,
         low=bounds.low.astype(np.float64),
         high=bounds.high.astype(np.float64),
         activation="tanh" if isinstance(model, PPO) else "relu",
