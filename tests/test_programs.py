@@ -9,6 +9,7 @@ from hcbf_gym.programs.qp import QpProblem, QpStatus
 
 NAMES = programs.names()
 BOX = Box.symmetric(5.0)
+COMMON_SOLVERS = {"daqp", "clarabel", "highs", "osqp", "piqp", "proxqp", "quadprog"}
 
 
 def rows_of(a, b, priority, h=None, alpha2_psi=None):
@@ -89,12 +90,12 @@ def test_a_zero_row_is_a_constant(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_installed_solver_finds_the_same_input(name):
+def test_the_common_solvers_that_are_installed_find_the_same_input(name):
     rows = rows_of(
         [[1.0, 0.2], [-0.8, 0.6], [0.1, -1.0]], [2.0, 1.0, 3.0], [1, 2, 3], h=[1.0, -0.5, -0.1]
     )
     expected = programs.make(name)(np.array([-1.0, 2.0]), rows)
-    for solver in qp.solver_names():
+    for solver in set(qp.solver_names()) & COMMON_SOLVERS:
         result = programs.make(name, solver=solver)(np.array([-1.0, 2.0]), rows)
         np.testing.assert_allclose(result.u, expected.u, atol=2e-6, err_msg=solver)
         assert result.status is expected.status
