@@ -70,9 +70,10 @@ def test_an_exported_policy_acts_as_the_model_does(algorithm, tmp_path):
     config = TrainingConfig(algorithm, num_envs=4)
     env = make_env(config)
     model = make_model(config, env, None)
+    rng = np.random.default_rng(0)
+    env.obs_rms.mean, env.obs_rms.var = rng.normal(size=36), rng.uniform(0.5, 2.0, 36)
+    env.training = False
     observation = env.reset()
-    for _ in range(20):
-        observation, *_ = env.step(np.random.default_rng(0).uniform(-1, 1, (4, 2)))
     export(model, env, {}).save(tmp_path / "policy.npz")
     single = gym.make("HCBF-Regions-v0", scenario="random")
     policy = policies.load(tmp_path / "policy.npz", single)
