@@ -27,6 +27,10 @@ Array = NDArray[np.float64]
 # Distance by which a returned point may miss a (unit) row, relative to 1 + |x|.
 PRIMAL_TOLERANCE = 1e-7
 
+# DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
+# of 1e5 leave no digits for its usual tolerance.
+LOOSE_DAQP = "daqp, loosely"
+
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},
@@ -110,7 +114,11 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
 
 @functools.cache
 def _backend(name: str) -> Backend:
-    direct: dict[str, Backend] = {"daqp": _daqp, "clarabel": _clarabel}
+    direct: dict[str, Backend] = {
+        "daqp": _daqp,
+        LOOSE_DAQP: functools.partial(_daqp, tolerance=1e-7),
+        "clarabel": _clarabel,
+    }
     return direct.get(name) or functools.partial(_through_qpsolvers, name)
 
 
@@ -124,11 +132,11 @@ def _no_upper_bounds(count: int) -> tuple[Array, NDArray[np.intc]]:
     return np.full(count, np.inf), np.zeros(count, dtype=np.intc)
 
 
-def _daqp(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+def _daqp(problem: QpProblem, tolerance: float = 1e-9) -> tuple[Array | None, QpStatus]:
     centre, a, lower = problem
     upper, sense = _no_upper_bounds(lower.size)
     x, _, flag, _ = daqp.solve(
-        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=1e-9
+        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=tolerance
     )
     if flag == 1:
         return x, QpStatus.OPTIMAL
@@ -187,6 +195,8 @@ class Solver:
             SolverError: if neither solver finds it.
         """
         x = solve(problem, self.name).x
+        if x is None and self.name == "daqp":
+            x = solve(problem, LOOSE_DAQP).x
         x = self._second_opinion(problem) if x is None else x
         if x is None:
             raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
