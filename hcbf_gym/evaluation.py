@@ -1,5 +1,6 @@
 """Rollouts and what they amount to: episodes, summaries, and the same over many seeds at once."""
 
+import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -276,12 +277,12 @@ def use_backend(backend: str) -> None:
     if backend != "ray":
         return
     try:
-        from ray.util.joblib import register_ray
+        ray_joblib = importlib.import_module("ray.util.joblib")
     except ImportError as error:
         raise MissingDependencyError(
             "backend 'ray': got no Ray, expected the extra: pip install 'hcbf-gym[cluster]'"
         ) from error
-    register_ray()
+    ray_joblib.register_ray()
 
 
 def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
