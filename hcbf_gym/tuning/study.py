@@ -6,6 +6,7 @@ So a killed run, resumed, asks for the same samples as an unbroken one, and seve
 work on one storage.
 """
 
+import contextlib
 import json
 import warnings
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import numpy as np
 import optuna
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution
+from optuna.exceptions import UpdateFinishedTrialError
 from optuna.samplers import BaseSampler
 from optuna.study import Study
 from optuna.trial import FrozenTrial, Trial, TrialState
@@ -190,6 +192,8 @@ class TuningStudy:
                 delta_gamma = [trial.params["delta_gamma"] for trial in trials]
                 costs = self.problem.costs(gamma0, delta_gamma, workers, backend)
                 for trial, cost in zip(trials, costs, strict=True):
+                    # another process may finish the same trial, at the same cost, in between
+                with contextlib.suppress(UpdateFinishedTrialError):
                     study.tell(trial.number, float(cost), skip_if_finished=True)
             on_done(min(samples, len(_trials(study, TrialState.COMPLETE))))
 
