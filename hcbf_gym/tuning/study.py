@@ -193,8 +193,8 @@ class TuningStudy:
                 costs = self.problem.costs(gamma0, delta_gamma, workers, backend)
                 for trial, cost in zip(trials, costs, strict=True):
                     # another process may finish the same trial, at the same cost, in between
-                with contextlib.suppress(UpdateFinishedTrialError):
-                    study.tell(trial.number, float(cost), skip_if_finished=True)
+                    with contextlib.suppress(UpdateFinishedTrialError):
+                        study.tell(trial.number, float(cost), skip_if_finished=True)
             on_done(min(samples, len(_trials(study, TrialState.COMPLETE))))
 
         left = self._open_trials(study)  # by a killed run, in the middle of a generation
