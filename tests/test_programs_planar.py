@@ -12,7 +12,7 @@ from hcbf_gym.benchmarks import exact, verify_programs
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.input_sets import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus
-from hcbf_gym.programs.planar import polygon
+from hcbf_gym.programs.planar import polygon, rational
 
 NAMES = programs.names()
 
@@ -22,11 +22,8 @@ def test_both_forms_find_the_exact_solution(name):
     *_, tallies = verify_programs.verify(name, samples=600, seed=1)
     for tally in tallies.values():
         assert tally.problems == 600
-        assert tally.wrong == 0
-        assert tally.backups == 0
-        # rows 1e-9 as steep as others in one stage: more would not be chance
-        assert tally.undetermined + tally.equal_cost <= 6
-        assert tally.fallbacks <= 3
+        assert tally.wrong == tally.undetermined == tally.backups == 0
+        assert tally.equal_cost <= 3  # more would not be chance
 
 
 @settings(max_examples=40, deadline=None)
@@ -89,6 +86,65 @@ def test_an_empty_batch_is_allowed():
     assert programs.make_batch("lex-cbf-qp")(np.zeros((0, 2)), rows).u.shape == (0, 2)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name):
+    rng = np.random.default_rng(5)
+    for flatness in (1e-4, 1e-6, 1e-9):
+        a = rng.normal(0.0, 1.0, (40, 5, 2))
+        a[:, 3:] *= flatness
+        b = np.linalg.norm(a, axis=-1) * rng.uniform(2.0, 6.0, (40, 5))
+        rows = CbfRows(a, b, np.zeros((40, 5)), np.ones((40, 5), dtype=int), np.zeros((40, 5)))
+        u_nominal = rng.normal(0.0, 4.0, (40, 2))
+        single, batch = programs.make(name), programs.make_batch(name)(u_nominal, rows)
+        vertices = single.input_set.vertices()
+        for i in range(40):
+            row = CbfRows(*(field[i] for field in rows if field is not None))
+            weight, least = single.weight(row), single.least_slack(row)
+            problem = exact.Exact.of(vertices, u_nominal[i], row, weight, least, single.lambda_u)
+            wanted = np.array(problem.solve(name), dtype=float)
+            np.testing.assert_allclose(single(u_nominal[i], row).u, wanted, atol=1e-8)
+            np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
+
+
+def test_a_batch_keeps_its_states_weights_where_rational_arithmetic_steps_in():
+    # two strict rows that cannot both be met, one of them flat, and a relaxed one with a weight
+    a = np.tile([[1.0, 0.0], [0.0, 1e-6], [0.0, 1.0]], (3, 1, 1))
+    b = np.tile([9.0, -9e-6, 3.0], (3, 1))
+    rows = CbfRows(a, b, np.full((3, 3), -1.0), np.tile([1, 1, 2], (3, 1)))
+    gamma0, delta_gamma = np.array([[0.0], [1.0], [4.0]]), np.array([[0.0], [1.0], [2.0]])
+    batch = programs.make_batch("r-cbf-qp", gamma0=gamma0, delta_gamma=delta_gamma)
+    result = batch(np.zeros((3, 2)), rows)
+    assert (result.fallbacks == 1).all()
+    weight = (gamma0 * (1.0 + delta_gamma)).ravel()
+    # min y² + w (3 − y)², as far right as U allows
+    np.testing.assert_allclose(result.u[:, 0], 5.0)
+    np.testing.assert_allclose(result.u[:, 1], 3.0 * weight / (1.0 + weight), atol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 10**6), m=st.integers(1, 5))
+def test_the_rational_descent_finds_what_enumeration_finds(seed, m):
+    rng = np.random.default_rng(seed)
+
+    def point(xy):
+        return tuple(Fraction(value) for value in xy)
+
+    corners = Ball(3.0, sides=int(rng.integers(3, 7))).vertices().tolist()
+    polygon_ = [point(corner) for corner in corners][: rng.choice([1, 2, None], p=[0.1, 0.2, 0.7])]
+    a = rng.integers(-2, 3, (m, 2)) * 10.0 ** rng.integers(-9, 1, (m, 1))  # kinks that coincide
+    b = rng.integers(-4, 5, m) * np.abs(a).max(axis=1)
+    least = [Fraction(int(rng.integers(0, 3)) * abs(t)) for t in b.tolist()]
+    rows = [
+        exact.Row(point(a[k]), Fraction(b[k]), Fraction(1 + k), least[k], 1)
+        for k in range(m)
+        if a[k].any()
+    ]
+    penalties = [rational.Penalty(row.a, row.b, row.weight, row.least) for row in rows]
+    found = rational.soft_minimum(polygon_, penalties)
+    choices = exact.soft_minimisers(polygon_, rows, rational.NOTHING)
+    assert exact.penalty(rows, found) == exact.penalty(rows, choices[0])
+
+
 # ------------------------------------------------------------------ polygons
 
 
@@ -109,10 +165,10 @@ def test_a_cut_keeps_what_rational_arithmetic_keeps(seed):
         angle, d = rng.uniform(0.0, 2.0 * np.pi), rng.normal(-1.0, 2.0)
         nx, ny = float(np.cos(angle)), float(np.sin(angle))
         normal = (Fraction(nx), Fraction(ny))
-        cut = exact.cut(reference, normal, Fraction(d))
+        cut = rational.cut(reference, normal, Fraction(d))
         if not cut:  # the face of least violation is left
-            highest = max(exact.dot(normal, u) for u in reference)
-            cut = exact.at(reference, normal, highest)
+            highest = max(rational.dot(normal, u) for u in reference)
+            cut = rational.at(reference, normal, highest)
         reference = cut
         count = polygon.cut(buffer, count, nx, ny, d, 6.0, np.zeros((32, 2)))
         wanted = np.array(reference, dtype=float)

@@ -1,27 +1,26 @@
 """An independent solution of the planar programs, in rational arithmetic: no tolerance anywhere.
 
-Every double is a rational number, and so are the corners of a polygon cut by half-planes and the
-minimum of a quadratic on it. One-sided penalties are minimised by brute force over the cells that
-their kinks cut out. Slow, and meant to be read beside the definitions of the programs.
+One-sided penalties are minimised by brute force over the cells that their kinks cut out of the
+polygon. Slow, and meant to be read beside the definitions of the programs.
 """
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym.programs.planar.rational import (
+    Point,
+    Polygon,
+    Quadratic,
+    at,
+    cut,
+    dot,
+    minimisers,
+    rational,
+)
 from hcbf_gym.rows import CbfRows
-
-try:  # ten times faster, the same numbers
-    rational: Any = importlib.import_module("gmpy2").mpq
-except ImportError:
-    rational = Fraction
-
-Point = tuple[Any, Any]
-Polygon = list[Point]
 
 
 class Row(NamedTuple):
@@ -34,38 +33,6 @@ class Row(NamedTuple):
     priority: int
 
 
-class Quadratic(NamedTuple):
-    """``½ uᵀ M u − g·u``."""
-
-    xx: Any
-    xy: Any
-    yy: Any
-    gx: Any
-    gy: Any
-
-    def add(self, weight: Any, a: Point, target: Any) -> "Quadratic":
-        """Return the sum with ``½ w (a·u − t)²``."""
-        x, y = a
-        return Quadratic(
-            self.xx + weight * x * x,
-            self.xy + weight * x * y,
-            self.yy + weight * y * y,
-            self.gx + weight * target * x,
-            self.gy + weight * target * y,
-        )
-
-    def __call__(self, u: Point) -> Any:
-        """Return the value at u."""
-        x, y = u
-        square = self.xx * x * x + 2 * self.xy * x * y + self.yy * y * y
-        return square / 2 - self.gx * x - self.gy * y
-
-
-def dot(a: Point, u: Point) -> Any:
-    """Return a·u."""
-    return a[0] * u[0] + a[1] * u[1]
-
-
 def distance(u_nominal: Point, weight: Any) -> Quadratic:
     """Return ``½ w ‖u − u*‖²`` up to a constant."""
     zero = rational(0)
@@ -75,59 +42,6 @@ def distance(u_nominal: Point, weight: Any) -> Quadratic:
 def gap(u: Point, v: Point) -> Any:
     """Return ``‖u − v‖²``."""
     return (u[0] - v[0]) ** 2 + (u[1] - v[1]) ** 2
-
-
-def cut(polygon: Polygon, a: Point, b: Any) -> Polygon:
-    """Return the part of a polygon with ``a·u ≥ b``; empty if there is none."""
-    heights = [dot(a, u) - b for u in polygon]
-    result: Polygon = []
-    for i, (u, here) in enumerate(zip(polygon, heights, strict=True)):
-        before, there = polygon[i - 1], heights[i - 1]
-        if here * there < 0:
-            t = there / (there - here)
-            crossing = (before[0] + t * (u[0] - before[0]), before[1] + t * (u[1] - before[1]))
-            if crossing not in result:
-                result.append(crossing)
-        if here >= 0 and u not in result:
-            result.append(u)
-    return result
-
-
-def at(polygon: Polygon, a: Point, value: Any) -> Polygon:
-    """Return the part of a polygon with ``a·u = value``."""
-    return cut(cut(polygon, a, value), (-a[0], -a[1]), -value)
-
-
-def minimisers(polygon: Polygon, cost: Quadratic) -> Polygon:
-    """Return the points of a polygon that minimise a convex quadratic: one, or a face."""
-    determinant = cost.xx * cost.yy - cost.xy * cost.xy
-    if determinant == 0:
-        if cost.xx == 0 and cost.yy == 0:
-            return polygon
-        n, g = ((cost.xx, cost.xy), cost.gx) if cost.xx != 0 else ((cost.xy, cost.yy), cost.gy)
-        values = [dot(n, u) for u in polygon]  # M u = g has the row n·u = g
-        return at(polygon, n, min(max(g, min(values)), max(values)))
-    centre = (
-        (cost.yy * cost.gx - cost.xy * cost.gy) / determinant,
-        (cost.xx * cost.gy - cost.xy * cost.gx) / determinant,
-    )
-    sides = [(polygon[i - 1], polygon[i]) for i in range(len(polygon))]
-    if len(polygon) > 2 and all(
-        (v[0] - u[0]) * (centre[1] - u[1]) >= (v[1] - u[1]) * (centre[0] - u[0]) for u, v in sides
-    ):
-        return [centre]
-    candidates = list(polygon)
-    for u, v in sides:
-        d = (v[0] - u[0], v[1] - u[1])
-        curvature = cost.xx * d[0] * d[0] + 2 * cost.xy * d[0] * d[1] + cost.yy * d[1] * d[1]
-        if curvature == 0:
-            continue
-        slope = (cost.xx * u[0] + cost.xy * u[1] - cost.gx) * d[0]
-        slope += (cost.xy * u[0] + cost.yy * u[1] - cost.gy) * d[1]
-        t = -slope / curvature
-        if 0 < t < 1:
-            candidates.append((u[0] + t * d[0], u[1] + t * d[1]))
-    return [min(candidates, key=cost)]
 
 
 def nearest(polygon: Polygon, u_nominal: Point) -> Point:

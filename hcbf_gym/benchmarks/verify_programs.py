@@ -1,18 +1,20 @@
 """Every program against its solution in rational arithmetic, on random problems of every kind."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+import joblib
 import numpy as np
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym import programs
-from hcbf_gym.benchmarks.exact import Exact, Polygon, gap, nearest, rational
+from hcbf_gym.benchmarks.exact import Exact, gap, nearest
 from hcbf_gym.input_sets import Ball, Box, InputSet
-from hcbf_gym.programs import CbfRows, FilterStatus
+from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
+from hcbf_gym.programs.planar.rational import Polygon, rational
 
 TOLERANCE = 1e-6
 """Largest |Δu| that counts as the same input."""
@@ -41,7 +43,7 @@ class Tally:
             resolve: its costs differ, by less than `COST_TOLERANCE`.
         wrong: all others.
         backups: answers with status BACKUP.
-        fallbacks: problems that the second solver had to answer.
+        fallbacks: problems with a stage that the second solver or rational arithmetic answered.
     """
 
     problems: int = 0
@@ -51,6 +53,15 @@ class Tally:
     wrong: int = 0
     backups: int = 0
     fallbacks: int = 0
+
+    def __add__(self, other: "Tally") -> "Tally":
+        """Return the tally of both."""
+        both = {
+            field.name: getattr(self, field.name) + getattr(other, field.name)
+            for field in fields(self)
+        }
+        both["largest_difference"] = max(self.largest_difference, other.largest_difference)
+        return Tally(**both)
 
 
 def random_rows(rng: np.random.Generator, count: int, m: int) -> CbfRows:
@@ -114,53 +125,56 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
     return {key: value for key, value in every.items() if key in programs.options(name)}
 
 
-def verify(
-    name: str, samples: int, seed: int = 0, single: bool = True
-) -> Iterator[dict[str, Tally]]:
-    """Compare a program with its exact solution, and yield the tally as it grows.
+def verify(name: str, samples: int, seed: int = 0, jobs: int = 1) -> Iterator[dict[str, Tally]]:
+    """Compare both forms of a program with its exact solution; yield the tallies as they grow.
 
     Args:
         name: the program.
-        samples: how many problems.
+        samples: how many problems, rounded up to whole groups.
         seed: decides all of them.
-        single: whether the single form is compared beside the batch.
+        jobs: how many processes share the work; −1 is one for each core.
 
     Yields:
         The tallies of "batch" and "single", after each group of problems.
     """
-    rng = np.random.default_rng([seed, programs.names().index(name)])
-    tallies = {"batch": Tally()} | ({"single": Tally()} if single else {})
-    done = 0
-    while done < samples:
-        count = min(GROUP, samples - done)
-        input_set = INPUT_SETS[rng.integers(len(INPUT_SETS))]
-        options = random_options(rng, name)
-        batch = programs.make_batch(name, input_set=input_set, **options)
-        one = programs.make(name, input_set=input_set, **options)
-        rows = random_rows(rng, count, int(rng.integers(1, 9)))
-        u_nominal = random_nominal(rng, count, input_set)
-        together = batch(u_nominal, rows)
-        for i in range(count):
-            row = CbfRows(*(field[i] for field in rows if field is not None))
-            problem = Exact.of(
-                input_set.vertices(), u_nominal[i], row, one.weight(row), one.least_slack(row),
-                one.lambda_u,
-            )  # fmt: skip
-            choices = problem.choices(name)
-            _judge(tallies["batch"], name, problem, choices, together.u[i], together.status[i])
-            if single:
-                alone = one(u_nominal[i], row)
-                tallies["single"].fallbacks += alone.fallbacks
-                _judge(tallies["single"], name, problem, choices, alone.u, alone.status)
-        done += count
-        yield tallies
+    groups = range(-(-samples // GROUP))
+    work = (joblib.delayed(verify_group)(name, [seed, group]) for group in groups)
+    total = {"batch": Tally(), "single": Tally()}
+    done: Any = joblib.Parallel(jobs, return_as="generator")(work)
+    for tallies in done:
+        total = {form: total[form] + tally for form, tally in tallies.items()}
+        yield total
 
 
-def _judge(
-    tally: Tally, name: str, problem: Exact, choices: Polygon, u: np.ndarray, status: int
-) -> None:
+def verify_group(name: str, seed: list[int]) -> dict[str, Tally]:
+    """Compare a program, under options of the group's own, on `GROUP` problems."""
+    rng = np.random.default_rng([programs.names().index(name), *seed])
+    input_set = INPUT_SETS[rng.integers(len(INPUT_SETS))]
+    options = random_options(rng, name)
+    batch = programs.make_batch(name, input_set=input_set, **options)
+    one = programs.make(name, input_set=input_set, **options)
+    rows = random_rows(rng, GROUP, int(rng.integers(1, 9)))
+    u_nominal = random_nominal(rng, GROUP, input_set)
+    together = batch(u_nominal, rows)
+    tallies = {"batch": Tally(), "single": Tally()}
+    for i in range(GROUP):
+        row = CbfRows(*(field[i] for field in rows if field is not None))
+        problem = Exact.of(
+            input_set.vertices(), u_nominal[i], row, one.weight(row), one.least_slack(row),
+            one.lambda_u,
+        )  # fmt: skip
+        choices = problem.choices(name)
+        answer = FilterResult(*(field[i] for field in together))
+        _judge(tallies["batch"], name, problem, choices, answer)
+        _judge(tallies["single"], name, problem, choices, one(u_nominal[i], row))
+    return tallies
+
+
+def _judge(tally: Tally, name: str, problem: Exact, choices: Polygon, answer: FilterResult) -> None:
+    u = answer.u
     tally.problems += 1
-    tally.backups += int(status == FilterStatus.BACKUP)
+    tally.backups += int(answer.status == FilterStatus.BACKUP)
+    tally.fallbacks += int(answer.fallbacks > 0)
     exact = nearest(choices, problem.u_nominal)
     difference = max(abs(float(exact[0]) - u[0]), abs(float(exact[1]) - u[1]))
     if difference <= TOLERANCE:
@@ -188,14 +202,14 @@ def run(quick: bool) -> dict[str, Any]:
     table = Table(title=f"{samples:,} problems for each program, against rational arithmetic")
     for header in ("program", "form", "max |Δu|", "equal cost", "undetermined", "wrong"):
         table.add_column(header, justify="right")
-    for header in ("backups", "second solver"):
+    for header in ("backups", "second solver or rational"):
         table.add_column(header, justify="right")
     figures: dict[str, Any] = {}
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
         for name in programs.names():
             bar = progress.add_task(name, total=samples)
-            for tallies in verify(name, samples):
+            for tallies in verify(name, samples, jobs=-1):
                 progress.update(bar, completed=tallies["batch"].problems)
                 figures[name] = {form: asdict(tally) for form, tally in tallies.items()}
             for form, tally in figures[name].items():

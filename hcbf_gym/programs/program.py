@@ -1,5 +1,6 @@
 """What every program shares: its door, its weights, and the account of what each row pays."""
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, NoReturn
@@ -117,6 +118,10 @@ class Program(ABC):
         """Return which rows (m,) may not be relaxed: those of priority 1."""
         return rows.priority == 1
 
+    def of_state(self, index: int) -> "Program":
+        """Return the program of one state of a batch whose states have weights of their own."""
+        return self
+
     def weight(self, rows: CbfRows) -> Array:
         """Return λ_δ (m,) of each row: infinity, unless the program lets rows give way."""
         return np.full(rows.b.shape, np.inf)
@@ -199,6 +204,15 @@ class WeightedProgram(Program):
             else finite_float("delta_gamma", delta_gamma, minimum=0.0)
         )
         self.lambda_u = finite_float("lambda_u", lambda_u, minimum=0.0)
+
+    def of_state(self, index: int) -> "WeightedProgram":
+        """Return the program of one state of a batch whose states have weights of their own."""
+        one = copy.copy(self)
+        if self.gamma0.ndim == 2:
+            one.gamma0 = self.gamma0[index]
+        if isinstance(self.delta_gamma, np.ndarray):
+            one.delta_gamma = float(self.delta_gamma[index, 0])
+        return one
 
     def weight(self, rows: CbfRows) -> Array:
         """Return λ_δ(h) (m,) of the rows of one state; those of priority 1 have no use for it."""

@@ -39,7 +39,8 @@ class FilterResult(NamedTuple):
             hierarchical programs' signed ``a_k·(û_k − u)``; elsewhere, and for rows of priority
             1, the slack.
         status: a :class:`FilterStatus`; (N,) integers for a batch.
-        fallbacks: how many quadratic programs of this call the second solver had to answer.
+        fallbacks: how many quadratic programs of this call the second solver or rational
+            arithmetic had to answer.
     """
 
     u: NDArray[np.float64]

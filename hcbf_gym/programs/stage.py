@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from hcbf_gym.errors import SolverError
 from hcbf_gym.input_sets import InputSet
 from hcbf_gym.programs.dense import back_substitute, rows_of_image, unit_rows, whiten
+from hcbf_gym.programs.planar import rational, stages
 from hcbf_gym.programs.planar.soft import NEGLIGIBLE
-from hcbf_gym.programs.planar.stages import least_cost as planar_least_cost
 from hcbf_gym.programs.qp import QpProblem, Solver
 
 Array = NDArray[np.float64]
@@ -173,7 +173,8 @@ def _trade_inequalities(
 def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: Solver) -> Array:
     """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set.
 
-    In at most two free directions exactly, on a polygon. Else by proximal points, which converge
+    In at most two free directions exactly, on a polygon, in rational arithmetic where rows differ
+    too much in steepness. Else by proximal points, which converge
     to a minimiser: ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²``.
     """
     a = soft.a @ feasible.basis
@@ -186,9 +187,10 @@ def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: So
     soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
     if feasible.basis.shape[1] <= 2:
         target = soft.target - soft.a @ feasible.point
-        z = planar_least_cost(
-            a[steers], target, least, soft.weight, *_reduced(feasible), feasible.radius
-        )
+        graded = stages.is_graded(a[steers], soft.weight)
+        solver.fallbacks += int(graded)
+        exact = rational.least_cost if graded else stages.least_cost
+        z = exact(a[steers], target, least, soft.weight, *_reduced(feasible), feasible.radius)
         return feasible.point + feasible.basis @ z
     # a stronger pull would leave DAQP no digits for the slacks
     steep = soft._replace(weight=soft.weight * (1e4 / (soft.weight * slope[steers] ** 2).max()))

@@ -27,12 +27,15 @@ _KINDS: dict[type[Program], int] = {
     ExplicitHierarchicalCbfQp: _EXPLICIT,
     LexicographicCbfQp: _LEXICOGRAPHIC,
 }
+GRADED_STATUS = -1
+"""What `filter_batch` reports of a state that it leaves to the single program."""
 
 
 class BatchProgram:
     """The same filter as a single program of two inputs, for N states at once.
 
-    No solver is called: feasible sets are polygons, cut and searched exactly.
+    No solver is called: feasible sets are polygons, cut and searched exactly. The few states with
+    a stage whose rows differ too much in steepness go to the single program.
 
     Args:
         program: the single program.
@@ -58,7 +61,7 @@ class BatchProgram:
             rows: the rows of N states, each array with a leading N; m is the same for all.
 
         Returns:
-            The result with a leading N; `status` and `fallbacks` (all 0) are (N,) integers.
+            The result with a leading N; `status` and `fallbacks` are (N,) integers.
 
         Raises:
             InvalidInputError: on malformed input or rows.
@@ -72,13 +75,20 @@ class BatchProgram:
         program = self.program
         u, slack = np.empty_like(desired), np.empty_like(rows.b)
         delta, status = np.empty_like(rows.b), np.empty(len(desired), dtype=np.int64)
+        fallbacks = np.zeros(len(desired), dtype=np.int64)
         filter_batch(
             self._kind, self._vertices, program.input_set.radius, desired, rows.a, rows.b,
             rows.priority.astype(np.int64, copy=False), program.least_slack(rows),
             program.weight(rows), program.lambda_u,
             stages.make_workspace(len(self._vertices), rows.b.shape[1]), u, slack, delta, status,
         )  # fmt: skip
-        return FilterResult(u, slack, delta, status, np.zeros(len(desired), dtype=np.int64))
+        result = FilterResult(u, slack, delta, status, fallbacks)
+        for i in np.flatnonzero(status == GRADED_STATUS):
+            row = CbfRows(*(field[i] for field in rows if field is not None))
+            alone = program.of_state(int(i))(desired[i], row)
+            for many, one in zip(result, alone, strict=True):
+                many[i] = one
+        return result
 
 
 @njit(cache=True)
@@ -116,7 +126,7 @@ def filter_batch(
         u: (N, 2) the filtered inputs.
         slack: (N, m) the violations.
         delta: (N, m) the programs' own relaxations.
-        status: (N,) each a `FilterStatus`.
+        status: (N,) each a `FilterStatus`, or `GRADED_STATUS`.
     """
     m = b.shape[1]
     order, start = np.empty(m, dtype=np.int64), np.empty(m + 2, dtype=np.int64)
@@ -132,10 +142,14 @@ def filter_batch(
         for k in range(m):
             row_a[k], row_b[k] = a[i, order[k]], b[i, order[k]]
             row_least[k], row_weight[k] = least[i, order[k]], weight[i, order[k]]
+        w.graded[0] = False
         x, y = _decide(
             kind, vertices, row_a, row_b, row_least, row_weight, start, levels, lambda_u, ux, uy,
             radius, w,
         )  # fmt: skip
+        if w.graded[0]:
+            status[i] = GRADED_STATUS
+            continue
         u[i, 0], u[i, 1] = x, y
         moved = max(abs(x - ux), abs(y - uy)) > NOMINAL_TOLERANCE * (1.0 + radius)
         status[i] = 1 if moved else 0

@@ -22,6 +22,10 @@ from hcbf_gym.programs.planar.soft import lock, soft_minimum
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 
+# Rows of one stage that differ more in steepness are left to rational arithmetic: squared, the
+# difference would eat half of the digits of their least squares.
+GRADED = 1e3
+
 
 class Workspace(NamedTuple):
     """What the kernels write to; made once for a whole batch.
@@ -36,6 +40,7 @@ class Workspace(NamedTuple):
         zeros: (m,) zeros.
         ones: (m,) ones.
         target: (m,) ``a_k û_k``.
+        graded: (1,) set where a stage's least squares are beyond doubles; see `is_graded`.
     """
 
     feasible: Array
@@ -47,15 +52,30 @@ class Workspace(NamedTuple):
     zeros: Array
     ones: Array
     target: Array
+    graded: NDArray[np.bool_]
 
 
 def make_workspace(corners: int, m: int) -> Workspace:
     """Return the working space for a U with so many corners, and m rows."""
     feasible, trial, cell, first, second = np.empty((5, corners + m + 2, 2))
     state = np.zeros(m, dtype=np.int64)
-    return Workspace(
-        feasible, trial, cell, first, second, state, np.zeros(m), np.ones(m), np.zeros(m)
-    )
+    zeros, ones, target, graded = np.zeros(m), np.ones(m), np.zeros(m), np.zeros(1, dtype=np.bool_)
+    return Workspace(feasible, trial, cell, first, second, state, zeros, ones, target, graded)
+
+
+@njit(cache=True)
+def is_graded(a: Array, weight: Array) -> bool:
+    """Tell whether ``√w_k ‖a_k‖`` of rows (s, r) that matter span more than `GRADED`."""
+    flattest, steepest = np.inf, 0.0
+    for k in range(weight.size):
+        square = 0.0
+        for j in range(a.shape[1]):
+            square += a[k, j] * a[k, j]
+        norm = np.sqrt(square)
+        if weight[k] > 0.0 and norm > ZERO_GRADIENT:
+            steepness = np.sqrt(weight[k]) * norm
+            flattest, steepest = min(flattest, steepness), max(steepest, steepness)
+    return steepest > GRADED * flattest
 
 
 @njit(cache=True)
@@ -93,6 +113,7 @@ def meet(count: int, a: Array, b: Array, radius: float, w: Workspace) -> int:
             continue
         nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, b[k] / norm
         if not _reaches(w.trial, new, nx, ny, d, radius):
+            w.graded[0] |= is_graded(a, w.ones[: b.size])
             x, y = soft_minimum(
                 w.feasible, count, a, b, w.zeros, w.ones, 0.0, 0.0, 0.0, radius,
                 w.cell, w.first, w.second, w.state,
@@ -131,6 +152,7 @@ def relax(
     )  # fmt: skip
     if lambda_u > 0.0:
         return x, y
+    w.graded[0] |= is_graded(a, weight)
     w.trial[:count] = w.feasible[:count]
     count = lock(w.trial, count, a, b, least, weight, x, y, radius, w.first)
     return project(w.trial, count, ux, uy, radius, w)
@@ -192,6 +214,7 @@ def draw(
     w: Workspace,
 ) -> Point:
     """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k (t_k − a_k u)²`` over the feasible polygon."""
+    w.graded[0] |= lambda_u == 0.0 and is_graded(a, weight)
     root = np.sqrt(lambda_u)
     factor = (root, 0.0, root, root * ux, root * uy)
     for k in range(target.size):
