@@ -39,8 +39,6 @@ class Tally:
         largest_difference: |Δu| of those with the same input to `TOLERANCE`.
         equal_cost: other inputs, for which the first stage that differs by more than
             `COST_TOLERANCE`, if any, costs less.
-        undetermined: other inputs, for which it costs more, after a stage that doubles do not
-            resolve: its costs differ, by less than `COST_TOLERANCE`.
         wrong: all others.
         backups: answers with status BACKUP.
         fallbacks: problems with a stage that the second solver or rational arithmetic answered.
@@ -49,7 +47,6 @@ class Tally:
     problems: int = 0
     largest_difference: float = 0.0
     equal_cost: int = 0
-    undetermined: int = 0
     wrong: int = 0
     backups: int = 0
     fallbacks: int = 0
@@ -190,8 +187,6 @@ def _judge(tally: Tally, name: str, problem: Exact, choices: Polygon, answer: Fi
     first = next((k for k, x in enumerate(excess) if abs(x) > COST_TOLERANCE), None)
     if first is None or excess[first] < 0.0:
         tally.equal_cost += 1
-    elif any(x != 0.0 for x in excess[:first]):
-        tally.undetermined += 1
     else:
         tally.wrong += 1
 
@@ -200,7 +195,7 @@ def run(quick: bool) -> dict[str, Any]:
     """Verify every program on 100,000 problems (2,000 if quick), print and return the tallies."""
     samples = 2_000 if quick else 100_000
     table = Table(title=f"{samples:,} problems for each program, against rational arithmetic")
-    for header in ("program", "form", "max |Δu|", "equal cost", "undetermined", "wrong"):
+    for header in ("program", "form", "max |Δu|", "equal cost", "wrong"):
         table.add_column(header, justify="right")
     for header in ("backups", "second solver or rational"):
         table.add_column(header, justify="right")
@@ -214,7 +209,7 @@ def run(quick: bool) -> dict[str, Any]:
                 figures[name] = {form: asdict(tally) for form, tally in tallies.items()}
             for form, tally in figures[name].items():
                 cells = [f"{tally['largest_difference']:.1e}"]
-                keys = ("equal_cost", "undetermined", "wrong", "backups", "fallbacks")
+                keys = ("equal_cost", "wrong", "backups", "fallbacks")
                 table.add_row(name, form, *cells, *(str(tally[key]) for key in keys))
     Console().print(table)
     return figures

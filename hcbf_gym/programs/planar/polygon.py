@@ -13,11 +13,7 @@ Array = NDArray[np.float64]
 
 # Lengths below it, relative to the size of U, are rounding.
 THIN = 1e-10
-# Where one direction of a least-squares problem pulls so much less than the other that it cannot
-# move it, the steep one decides first: their gradients do not fit into one sum of doubles.
-GRADED = 1e-3
-FAINT = 1e-8
-# Below it the flat one is rounding, and u* decides.
+# Below it the flat direction of a least-squares problem is rounding, and u* decides.
 RANK_ONE = 1e-12
 # A row with a smaller gradient is a constant: no input changes its violation.
 ZERO_GRADIENT = 1e-12
@@ -166,18 +162,14 @@ def minimise(
     size = np.sqrt(r11 * r11 + r12 * r12 + r22 * r22)
     if size <= ZERO_GRADIENT:
         return _descend(corners, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
-    if abs(r11 * r22) > GRADED * size * size:
-        return _full_rank(corners, count, factor)
-    # R = σ₁ p nᵀ + σ₂ p⊥ n⊥ᵀ with σ₂ ≪ σ₁: n decides first, what is left to n⊥ after it
+    if abs(r11 * r22) > RANK_ONE * size * size:
+        y = z2 / r22
+        return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
+    # R = σ p nᵀ: n·u is decided, and u* decides the rest
     angle = 0.5 * np.arctan2(2.0 * r11 * r12, r11 * r11 - r12 * r12 - r22 * r22)
     nx, ny = np.cos(angle), np.sin(angle)
     p1, p2 = r11 * nx + r12 * ny, r22 * ny
-    steep = np.hypot(p1, p2)
-    flat = r11 * r22 / steep
-    pull = abs(p1 * z2 - p2 * z1) / steep + abs(flat) * radius
-    if abs(flat) * pull > FAINT * steep * steep * radius:
-        return _full_rank(corners, count, factor)
-    target = (p1 * z1 + p2 * z2) / (steep * steep)
+    target = (p1 * z1 + p2 * z2) / (p1 * p1 + p2 * p2)
     low, high = np.inf, -np.inf
     for i in range(count):
         value = nx * corners[i, 0] + ny * corners[i, 1]
@@ -185,19 +177,7 @@ def minimise(
     target = min(max(target, low), high)
     scratch[:count] = corners[:count]
     count = slice_at(scratch, count, nx, ny, target, radius, scratch_cut)
-    if abs(flat) > RANK_ONE * steep:
-        along = (p1 * z2 - p2 * z1) / (steep * flat)
-        ux, uy = target * nx - along * ny, target * ny + along * nx
     return _descend(scratch, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
-
-
-@njit(cache=True)
-def _full_rank(
-    corners: Array, count: int, factor: tuple[float, float, float, float, float]
-) -> tuple[float, float]:
-    r11, r12, r22, z1, z2 = factor
-    y = z2 / r22
-    return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
 
 
 @njit(cache=True)
