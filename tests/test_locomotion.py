@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hcbf_gym.benchmarks import walks
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.locomotion import qp
@@ -26,6 +27,7 @@ from hcbf_gym.locomotion.body_reference import (
 from hcbf_gym.locomotion.condensed import WORKSPACE, condense, free_minimiser
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.dynamics import rigid_body_terms
+from hcbf_gym.locomotion.feet import TARGETS, plan_feet, stand
 from hcbf_gym.locomotion.foothold import MAX_OFFSET, foothold, nominal_stance
 from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
 from hcbf_gym.locomotion.leg import foot_kinematics
@@ -39,6 +41,7 @@ from hcbf_gym.robots import a1
 
 DT = 0.002
 ORIGIN = np.zeros(3)
+MODEL = RobotModel(a1.XML_FILE)
 examples = settings(deadline=None, max_examples=40)  # the first one may compile
 speeds = st.floats(-1.0, 1.0)
 
@@ -115,6 +118,19 @@ def test_each_foot_stands_for_the_gait_s_share_of_the_time(name):
     assert stance.sum(axis=1).min() == least
 
 
+@pytest.mark.parametrize("name", ["trot", "walk"])
+def test_every_swing_lasts_the_same_number_of_ticks_for_minutes(name):
+    gait, clock, stance = GAITS[name], 0.0, []
+    for _ in range(60_000):
+        stance.append(foot_phases(gait, clock, np.zeros(4, bool)).stance)
+        clock = advance_clock(gait, clock, False, DT)
+    for foot in np.array(stance).T:
+        lift_offs = np.flatnonzero(foot[:-1] & ~foot[1:])
+        touchdowns = np.flatnonzero(~foot[:-1] & foot[1:])
+        assert (np.diff(lift_offs) == round(gait.period / DT)).all()
+        assert (np.diff(touchdowns) == round(gait.period / DT)).all()
+
+
 def test_a_foot_that_lands_late_in_its_swing_becomes_stance_and_an_early_touch_does_not():
     gait, touching = GAITS["trot"], np.ones(4, dtype=bool)
     early, late = 0.3 * 0.13, 0.7 * 0.13
@@ -137,7 +153,7 @@ def test_standing_rests_while_quiet_and_steps_at_once_when_disturbed():
 @examples
 @given(speeds, speeds, st.floats(-2.0, 2.0), st.floats(0.0, 0.13))
 def test_footholds_stay_within_reach_of_the_hip(vx, vy, yaw_rate, remaining):
-    nominal = nominal_stance(RobotModel(a1.XML_FILE).legs.hip)
+    nominal = nominal_stance(MODEL.legs.hip)
     reference = at_rest()
     reference.yaw_rate = yaw_rate
     velocity = np.array([vx, vy, 0.0])
@@ -182,6 +198,29 @@ def test_a_swing_is_smooth_clears_the_ground_and_lands_on_its_foothold():
 
 
 @examples
+@given(st.floats(-1.2, 1.2), st.floats(0.0, 2 * np.pi))
+def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, start):
+    gait, nominal = GAITS["trot"], nominal_stance(MODEL.legs.hip)
+    targets, reference = np.zeros(1, dtype=TARGETS)[0], at_rest()
+    reference.velocity[0] = speed
+    place = np.array([0.0, 0.0, 0.27])
+    feet = np.column_stack([nominal, np.full(4, a1.FOOT_RADIUS)])
+    for foot in range(4):
+        stand(targets, foot, feet[foot])
+    for tick in range(65, 130):  # the first half is FR's stance
+        phases = foot_phases(gait, tick * DT, np.zeros(4, bool))
+        sway = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
+        velocity = np.array([speed + sway, 0.0, 0.0])
+        place[:2] += DT * velocity[:2]
+        plan_feet(
+            targets, phases, gait, feet, nominal, place, velocity, 0.0, reference, 0.27, 0.02, DT
+        )
+    assert not targets.stance[0]
+    assert np.linalg.norm(targets.motion[0, 1, :2]) < 0.35  # chasing its foothold to the end: 0.86
+    np.testing.assert_allclose(targets.motion[0, 0, :2], targets.foothold[0], atol=1e-3)
+
+
+@examples
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.floats(-3, 3))
 def test_the_orientation_error_is_the_rotation_s_logarithm(quaternion, yaw):
     q = np.array(quaternion)
@@ -195,7 +234,6 @@ def test_the_orientation_error_is_the_rotation_s_logarithm(quaternion, yaw):
 
 # the task-space program
 
-MODEL = RobotModel(a1.XML_FILE)
 STANCES = [(1, 0, 0, 1), (0, 1, 1, 0), (1, 1, 1, 1), (1, 1, 0, 1), (0, 0, 0, 0)]
 
 
@@ -316,6 +354,13 @@ def walk(ticks: int, u=(0.8, 0.3), **options):
         torques.append(controller.step(simulation.state(), np.array(u)))
         simulation.step(torques[-1])
     return np.array(torques), controller, simulation
+
+
+@pytest.mark.parametrize("velocity", [(1.0, 0.0), (-0.8, 0.0), (0.0, 0.6)])
+def test_feet_stand_where_they_land(velocity):
+    walked = walks.walk(6.0, walks.towards(np.array(velocity), 2.0), heading="fixed")
+    assert walks.slip_per_step(walked, start=1500) < 1e-3
+    assert walked.failed == 0
 
 
 def test_both_forms_walk_alike():

@@ -91,11 +91,13 @@ def test_the_controller_stays_finite_through_a_fall():
     )
     controller = LocomotionController()
     controller.reset(simulation.state())
+    fell = False  # it may roll right over
     for _ in range(600):
         torque = controller.step(simulation.state(), np.zeros(2))
         assert np.isfinite(torque).all()
         simulation.step(torque)
-    assert simulation.fallen
+        fell |= simulation.fallen
+    assert fell
 
 
 def test_the_robot_walks_where_it_is_told_and_every_program_is_solved():

@@ -12,6 +12,10 @@ from hcbf_gym.locomotion.gait import FootPhases, Gait
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.swing import swing_step
 
+# last share of the swing in which the foothold is held: it sways with the trunk's velocity, and a
+# foot that chases it to the end lands at up to 1 m/s along the ground and slides
+SETTLED = 0.12
+
 
 class FootTargets(NamedTuple):
     """What each foot shall do, in the world.
@@ -80,17 +84,18 @@ def plan_feet(
             stand(targets, foot, feet[foot])
             continue
         remaining = phases.remaining[foot]
-        landing = foothold(
-            nominal[foot],
-            position,
-            velocity,
-            yaw,
-            reference,
-            remaining,
-            stance_time,
-            height,
-        )
-        motion = targets.motion[foot]
+        if remaining > SETTLED * swing_time:
+            targets.foothold[foot] = foothold(
+                nominal[foot],
+                position,
+                velocity,
+                yaw,
+                reference,
+                remaining,
+                stance_time,
+                height,
+            )
         targets.stance[foot] = 0
-        targets.foothold[foot] = landing
-        targets.motion[foot] = swing_step(motion, landing, touchdown, remaining, swing_time, dt)
+        targets.motion[foot] = swing_step(
+            targets.motion[foot], targets.foothold[foot], touchdown, remaining, swing_time, dt
+        )

@@ -10,6 +10,9 @@ from hcbf_gym.locomotion.state import Array
 
 EARLY_TOUCHDOWN = 0.6  # share of the swing after which a touching foot becomes stance
 RESTING = -1.0  # what the clock shows while all feet are held down
+# share of the period by which a switch may come early: a sum of ticks is rounded, and without this
+# a foot would swing a tick longer in some strides than in others
+ROUNDING = 1e-6
 
 
 class Gait(NamedTuple):
@@ -72,7 +75,7 @@ def foot_phases(gait: Gait, clock: float, contact: NDArray[np.bool_]) -> FootPha
     if clock < 0.0:
         return FootPhases(stance, remaining)
     for foot in range(4):
-        phase = (clock / gait.period + gait.offsets[foot]) % 1.0
+        phase = (clock / gait.period + gait.offsets[foot] + ROUNDING) % 1.0
         swung = (phase - gait.duty) / (1.0 - gait.duty)
         if swung < 0.0 or (contact[foot] and swung > EARLY_TOUCHDOWN):
             continue
@@ -90,7 +93,7 @@ def advance_clock(gait: Gait, clock: float, quiet: bool, dt: float) -> float:
     """
     if clock < 0.0:
         return RESTING if quiet else 0.0
-    later = clock + dt
-    half = 0.5 * gait.period
-    landed = later // half > clock // half
-    return RESTING if gait.rests and quiet and landed else later
+    before = clock / gait.period + ROUNDING
+    after = (clock + dt) / gait.period + ROUNDING
+    landed = after // 0.5 > before // 0.5
+    return RESTING if gait.rests and quiet and landed else clock + dt
