@@ -36,7 +36,13 @@ from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
 from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
-from hcbf_gym.locomotion.tasks import TaskAccelerations
+from hcbf_gym.locomotion.tasks import (
+    CATCH_UP,
+    PLANE_KD,
+    PLANE_KP,
+    TaskAccelerations,
+    task_accelerations,
+)
 from hcbf_gym.robots import a1
 
 DT = 0.002
@@ -270,6 +276,26 @@ def condensed(args) -> tuple[QuadraticProgram, np.record]:
     w = np.zeros(1, dtype=WORKSPACE)[0]
     rows = 12 + 4 * condense(*args, w)
     return QuadraticProgram(w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0), w
+
+
+@examples
+@given(st.floats(-np.pi, np.pi), st.floats(-np.pi, np.pi), st.floats(0.0, LEASH), speeds)
+def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, side, lag, speed):
+    args, _ = problem(0, (1, 1, 1, 1))
+    reference, targets = at_rest(), np.zeros(1, dtype=TARGETS)[0]
+    targets.stance[:] = 1
+    reference.velocity[:] = np.cos(course), np.sin(course)
+    reference.position[:] = lag * np.cos(side), lag * np.sin(side)
+    velocity = np.array([speed, -speed, 0.0])
+    still = np.array([1.0, 0.0, 0.0, 0.0])
+    state = RobotState(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
+    asked = task_accelerations(state, np.eye(3), args[4], reference, targets, 0.27, 1.0).linear[:2]
+    wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
+    assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
+    pd = PLANE_KP * reference.position + PLANE_KD * (reference.velocity - velocity[:2])
+    free = np.linalg.norm(reference.velocity + PLANE_KP / PLANE_KD * reference.position) <= 1.0
+    if free:
+        np.testing.assert_allclose(asked, pd, atol=1e-9)
 
 
 @pytest.mark.parametrize("stance", STANCES)

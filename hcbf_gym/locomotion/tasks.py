@@ -18,6 +18,7 @@ HEIGHT_KP, HEIGHT_KD = 150.0, 25.0
 TILT_KP, TILT_KD = 300.0, 30.0
 YAW_KP, YAW_KD = 100.0, 20.0
 SWING_KP, SWING_KD = 400.0, 40.0
+CATCH_UP = 0.1  # [m/s] above the speed cap at most, to make up for a lag behind the reference
 
 HEIGHT_WEIGHT = 3.0  # the other tasks weigh 1
 
@@ -44,8 +45,12 @@ def task_accelerations(
     reference: BodyReference,
     targets: FootTargets,
     trunk_height: float,
+    max_speed: float,
 ) -> TaskAccelerations:
     """Return the accelerations that the task-space QP shall come close to.
+
+    In the plane the law reads ``ÿ_d + K_d(w − ẏ)``, and the speed ``w = ẏ_d + K_p/K_d (y_d − y)``
+    that would make up for a lag is bounded.
 
     Args:
         state: as measured.
@@ -54,15 +59,17 @@ def task_accelerations(
         reference: of the trunk in the plane.
         targets: of the feet.
         trunk_height: desired height of the trunk in the world [m].
+        max_speed: cap on the reference's speed [m/s].
     """
     position, velocity, omega = state.position, state.linear_velocity, state.angular_velocity
     linear = np.empty(3)
     for i in range(2):
-        linear[i] = (
-            reference.acceleration[i]
-            + PLANE_KD * (reference.velocity[i] - velocity[i])
-            + PLANE_KP * (reference.position[i] - position[i])
-        )
+        lag = reference.position[i] - position[i]
+        linear[i] = reference.velocity[i] + PLANE_KP / PLANE_KD * lag
+    speed = np.sqrt(linear[0] ** 2 + linear[1] ** 2)
+    scale = min(1.0, (max_speed + CATCH_UP) / max(speed, 1e-9))
+    for i in range(2):
+        linear[i] = reference.acceleration[i] + PLANE_KD * (scale * linear[i] - velocity[i])
     linear[2] = HEIGHT_KP * (trunk_height - position[2]) - HEIGHT_KD * velocity[2]
 
     turn = rotation_vector_to_yaw(R, reference.yaw)

@@ -157,7 +157,8 @@ def plan(settings: np.record, memory: np.record, state: RobotState, u: Array) ->
         memory.ground + settings.foot_radius,
         dt,
     )
-    tasks = task_accelerations(state, R, feet, reference, targets, memory.ground + settings.height)
+    trunk_height = memory.ground + settings.height
+    tasks = task_accelerations(state, R, feet, reference, targets, trunk_height, settings.max_speed)
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
     memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
