@@ -1,5 +1,7 @@
 """Small dense steps of the stages, compiled: NumPy's calls would cost more than the solver."""
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -28,6 +30,32 @@ def unit_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
             bound[kept] = b[k] / norm
             kept += 1
     return unit[:kept], bound[:kept]
+
+
+@njit(cache=True)
+def level_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
+    """Return the rows ``a x ≥ b`` scaled to norms from 1/2 to 1, without those of norm `least`.
+
+    They are scaled by powers of two: no digit is lost, and parallel rows stay parallel.
+
+    Args:
+        a: (k, n) rows.
+        b: (k,) bounds.
+        least: the norm up to which a row is a constant.
+    """
+    level, bound, kept = np.empty_like(a), np.empty_like(b), 0
+    for k in range(b.size):
+        square = 0.0
+        for j in range(a.shape[1]):
+            square += a[k, j] * a[k, j]
+        norm = np.sqrt(square)
+        if norm > least:
+            scale = math.ldexp(1.0, -math.frexp(norm)[1])
+            for j in range(a.shape[1]):
+                level[kept, j] = scale * a[k, j]
+            bound[kept] = scale * b[k]
+            kept += 1
+    return level[:kept], bound[:kept]
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError
 from hcbf_gym.input_sets import InputSet
-from hcbf_gym.programs.dense import back_substitute, rows_of_image, unit_rows, whiten
+from hcbf_gym.programs.dense import back_substitute, level_rows, rows_of_image, unit_rows, whiten
 from hcbf_gym.programs.planar import rational, stages
 from hcbf_gym.programs.planar.soft import NEGLIGIBLE
 from hcbf_gym.programs.qp import QpProblem, Solver
@@ -33,7 +33,7 @@ class FeasibleSet(NamedTuple):
     Attributes:
         point: (n_u,) a point of the affine subspace; a member of the set once rows are pinned.
         basis: (n_u, r) orthonormal free directions.
-        a: (k, n_u) unit rows.
+        a: (k, n_u) rows of norms from 1/2 to 1.
         b: (k,) their lower bounds.
         radius: the largest norm of an input in U.
         nonempty: whether the set is known to have a member; if so, a solver that finds none has
@@ -60,8 +60,8 @@ class FeasibleSet(NamedTuple):
 
     def intersect(self, a: Array, b: Array) -> "FeasibleSet":
         """Return the inputs of this set that meet the rows ``a u ≥ b`` (rows of any length)."""
-        unit, bound = unit_rows(a, b, ZERO_GRADIENT)
-        rows, bounds = np.concatenate((self.a, unit)), np.concatenate((self.b, bound))
+        level, bound = level_rows(a, b, ZERO_GRADIENT)
+        rows, bounds = np.concatenate((self.a, level)), np.concatenate((self.b, bound))
         return FeasibleSet(self.point, self.basis, rows, bounds, self.radius, False)
 
     def pin(self, a: Array, u: Array) -> "FeasibleSet":
