@@ -33,7 +33,7 @@ from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
-from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.locomotion.state import StateViews
 from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
 from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
 from hcbf_gym.locomotion.tasks import (
@@ -247,7 +247,7 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
     """Return the arguments of both forms at a random state near the stance, and q."""
     rng = np.random.default_rng(seed)
     quaternion = np.array([1.0, *(0.1 * rng.standard_normal(3))])
-    state = RobotState(
+    state = StateViews(
         np.array([0.0, 0.0, 0.27]),
         quaternion / np.linalg.norm(quaternion),
         0.3 * rng.standard_normal(3),

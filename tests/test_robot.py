@@ -17,19 +17,19 @@ from hcbf_gym.locomotion.dynamics import rigid_body_terms
 from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix
-from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.locomotion.state import StateViews
 from hcbf_gym.locomotion.task_space import foot_bias, foot_jacobian
 from hcbf_gym.robots import a1
 
 MODEL = RobotModel(a1.XML_FILE)
 
 
-def random_state(seed: int) -> RobotState:
+def random_state(seed: int) -> StateViews:
     rng = np.random.default_rng(seed)
     quaternion = rng.standard_normal(4)
     lower = np.tile([-0.8, -1.0, -2.69], 4)
     upper = np.tile([0.8, 4.0, -0.92], 4)
-    return RobotState(
+    return StateViews(
         position=rng.standard_normal(3),
         quaternion=quaternion / np.linalg.norm(quaternion),
         linear_velocity=rng.standard_normal(3),
@@ -40,7 +40,7 @@ def random_state(seed: int) -> RobotState:
     )
 
 
-def generalised_velocity(state: RobotState) -> tuple[np.ndarray, np.ndarray]:
+def generalised_velocity(state: StateViews) -> tuple[np.ndarray, np.ndarray]:
     """Return R and Pinocchio's v: the trunk's velocity in its own axes, then the joints."""
     R = rotation_matrix(state.quaternion)
     return R, np.concatenate(
@@ -48,13 +48,13 @@ def generalised_velocity(state: RobotState) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def pinocchio_configuration(state: RobotState) -> np.ndarray:
+def pinocchio_configuration(state: StateViews) -> np.ndarray:
     return np.concatenate(
         [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
     )
 
 
-def mujoco_at(state: RobotState):
+def mujoco_at(state: StateViews):
     simulation = Simulation()
     simulation.data.qpos[:] = [*state.position, *state.quaternion, *state.joint_position]
     simulation.data.qvel[:] = [

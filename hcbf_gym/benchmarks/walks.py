@@ -82,7 +82,7 @@ def walk(
         references.append([*reference.position, *reference.velocity, reference.yaw])
         if plant.fallen:
             break
-    stacked = RobotState(*(np.array(field) for field in zip(*states, strict=True)))
+    stacked = RobotState(np.array([state.vector for state in states]))
     sole = np.array([_sole_velocity(brain.model.legs, state) for state in states])
     return Walk(stacked, np.array(references), sole, plant.fallen, brain.solved, brain.failed)
 

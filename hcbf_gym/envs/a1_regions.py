@@ -1,6 +1,5 @@
 """HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from hcbf_gym.barrier_set import BarrierSet
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs import task
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
-from hcbf_gym.envs.simulation import Simulation
+from hcbf_gym.envs.simulation import BASE, Simulation
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
 from hcbf_gym.robots import a1
@@ -198,16 +197,14 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
         for _ in self._ticks:
             self.simulation.step(self.controller.step(self.simulation.state(), u))
-            measured = self.simulation.base_state
-            if not math.isfinite(measured.dot(measured)):  # diverged; the last finite state stands
+            if self.simulation.diverged:  # the last finite state stands
                 break
-            path.append(measured)
+            path.append(self.simulation.truth)
             forces.append(self.simulation.obstacle_forces())
         fallen = self.simulation.fallen
-        self._measured = path[-1] if path else self._measured
-        h = self.barrier_set.along(
-            np.array(path or [self._measured]), self.time + self._ticks[: len(path) or 1]
-        )
+        walked = np.array(path)[:, BASE] if path else self._measured[None]
+        self._measured = walked[-1]
+        h = self.barrier_set.along(walked, self.time + self._ticks[: len(walked)])
         self._steps += 1
         self.artist.walk(self._measured[:2])
 

@@ -14,7 +14,7 @@ from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Plant, Randomization
 from hcbf_gym.errors import RobotModelError, finite_float
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
 from hcbf_gym.robots import a1
 
 MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
@@ -24,9 +24,15 @@ MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
 VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
 JOINT_NOISE = 0.01  # [rad]
 
+BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
+
 
 class Simulation:
     """A scene with one robot, driven by joint torques.
+
+    Attributes:
+        truth: (41,) the vector of the robot's state without noise; every tick has its own.
+        diverged: whether that has left the finite numbers.
 
     Args:
         xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
@@ -79,6 +85,8 @@ class Simulation:
         self._rng = np.random.default_rng(0)
         self._pushes: list[Push] = []
         self._delayed: deque[Array] = deque()
+        self.truth = np.zeros(STATE_SIZE)
+        self.diverged = False
         self.plant: Plant = self._randomization.draw(self._rng)
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
@@ -104,17 +112,16 @@ class Simulation:
         self._qpos[2] = self._start_height
         self._qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
         self._qpos[7:] = a1.HOME_JOINTS
-        mujoco.mj_step1(self.model, self.data)
+        self._arrive()
 
     def state(self) -> RobotState:
         """Return what the robot's sensors and its estimator say now."""
-        q, v = self._qpos.copy(), self._qvel.copy()
-        contact = np.zeros(4, dtype=np.bool_)
-        mark_touching(contact, self._feet, self.data.contact.geom)
-        if self.plant.sensor_noise > 0.0:
-            v += self.plant.sensor_noise * VELOCITY_NOISE * self._rng.standard_normal(18)
-            q[7:] += self.plant.sensor_noise * JOINT_NOISE * self._rng.standard_normal(12)
-        return RobotState(q[:3], q[3:7], v[:3], v[3:6], q[7:], v[6:], contact)
+        if self.plant.sensor_noise == 0.0:
+            return RobotState(self.truth)
+        sensed = self.truth.copy()
+        sensed[19:37] += self.plant.sensor_noise * VELOCITY_NOISE * self._rng.standard_normal(18)
+        sensed[7:19] += self.plant.sensor_noise * JOINT_NOISE * self._rng.standard_normal(12)
+        return RobotState(sensed)
 
     def step(self, torque: Array) -> None:
         """Advance the physics by one tick under the joint torques (12,) [N·m].
@@ -131,7 +138,14 @@ class Simulation:
         mujoco.mj_step2(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Compute what follows from the new positions and velocities, and note them."""
         mujoco.mj_step1(self.model, self.data)
+        self.truth = np.empty(STATE_SIZE)
+        pairs = self.data.contact.geom
+        self.diverged = not read_state(self._qpos, self._qvel, self._feet, pairs, self.truth)
 
     def push(self, force: Array) -> None:
         """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
@@ -140,17 +154,14 @@ class Simulation:
     @property
     def base_state(self) -> Array:
         """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
-        x = np.empty(4)
-        x[:2] = self._qpos[:2]
-        x[2:] = self._qvel[:2]
-        return x
+        return self.truth[BASE]
 
     @property
     def fallen(self) -> bool:
         """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
         z, _, x, y = self._qpos[2:6].tolist()
         upright = 1.0 - 2.0 * (x * x + y * y)
-        return not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)  # NaN has fallen, too
+        return self.diverged or not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)
 
     def obstacle_forces(self) -> Array:
         """Return (k,) the normal force between the robot and each obstacle in the last tick [N]."""
@@ -186,12 +197,31 @@ class Simulation:
 
 
 @njit(cache=True)
-def mark_touching(touching: NDArray[np.bool_], feet: NDArray[np.int64], pairs: NDArray[np.int32]):
-    """Set `touching` (4,) for the geoms `feet` (4,) that occur in the contact pairs (n, 2)."""
+def read_state(
+    qpos: Array,
+    qvel: Array,
+    feet: NDArray[np.int64],
+    pairs: NDArray[np.int32],
+    state: Array,
+) -> bool:
+    """Fill in the vector of a `RobotState` and return whether it is finite.
+
+    Args:
+        qpos: (19,) of the robot.
+        qvel: (18,).
+        feet: (4,) their geoms.
+        pairs: (n, 2) the geoms that touch each other.
+        state: (41,) filled in.
+    """
+    state[:19] = qpos
+    state[19:37] = qvel
     for foot in range(4):
+        touches = False
         for contact in range(pairs.shape[0]):
             if pairs[contact, 0] == feet[foot] or pairs[contact, 1] == feet[foot]:
-                touching[foot] = True
+                touches = True
+        state[37 + foot] = touches
+    return bool(np.isfinite(state).all())
 
 
 def _foot_geom(model: mujoco.MjModel, leg: str) -> int:

@@ -41,7 +41,9 @@ class CondensedForm:
 
     def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
         """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
-        contacts, free = tick_condensed(self._settings, self._memory, self._workspace, *state, u)
+        contacts, free = tick_condensed(
+            self._settings, self._memory, self._workspace, state.vector, u
+        )
         self.program = self._programs[contacts]
         if free:
             return self._torque.copy(), self._free[contacts]
@@ -73,7 +75,7 @@ class FullForm:
 
     def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
         """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
-        self.program, feedback = tick_full(self._settings, self._memory, state, u)
+        self.program, feedback = tick_full(self._settings, self._memory, state.vector, u)
         solution = qp.solve(self.program)
         if solution.x is not None:
             self.feedforward = solution.x[18:30].copy()

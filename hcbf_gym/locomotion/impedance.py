@@ -7,7 +7,7 @@ from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry, inverse_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed, cross, inverse_3x3
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import Array, StateViews
 
 SWING_KP, SWING_KD = 20.0, 1.0  # [N·m/rad], [N·m·s/rad]
 STANCE_KD = 1.0  # a standing leg's place is the ground's business
@@ -15,7 +15,7 @@ STANCE_KD = 1.0  # a standing leg's place is the ground's business
 
 @njit(cache=True)
 def joint_feedback(
-    state: RobotState,
+    state: StateViews,
     R: Array,
     legs: LegGeometry,
     feet: FootKinematics,

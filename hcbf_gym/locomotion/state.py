@@ -1,27 +1,72 @@
-"""What the controller is told about the robot: the way in, and nothing else."""
+"""What the controller is told about the robot: the way in, and nothing else.
+
+A state travels as one vector: entering compiled code costs time per argument.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+STATE_SIZE = 41
 
-class RobotState(NamedTuple):
+
+class RobotState:
     """The estimate of the robot's state that sensors and an estimator would give.
 
-    Joints and feet are ordered FR, FL, RR, RL; the joints of a leg abad, hip, knee.
+    Joints and feet are ordered FR, FL, RR, RL; the joints of a leg abad, hip, knee. The attributes
+    are views of `vector`, along its last axis.
 
     Attributes:
-        position: (3,) trunk origin in the world [m].
-        quaternion: (4,) orientation of the trunk, w first.
-        linear_velocity: (3,) of the trunk origin, in the world's axes [m/s].
-        angular_velocity: (3,) of the trunk, in its own axes [rad/s].
-        joint_position: (12,) [rad].
-        joint_velocity: (12,) [rad/s].
-        foot_contact: (4,) bool, whether the foot touches something.
+        vector: (41,) MuJoCo's qpos (19,) and qvel (18,) of the robot, then the contacts as 0 or 1.
     """
+
+    __slots__ = ("vector",)
+
+    def __init__(self, vector: Array) -> None:
+        self.vector = vector
+
+    @property
+    def position(self) -> Array:
+        """(3,) trunk origin in the world [m]."""
+        return self.vector[..., :3]
+
+    @property
+    def quaternion(self) -> Array:
+        """(4,) orientation of the trunk, w first."""
+        return self.vector[..., 3:7]
+
+    @property
+    def joint_position(self) -> Array:
+        """(12,) [rad]."""
+        return self.vector[..., 7:19]
+
+    @property
+    def linear_velocity(self) -> Array:
+        """(3,) of the trunk origin, in the world's axes [m/s]."""
+        return self.vector[..., 19:22]
+
+    @property
+    def angular_velocity(self) -> Array:
+        """(3,) of the trunk, in its own axes [rad/s]."""
+        return self.vector[..., 22:25]
+
+    @property
+    def joint_velocity(self) -> Array:
+        """(12,) [rad/s]."""
+        return self.vector[..., 25:37]
+
+    @property
+    def foot_contact(self) -> NDArray[np.bool_]:
+        """(4,) bool, whether the foot touches something."""
+        return self.vector[..., 37:] > 0.0
+
+
+class StateViews(NamedTuple):
+    """The same attributes for compiled code."""
 
     position: Array
     quaternion: Array
@@ -30,3 +75,17 @@ class RobotState(NamedTuple):
     joint_position: Array
     joint_velocity: Array
     foot_contact: NDArray[np.bool_]
+
+
+@njit(cache=True)
+def state_views(vector: Array) -> StateViews:
+    """Return the parts of a state's vector (41,)."""
+    return StateViews(
+        vector[:3],
+        vector[3:7],
+        vector[19:22],
+        vector[22:25],
+        vector[7:19],
+        vector[25:37],
+        vector[37:] > 0.0,
+    )

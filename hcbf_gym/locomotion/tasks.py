@@ -10,7 +10,7 @@ from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.matrices import apply, cross
 from hcbf_gym.locomotion.rotation import rotation_vector_to_yaw
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import Array, StateViews
 
 # stiffness [1/s²] and damping [1/s]
 PLANE_KP, PLANE_KD = 80.0, 15.0
@@ -39,7 +39,7 @@ class TaskAccelerations(NamedTuple):
 
 @njit(cache=True)
 def task_accelerations(
-    state: RobotState,
+    state: StateViews,
     R: Array,
     feet: FootKinematics,
     reference: BodyReference,

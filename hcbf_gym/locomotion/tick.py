@@ -19,7 +19,7 @@ from hcbf_gym.locomotion.impedance import joint_feedback
 from hcbf_gym.locomotion.leg import LEGS, FootKinematics, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import Array, StateViews, state_views
 from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
 from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 
@@ -86,7 +86,7 @@ class Plan(NamedTuple):
 
 
 @njit(cache=True)
-def generalised_velocity(state: RobotState, R: Array) -> Array:
+def generalised_velocity(state: StateViews, R: Array) -> Array:
     """Return v (18,): trunk linear and angular in the trunk's axes, then the joints."""
     v = np.empty(18)
     v[:3] = apply_transposed(R, state.linear_velocity)
@@ -96,7 +96,7 @@ def generalised_velocity(state: RobotState, R: Array) -> Array:
 
 
 @njit(cache=True)
-def is_quiet(state: RobotState, reference: BodyReference, u: Array, resting: bool) -> bool:
+def is_quiet(state: StateViews, reference: BodyReference, u: Array, resting: bool) -> bool:
     """Return whether nothing is asked and nothing disturbs; at rest twice as much is tolerated."""
     scale = 2.0 if resting else 1.0
     asked = max(np.abs(u).max(), np.abs(reference.velocity).max(), abs(reference.yaw_rate))
@@ -121,7 +121,7 @@ def ground_height(ground: float, feet: Array, carrying: NDArray[np.bool_], radiu
 
 
 @njit(cache=True)
-def plan(settings: np.record, memory: np.record, state: RobotState, u: Array) -> Plan:
+def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) -> Plan:
     """Return what comes before the QP: gait → footholds → swing → tasks, and the impedance.
 
     Args:
@@ -170,13 +170,7 @@ def tick_condensed(
     settings: NDArray[np.void],
     memory: NDArray[np.void],
     workspace: NDArray[np.void],
-    position: Array,
-    quaternion: Array,
-    linear_velocity: Array,
-    angular_velocity: Array,
-    joint_position: Array,
-    joint_velocity: Array,
-    foot_contact: NDArray[np.bool_],
+    state: Array,
     u: Array,
 ) -> tuple[int, bool]:
     """Run a tick up to the QP; return how many feet stand and whether no bound binds.
@@ -187,27 +181,12 @@ def tick_condensed(
         settings: (1,) `SETTINGS`.
         memory: (1,) `MEMORY`, moved on by one tick.
         workspace: (1,) `WORKSPACE`, filled in.
-        position: and the next six, the fields of `RobotState`.
-        quaternion: see there.
-        linear_velocity: see there.
-        angular_velocity: see there.
-        joint_position: see there.
-        joint_velocity: see there.
-        foot_contact: see there.
+        state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    state = RobotState(
-        position,
-        quaternion,
-        linear_velocity,
-        angular_velocity,
-        joint_position,
-        joint_velocity,
-        foot_contact,
-    )
     friction, limit = settings[0].friction, settings[0].torque_limit
     work, stance = workspace[0], memory[0].targets.stance
-    p = plan(settings[0], memory[0], state, u)
+    p = plan(settings[0], memory[0], state_views(state), u)
     contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit, work)
     work.feedback[:] = p.feedback
     free = free_minimiser(work, 12 + 4 * contacts)
@@ -218,11 +197,11 @@ def tick_condensed(
 
 @njit(cache=True)
 def tick_full(
-    settings: NDArray[np.void], memory: NDArray[np.void], state: RobotState, u: Array
+    settings: NDArray[np.void], memory: NDArray[np.void], state: Array, u: Array
 ) -> tuple[QuadraticProgram, Array]:
     """Return the QP of this tick in (q̈, τ, F), and the feedback torques; see `tick_condensed`."""
     friction, limit = settings[0].friction, settings[0].torque_limit
-    p = plan(settings[0], memory[0], state, u)
+    p = plan(settings[0], memory[0], state_views(state), u)
     stance = memory[0].targets.stance
     program = full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit)
     return program, p.feedback
