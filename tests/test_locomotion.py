@@ -35,7 +35,7 @@ from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import StateViews
 from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
-from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
+from hcbf_gym.locomotion.task_space import FULL_WORKSPACE, QuadraticProgram, full_form, views
 from hcbf_gym.locomotion.tasks import (
     CATCH_UP,
     PLANE_KD,
@@ -278,6 +278,11 @@ def condensed(args) -> tuple[QuadraticProgram, np.record]:
     return QuadraticProgram(w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0), w
 
 
+def full(args) -> QuadraticProgram:
+    w = np.zeros(1, dtype=FULL_WORKSPACE)[0]
+    return views(w, full_form(*args, w))
+
+
 @examples
 @given(st.floats(-np.pi, np.pi), st.floats(-np.pi, np.pi), st.floats(0.0, LEASH), speeds)
 def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, side, lag, speed):
@@ -288,7 +293,7 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
     reference.position[:] = lag * np.cos(side), lag * np.sin(side)
     velocity = np.array([speed, -speed, 0.0])
     still = np.array([1.0, 0.0, 0.0, 0.0])
-    state = RobotState(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
+    state = StateViews(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
     asked = task_accelerations(state, np.eye(3), args[4], reference, targets, 0.27, 1.0).linear[:2]
     wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
     assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
@@ -305,7 +310,7 @@ def test_the_condensed_and_the_paper_s_form_give_the_same_torques(stance, effort
         args, _ = problem(seed, stance, effort)
         program, work = condensed(args)
         ours = qp.solve(program)
-        reference = qp.solve(full_form(*args))
+        reference = qp.solve(full(args))
         assert ours.x is not None
         assert reference.x is not None
         np.testing.assert_allclose(
@@ -345,7 +350,7 @@ def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
 def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
     args, q = problem(2, stance)
     v = args[2]
-    x = qp.solve(full_form(*args)).x
+    x = qp.solve(full(args)).x
     assert x is not None
     acceleration, forces = x[:18], x[30:].reshape(-1, 3)
     data = MODEL.pinocchio.createData()

@@ -9,25 +9,23 @@ with 13 columns, ``· [z; 1]``.
 `task_space.py` poses the same program in the paper's form; both give the same torques.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.matrices import (
-    add_product,
+    add_cross,
     apply,
+    apply_transposed,
     cross,
     inverse_3x3,
-    product,
-    skew,
     solve_in_place,
 )
 from hcbf_gym.locomotion.state import Array
-from hcbf_gym.locomotion.task_space import (
-    FORCE_WEIGHT,
-    foot_bias,
-)
+from hcbf_gym.locomotion.task_space import FORCE_WEIGHT, foot_bias
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
 
 # a program and what comes of it, as one record that compiled code fills in: of A and the bounds the
@@ -51,6 +49,20 @@ WORKSPACE = np.dtype(
 )
 
 
+class Accelerations(NamedTuple):
+    """How the unknowns accelerate the robot.
+
+    Attributes:
+        trunk: (6, 13) the trunk's acceleration ``a = trunk [z; 1]``, in its own axes.
+        lever: (4, 3, 6) and rest (4, 3) a standing leg's joints, ``q̈_i = lever_i a + rest_i``;
+            those of a swinging leg are z_i.
+    """
+
+    trunk: Array
+    lever: Array
+    rest: Array
+
+
 @njit(cache=True)
 def accelerations(
     M: Array,
@@ -59,8 +71,8 @@ def accelerations(
     feet: FootKinematics,
     beta: Array,
     stance: NDArray[np.bool_],
-) -> Array:
-    """Return (18, 13) Q with ``q̈ = Q [z; 1]``.
+) -> Accelerations:
+    """Return q̈ as it depends on z, from the trunk's rows of the dynamics.
 
     Args:
         M: (18, 18) mass matrix.
@@ -70,33 +82,35 @@ def accelerations(
         beta: (4, 3) the feet's accelerations, in the trunk's axes, that q̈ does not cause.
         stance: (4,) bool.
     """
-    Q = np.zeros((18, 13))
-    trunk = Q[:6]
-    trunk[:, 12] = -bias[:6]
-    inertia = M[:6, :6].copy()
-    lever = np.empty((4, 3, 6))  # −J⁻¹B
+    trunk, inertia = np.zeros((6, 13)), np.empty((6, 6))
+    lever, rest = np.zeros((4, 3, 6)), np.zeros((4, 3))
+    for i in range(6):
+        trunk[i, 12] = -bias[i]
+        for j in range(6):
+            inertia[i, j] = M[i, j]
     for foot in range(4):
-        column = 3 * foot
-        coupling = M[:6, 6 + column : 9 + column]
+        x, joint = 3 * foot, 6 + 3 * foot
         if not stance[foot]:
-            for i in range(3):
-                trunk[:, column + i] = -coupling[:, i]
-                Q[6 + column + i, column + i] = 1.0
+            for i in range(6):
+                for k in range(3):
+                    trunk[i, x + k] = -M[i, joint + k]
             continue
-        J_inverse = inverse_3x3(feet.jacobian[foot])
-        lever[foot, :, :3] = -J_inverse
-        lever[foot, :, 3:] = product(J_inverse, skew(feet.position[foot]))
-        rest = -apply(J_inverse, beta[foot])
-        Q[6 + column : 9 + column, 12] = rest
-        add_product(inertia, coupling, lever[foot])
-        trunk[:, 12] -= apply(coupling, rest)
-        trunk[:3, column : column + 3] = R.T
-        trunk[3:, column : column + 3] = product(skew(feet.position[foot]), R.T)
+        r, J_inverse = feet.position[foot], inverse_3x3(feet.jacobian[foot])
+        for k in range(3):
+            for i in range(3):
+                lever[foot, k, i] = -J_inverse[k, i]
+                rest[foot, k] -= J_inverse[k, i] * beta[foot, i]
+                trunk[i, x + k] = R[k, i]
+            add_cross(lever[foot, k, 3:], J_inverse[k], r)
+            add_cross(trunk[3:, x + k], r, R[k])
+        for i in range(6):
+            for k in range(3):
+                coupling = M[i, joint + k]
+                trunk[i, 12] -= coupling * rest[foot, k]
+                for j in range(6):
+                    inertia[i, j] += coupling * lever[foot, k, j]
     solve_in_place(inertia, trunk)
-    for foot in range(4):
-        if stance[foot]:
-            add_product(Q[6 + 3 * foot : 9 + 3 * foot], lever[foot], trunk)
-    return Q
+    return Accelerations(trunk, lever, rest)
 
 
 @njit(cache=True)
@@ -130,8 +144,7 @@ def condense(
     for foot in range(4):
         rate = v[6 + 3 * foot : 9 + 3 * foot]
         beta[foot] = foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], rate)
-    Q = accelerations(M, bias, R, feet, beta, stance)
-    trunk = Q[:6]
+    trunk, lever, rest = accelerations(M, bias, R, feet, beta, stance)
 
     H, f, A, lower, upper = out.H, out.f, out.A, out.lower, out.upper
     H[:] = 0.0
@@ -140,46 +153,69 @@ def condense(
     lower[:] = -np.inf
     upper[:] = np.inf
     torque = np.zeros((12, 13))
-    error = np.zeros((18, 13))  # of the tasks, trunk linear, trunk angular, feet
+    error = np.zeros((18, 13))  # of the tasks: trunk linear, trunk angular, feet that swing
+    errors, row = 6, 12
 
-    error[3:6] = trunk[3:]
-    error[3:6, 12] -= tasks.angular
-    add_product(error[:3], R, trunk[:3])
-    error[:3, 12] += apply(R, cross(v[3:6], v[:3])) - tasks.linear
-    error[2] *= np.sqrt(HEIGHT_WEIGHT)
+    drift = cross(v[3:6], v[:3])
+    for i in range(3):
+        weight = np.sqrt(HEIGHT_WEIGHT) if i == 2 else 1.0
+        for k in range(3):
+            for j in range(13):
+                error[i, j] += weight * R[i, k] * trunk[k, j]
+            error[i, 12] += weight * R[i, k] * drift[k]
+        error[i, 12] -= weight * tasks.linear[i]
+        for j in range(13):
+            error[3 + i, j] = trunk[3 + i, j]
+        error[3 + i, 12] -= tasks.angular[i]
 
-    row = 12
     for foot in range(4):
-        x, z = 3 * foot, 3 * foot + 2
-        k, joints = slice(x, x + 3), slice(6 + x, 9 + x)
-        J_world = product(R, feet.jacobian[foot])
-        add_product(torque[k], M[joints, :6], trunk)
-        add_product(torque[k], M[joints, joints], Q[joints])
-        torque[k, 12] += bias[joints]
+        x, joint = 3 * foot, 6 + 3 * foot
+        r, J = feet.position[foot], feet.jacobian[foot]
+        for k in range(3):  # the leg's rows of the dynamics
+            leg = M[joint + k]
+            total = torque[x + k]
+            total[12] = bias[joint + k]
+            for i in range(6):
+                of_trunk = leg[i]
+                if stance[foot]:
+                    for n in range(3):
+                        of_trunk += leg[joint + n] * lever[foot, n, i]
+                for j in range(13):
+                    total[j] += of_trunk * trunk[i, j]
+            for n in range(3):
+                if stance[foot]:
+                    total[12] += leg[joint + n] * rest[foot, n]
+                    for m in range(3):
+                        total[x + n] -= R[n, m] * J[m, k]
+                else:
+                    total[x + n] += leg[joint + n]
         if stance[foot]:
-            torque[k, k] -= J_world.T
-            lower[z] = 0.0
-            for axis in range(x, z):
+            lower[x + 2] = 0.0
+            for axis in range(x, x + 2):
                 for sign in (-1.0, 1.0):
                     A[row, axis] = sign
-                    A[row, z] = friction
+                    A[row, x + 2] = friction
                     lower[12 + row] = 0.0
                     row += 1
             for i in range(x, x + 3):
                 H[i, i] = FORCE_WEIGHT
-        else:
-            add_product(error[joints], R, trunk[:3])
-            add_product(error[joints], product(R, skew(-feet.position[foot])), trunk[3:])
-            error[joints, k] += J_world
-            error[joints, 12] += apply(R, beta[foot]) - tasks.feet[foot]
+            continue
+        desired = apply_transposed(R, tasks.feet[foot])
+        for i in range(3):  # a + α × r + J q̈ + β, in the trunk's axes
+            miss, j1, j2 = error[errors], (i + 1) % 3, (i + 2) % 3
+            for j in range(13):
+                miss[j] = trunk[i, j] + trunk[3 + j1, j] * r[j2] - trunk[3 + j2, j] * r[j1]
+            for k in range(3):
+                miss[x + k] += J[i, k]
+            miss[12] += beta[foot, i] - desired[i]
+            errors += 1
 
-    for row_of_error in error:
+    for miss in error[:errors]:
         for i in range(12):
-            e = row_of_error[i]
-            if e != 0.0:
-                for j in range(12):
-                    H[i, j] += e * row_of_error[j]
-                f[i] += e * row_of_error[12]
+            e = miss[i]
+            for j in range(12):
+                H[i, j] += e * miss[j]
+            f[i] += e * miss[12]
     A[:12] = torque[:, :12]
     out.torque_offset[:] = torque[:, 12]
     lower[12:24] = -torque_limit - out.torque_offset

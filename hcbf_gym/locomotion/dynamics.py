@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.state import Array
 
 GRAVITY = 9.81  # [m/s²]
@@ -54,14 +55,6 @@ BODIES = np.dtype(
         ],
     )
 )
-
-
-@njit(cache=True)
-def add_cross(out: Array, a: Array, b: Array) -> None:
-    """Add a × b to `out` (3,)."""
-    out[0] += a[1] * b[2] - a[2] * b[1]
-    out[1] += a[2] * b[0] - a[0] * b[2]
-    out[2] += a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.condensed import WORKSPACE, set_torque, take_solution
 from hcbf_gym.locomotion.state import Array, RobotState
-from hcbf_gym.locomotion.task_space import QuadraticProgram
+from hcbf_gym.locomotion.task_space import FULL_WORKSPACE, QuadraticProgram, views
 from hcbf_gym.locomotion.tick import tick_condensed, tick_full
 
 Records = NDArray[np.void]
@@ -66,17 +66,21 @@ def finish_condensed(workspace: Records, settings: Records, solved: bool) -> Non
 class FullForm:
     """The paper's unknowns (q̈, τ, F)."""
 
-    program: QuadraticProgram
-
     def __init__(self, settings: Records, memory: Records) -> None:
         self._settings, self._memory = settings, memory
-        self._limit = float(settings[0].torque_limit)
+        self._workspace = np.zeros(1, dtype=FULL_WORKSPACE)
+        work = self._workspace[0]
+        self._programs = [views(work, contacts) for contacts in range(5)]
+        self._limit, self._feedback = float(settings[0].torque_limit), work.feedback
         self.feedforward = np.zeros(12)
+        self.program = self._programs[0]
 
     def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
         """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
-        self.program, feedback = tick_full(self._settings, self._memory, state.vector, u)
+        contacts = tick_full(self._settings, self._memory, self._workspace, state.vector, u)
+        self.program = self._programs[contacts]
         solution = qp.solve(self.program)
         if solution.x is not None:
             self.feedforward = solution.x[18:30].copy()
-        return np.clip(self.feedforward + feedback, -self._limit, self._limit), solution
+        torque = self.feedforward + self._feedback
+        return np.clip(torque, -self._limit, self._limit, out=torque), solution

@@ -21,6 +21,14 @@ def cross(a: Array, b: Array) -> Array:
 
 
 @njit(cache=True)
+def add_cross(out: Array, a: Array, b: Array) -> None:
+    """Add a × b to `out` (3,)."""
+    out[0] += a[1] * b[2] - a[2] * b[1]
+    out[1] += a[2] * b[0] - a[0] * b[2]
+    out[2] += a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
 def skew(a: Array) -> Array:
     """Return (3, 3) the matrix of a×."""
     S = np.zeros((3, 3))
@@ -93,7 +101,10 @@ def inverse_3x3(A: Array) -> Array:
     inverse[0, 2] = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
     inverse[1, 2] = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
     inverse[2, 2] = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-    return inverse / determinant
+    for i in range(3):
+        for j in range(3):
+            inverse[i, j] /= determinant
+    return inverse
 
 
 @njit(cache=True)

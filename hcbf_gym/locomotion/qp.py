@@ -1,9 +1,11 @@
 """The controller's door to a solver: every status is read, no solution is guessed."""
 
+from functools import cache
 from typing import NamedTuple
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.task_space import QuadraticProgram
@@ -27,15 +29,20 @@ class QpSolution(NamedTuple):
 
 
 def solve(program: QuadraticProgram) -> QpSolution:
-    """Solve a convex program with DAQP; a semidefinite Hessian takes proximal steps."""
+    """Solve a convex program with DAQP; where a Hessian is singular, it takes proximal steps."""
     H, f, A, lower, upper, equalities = program
-    if equalities:
-        sense = np.zeros(len(lower), dtype=np.int32)
-        sense[len(f) : len(f) + equalities] = _EQUALITY
-        x, _, exitflag, info = daqp.solve(H, f, A, upper, lower, sense, eps_prox=1e-5)
-    else:
-        x, _, exitflag, info = daqp.solve(H, f, A, upper, lower)
+    x, _, exitflag, info = daqp.solve(
+        H, f, A, upper, lower, _senses(len(f), len(lower), equalities)
+    )
     return QpSolution(x if exitflag == OPTIMAL else None, exitflag, info["lam"])
+
+
+@cache
+def _senses(unknowns: int, bounds: int, equalities: int) -> NDArray[np.int32]:
+    """Return (bounds,) the kinds of constraints: the first general rows are equalities."""
+    senses = np.zeros(bounds, dtype=np.int32)
+    senses[unknowns : unknowns + equalities] = _EQUALITY
+    return senses
 
 
 def residual(program: QuadraticProgram, solution: QpSolution) -> float:

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.leg import FootKinematics
-from hcbf_gym.locomotion.matrices import add_product, apply, apply_transposed, cross, product, skew
+from hcbf_gym.locomotion.matrices import add_cross, apply, cross
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
 
@@ -34,13 +34,49 @@ class QuadraticProgram(NamedTuple):
     equalities: int
 
 
+# the program's numbers, filled in by compiled code; those of `views` count
+FULL_WORKSPACE = np.dtype(
+    (
+        np.record,
+        [
+            ("H", "f8", 42 * 42),
+            ("f", "f8", 42),
+            ("A", "f8", 46 * 42),
+            ("lower", "f8", 42 + 46),
+            ("upper", "f8", 42 + 46),
+            ("feedback", "f8", 12),  # of the joint impedance [N·m]
+        ],
+    )
+)
+
+
+def views(work: np.record, contacts: int) -> QuadraticProgram:
+    """Return the program for so many standing feet as views of a `FULL_WORKSPACE` record."""
+    equalities = 18 + 3 * contacts
+    n, m = 30 + 3 * contacts, equalities + 4 * contacts
+    return QuadraticProgram(
+        work.H[: n * n].reshape(n, n),
+        work.f[:n],
+        work.A[: m * n].reshape(m, n),
+        work.lower[: n + m],
+        work.upper[: n + m],
+        equalities,
+    )
+
+
+_views = njit(cache=True)(views)  # for compiled code: what it returned to Python would dangle
+
+
 @njit(cache=True)
 def foot_jacobian(R: Array, r: Array, J: Array, foot: int) -> Array:
     """Return (3, 18) the foot's Jacobian in the world's axes, ``R [1, −r×, J]``."""
     jacobian = np.zeros((3, 18))
-    jacobian[:, :3] = R
-    jacobian[:, 3:6] = product(R, skew(-r))
-    jacobian[:, 6 + 3 * foot : 9 + 3 * foot] = product(R, J)
+    for i in range(3):
+        for k in range(3):
+            jacobian[i, k] = R[i, k]
+            for n in range(3):
+                jacobian[i, 6 + 3 * foot + k] += R[i, n] * J[n, k]
+        add_cross(jacobian[i, 3:6], r, R[i])
     return jacobian
 
 
@@ -51,8 +87,15 @@ def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) 
     ``ω×v + ω×(ω×r) + 2 ω×(J q̇) + J̇ q̇`` with (v, ω) the trunk's velocity in its own axes: with
     the Jacobian of `foot_jacobian` this is ``Rᵀ J̇_c q̇``.
     """
-    omega = v[3:6]
-    return cross(omega, v[:3] + cross(omega, r) + 2.0 * apply(J, joint_velocity)) + bias
+    omega, carried, acceleration = v[3:6], np.empty(3), np.empty(3)
+    for i in range(3):
+        acceleration[i] = bias[i]
+        carried[i] = v[i]
+        for k in range(3):
+            carried[i] += 2.0 * J[i, k] * joint_velocity[k]
+    add_cross(carried, omega, r)
+    add_cross(acceleration, omega, carried)
+    return acceleration
 
 
 @njit(cache=True)
@@ -66,8 +109,9 @@ def full_form(
     tasks: TaskAccelerations,
     friction: float,
     torque_limit: float,
-) -> QuadraticProgram:
-    """Return the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)).
+    out: np.record,
+) -> int:
+    """Fill in the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)) and return how many.
 
     ``min ‖J_y q̈ + J̇_y q̇ − ÿ‖² + w‖F‖²`` subject to ``D q̈ + H = Sᵀτ + J_cᵀF``,
     ``J_c q̈ + J̇_c q̇ = 0``, ``|F_x|, |F_y| ≤ µ F_z`` and ``|τ| ≤ τ_max``: the contact wrench cone
@@ -83,35 +127,38 @@ def full_form(
         tasks: the accelerations ÿ to come close to.
         friction: µ.
         torque_limit: τ_max [N·m].
+        out: a `FULL_WORKSPACE` record; read it through `views`.
 
     Source: section II-B of the paper, "Task-Space Controller".
     """
     contacts = 0
     for foot in range(4):
-        contacts += stance[foot]
-    n = 30 + 3 * contacts
-    equalities = 18 + 3 * contacts
-    J_y = np.zeros((18, 18))  # trunk linear, trunk angular, feet
-    y = np.zeros(18)
-    A = np.zeros((equalities + 4 * contacts, n))
-    lower = np.full(n + len(A), -np.inf)
-    upper = np.full(n + len(A), np.inf)
-    H = np.zeros((n, n))
+        contacts += 1 if stance[foot] else 0
+    H, f, A, lower, upper, equalities = _views(out, contacts)
+    n = len(f)
+    H[:] = 0.0
+    f[:] = 0.0
+    A[:] = 0.0
+    lower[:] = -np.inf
+    upper[:] = np.inf
 
-    J_y[:3, :3] = R
-    y[:3] = tasks.linear - apply(R, cross(v[3:6], v[:3]))
-    J_y[3:6, 3:6] = np.eye(3)
-    y[3:6] = tasks.angular
-    J_y[2] *= np.sqrt(HEIGHT_WEIGHT)
-    y[2] *= np.sqrt(HEIGHT_WEIGHT)
+    J_trunk, trunk, drift = np.zeros((6, 18)), np.empty(6), cross(v[3:6], v[:3])
+    for i in range(3):
+        trunk[i], trunk[3 + i] = tasks.linear[i], tasks.angular[i]
+        for k in range(3):
+            J_trunk[i, k] = R[i, k]
+            trunk[i] -= R[i, k] * drift[k]
+        J_trunk[3 + i, 3 + i] = 1.0
+    for i in range(6):
+        add_task(H, f, J_trunk[i], trunk[i], HEIGHT_WEIGHT if i == 2 else 1.0)
 
-    A[:18, :18] = M
-    lower[n : n + 18] = -bias
-    upper[n : n + 18] = -bias
+    for i in range(18):
+        lower[n + i] = upper[n + i] = -bias[i]
+        for j in range(18):
+            A[i, j] = M[i, j]
     for joint in range(12):
         A[6 + joint, 18 + joint] = -1.0
-        lower[18 + joint] = -torque_limit
-        upper[18 + joint] = torque_limit
+        lower[18 + joint], upper[18 + joint] = -torque_limit, torque_limit
 
     force, contact_row, pyramid_row = 30, 18, equalities
     for foot in range(4):
@@ -120,13 +167,16 @@ def full_form(
         J_foot = foot_jacobian(R, r, J, foot)
         drift = apply(R, foot_bias(v, r, J, feet.bias[foot], joint_velocity))
         if not stance[foot]:
-            J_y[6 + 3 * foot : 9 + 3 * foot] = J_foot
-            y[6 + 3 * foot : 9 + 3 * foot] = tasks.feet[foot] - drift
+            for i in range(3):
+                add_task(H, f, J_foot[i], tasks.feet[foot, i] - drift[i], 1.0)
             continue
-        A[:18, force : force + 3] = -J_foot.T
-        A[contact_row : contact_row + 3, :18] = J_foot
-        lower[n + contact_row : n + contact_row + 3] = -drift
-        upper[n + contact_row : n + contact_row + 3] = -drift
+        for i in range(3):
+            row = contact_row + i
+            lower[n + row] = upper[n + row] = -drift[i]
+            H[force + i, force + i] = FORCE_WEIGHT
+            for j in range(18):
+                A[row, j] = J_foot[i, j]
+                A[j, force + i] = -J_foot[i, j]
         lower[force + 2] = 0.0
         for axis in range(2):
             for sign in (-1.0, 1.0):
@@ -134,11 +184,17 @@ def full_form(
                 A[pyramid_row, force + 2] = friction
                 lower[n + pyramid_row] = 0.0
                 pyramid_row += 1
-        for i in range(force, force + 3):
-            H[i, i] = FORCE_WEIGHT
         force += 3
         contact_row += 3
-    add_product(H[:18, :18], J_y.T, J_y)
-    f = np.zeros(n)
-    f[:18] = -apply_transposed(J_y, y)
-    return QuadraticProgram(H, f, A, lower, upper, equalities)
+    return contacts
+
+
+@njit(cache=True)
+def add_task(H: Array, f: Array, j: Array, target: float, weight: float) -> None:
+    """Add ``½ weight (j q̈ − target)²`` of one row j (18,) to the objective."""
+    for i in range(18):
+        e = weight * j[i]
+        if e != 0.0:
+            f[i] -= e * target
+            for k in range(18):
+                H[i, k] += e * j[k]

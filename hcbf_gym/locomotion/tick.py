@@ -20,7 +20,7 @@ from hcbf_gym.locomotion.leg import LEGS, FootKinematics, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, StateViews, state_views
-from hcbf_gym.locomotion.task_space import QuadraticProgram, full_form
+from hcbf_gym.locomotion.task_space import full_form
 from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 
 GROUND_GAIN = 0.02  # per tick, by which the ground's estimate follows the standing feet
@@ -197,11 +197,15 @@ def tick_condensed(
 
 @njit(cache=True)
 def tick_full(
-    settings: NDArray[np.void], memory: NDArray[np.void], state: Array, u: Array
-) -> tuple[QuadraticProgram, Array]:
-    """Return the QP of this tick in (q̈, τ, F), and the feedback torques; see `tick_condensed`."""
+    settings: NDArray[np.void],
+    memory: NDArray[np.void],
+    workspace: NDArray[np.void],
+    state: Array,
+    u: Array,
+) -> int:
+    """Fill in the QP of this tick in (q̈, τ, F), a `FULL_WORKSPACE`; see `tick_condensed`."""
     friction, limit = settings[0].friction, settings[0].torque_limit
+    work, stance = workspace[0], memory[0].targets.stance
     p = plan(settings[0], memory[0], state_views(state), u)
-    stance = memory[0].targets.stance
-    program = full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit)
-    return program, p.feedback
+    work.feedback[:] = p.feedback
+    return full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit, work)
