@@ -1,5 +1,6 @@
 """HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -192,7 +193,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
-        u = np.clip(task.check_action(action, (2,)), *self._bounds)
+        u = task.check_action(action, (2,)).clip(*self._bounds)
         distance_before = self._error()
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
         for _ in self._ticks:
@@ -202,7 +203,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
             path.append(self.simulation.truth)
             forces.append(self.simulation.obstacle_forces())
         fallen = self.simulation.fallen
-        walked = np.array(path)[:, BASE] if path else self._measured[None]
+        walked = np.array(path).take(BASE, axis=1) if path else self._measured[None]
         self._measured = walked[-1]
         h = self.barrier_set.along(walked, self.time + self._ticks[: len(walked)])
         self._steps += 1
@@ -216,7 +217,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         info |= {
             "fallen": float(fallen),
             "qp_failures": float(self.controller.failed),
-            "obstacle_force": np.max(forces, axis=0),
+            "obstacle_force": np.maximum.reduce(forces),
         }
         if self._diagnostics:
             info["locomotion"] = _plain(self.controller.diagnostics)
@@ -261,7 +262,7 @@ class A1RegionsEnv(gym.Env[Array, Array]):
 
     def _error(self) -> Array:
         gap = self._reference()[0, :2] - self._measured[:2]
-        return np.array([np.hypot(gap[0], gap[1])])
+        return np.array([math.hypot(*gap.tolist())])
 
     def _observe(self) -> Array:
         x = self.rom_state[None]

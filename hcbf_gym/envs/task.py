@@ -95,7 +95,7 @@ def reward_terms(
         reached: (N,) whether the goal is reached.
         u: (N, 2) the applied acceleration [m/s²].
     """
-    effort = -EFFORT_WEIGHT * np.sum(u * u, axis=1)
+    effort = -EFFORT_WEIGHT * (u * u).sum(axis=1)
     if task == "track":
         return {"reward_tracking": -distance_after, "reward_effort": effort}
     return {

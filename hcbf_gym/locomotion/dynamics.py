@@ -88,14 +88,24 @@ def add_inertia(inertia: Array, mass: float, com: Array, about_com: Array, turn:
     for i in range(3):
         inertia[i, i] += mass
         inertia[3 + i, 3 + i] += mass * squared
+        x = (
+            turn[i, 0] * about_com[0, 0]
+            + turn[i, 1] * about_com[1, 0]
+            + turn[i, 2] * about_com[2, 0]
+        )
+        y = (
+            turn[i, 0] * about_com[0, 1]
+            + turn[i, 1] * about_com[1, 1]
+            + turn[i, 2] * about_com[2, 1]
+        )
+        z = (
+            turn[i, 0] * about_com[0, 2]
+            + turn[i, 1] * about_com[1, 2]
+            + turn[i, 2] * about_com[2, 2]
+        )
         for j in range(3):
-            total = -mass * com[i] * com[j]
-            for k in range(3):
-                row = 0.0
-                for n in range(3):
-                    row += about_com[k, n] * turn[j, n]
-                total += turn[i, k] * row
-            inertia[3 + i, 3 + j] += total
+            turned = x * turn[j, 0] + y * turn[j, 1] + z * turn[j, 2]
+            inertia[3 + i, 3 + j] += turned - mass * com[i] * com[j]
     for i in range(3):  # −m c× above, m c× below the diagonal
         j, k = (i + 1) % 3, (i + 2) % 3
         inertia[j, 3 + k] += mass * com[i]
@@ -197,10 +207,10 @@ def rigid_body_terms(
                         inertia[j, i, k] += inertia[j + 1, i, k]
             for i in range(6):
                 bias[row] += S[j, i] * force[j, i]
-                reaction[i] = 0.0
+                total = 0.0
                 for k in range(6):
-                    reaction[i] += inertia[j, i, k] * S[j, k]
-                M[i, row] = M[row, i] = reaction[i]
+                    total += inertia[j, i, k] * S[j, k]
+                reaction[i] = M[i, row] = M[row, i] = total
             for ancestor in range(j + 1):
                 total = 0.0
                 for i in range(6):
@@ -223,8 +233,10 @@ def rigid_body_terms(
 def add_force(force: Array, inertia: Array, V: Array, A: Array, momentum: Array) -> None:
     """Add ``I A + V ×* I V``, the force that moves a body so; `momentum` (6,) is overwritten."""
     for i in range(6):
-        momentum[i] = 0.0
+        along_V, along_A = 0.0, 0.0
         for k in range(6):
-            momentum[i] += inertia[i, k] * V[k]
-            force[i] += inertia[i, k] * A[k]
+            along_V += inertia[i, k] * V[k]
+            along_A += inertia[i, k] * A[k]
+        momentum[i] = along_V
+        force[i] += along_A
     add_force_cross(force, V, momentum)

@@ -29,16 +29,6 @@ def add_cross(out: Array, a: Array, b: Array) -> None:
 
 
 @njit(cache=True)
-def skew(a: Array) -> Array:
-    """Return (3, 3) the matrix of a×."""
-    S = np.zeros((3, 3))
-    S[0, 1], S[0, 2] = -a[2], a[1]
-    S[1, 0], S[1, 2] = a[2], -a[0]
-    S[2, 0], S[2, 1] = -a[1], a[0]
-    return S
-
-
-@njit(cache=True)
 def apply(A: Array, x: Array) -> Array:
     """Return (m,) A x."""
     y = np.empty(A.shape[0])
@@ -53,29 +43,13 @@ def apply(A: Array, x: Array) -> Array:
 @njit(cache=True)
 def apply_transposed(A: Array, x: Array) -> Array:
     """Return (n,) Aᵀ x."""
-    y = np.zeros(A.shape[1])
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            y[j] += A[i, j] * x[i]
+    y = np.empty(A.shape[1])
+    for j in range(A.shape[1]):
+        total = 0.0
+        for i in range(A.shape[0]):
+            total += A[i, j] * x[i]
+        y[j] = total
     return y
-
-
-@njit(cache=True)
-def add_product(out: Array, A: Array, B: Array) -> None:
-    """Add A B to `out` in place."""
-    for i in range(A.shape[0]):
-        for k in range(A.shape[1]):
-            a = A[i, k]
-            for j in range(B.shape[1]):
-                out[i, j] += a * B[k, j]
-
-
-@njit(cache=True)
-def product(A: Array, B: Array) -> Array:
-    """Return A B."""
-    out = np.zeros((A.shape[0], B.shape[1]))
-    add_product(out, A, B)
-    return out
 
 
 @njit(cache=True)
