@@ -64,6 +64,7 @@ def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
     option.impratio = 100.0
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a divergence is reported
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND  # one robot is one island
 
 
 def add_ground(spec: mujoco.MjSpec, terrain: str) -> None:
@@ -126,6 +127,7 @@ def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:
         if box.mass is not None:
             geom.mass = box.mass
             body.add_freejoint()
+            spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
 def add_payload(spec: mujoco.MjSpec, position: Sequence[float]) -> None:
