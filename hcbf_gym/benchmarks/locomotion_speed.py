@@ -5,7 +5,8 @@ meanwhile does not count.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 import hcbf_gym
 from hcbf_gym.benchmarks.figure import Figure
+from hcbf_gym.locomotion import formulations, qp
 from hcbf_gym.locomotion.controller import LocomotionController
 
 Array = NDArray[np.float64]
@@ -104,28 +106,34 @@ def run_episode(env: gym.Env[Any, Any]) -> float:
 def stage_shares() -> list[Figure]:
     """Time the stages of an episode; what is left over is the environment's and Python's."""
     env = make_env("condensed")
-    core: Any = env.unwrapped
     run_episode(env)
-    ticks = STEPS * 0.02 / DT
-    tick = run_episode(env) / ticks
-    stages = {
-        "physics (MuJoCo)": (core.simulation, "step"),
-        "state, as sensed": (core.simulation, "state"),
-        "dynamics, plan, tasks and QP": (core.controller._form, "step"),
+    tick = run_episode(env) / (STEPS * 0.02 / DT)
+    stages: dict[str, list[tuple[Any, str]]] = {
+        "physics (MuJoCo)": [(mujoco, "mj_step1"), (mujoco, "mj_step2")],
+        "dynamics, plan, tasks and the QP's minimiser without bounds": [
+            (formulations, "tick_condensed")
+        ],
+        "QP solver, where a bound binds": [(qp, "solve")],
     }
-    spent = {name: _timed(owner, method) for name, (owner, method) in stages.items()}
-    timed_tick = run_episode(env) / ticks
+    with ExitStack() as stack:
+        spent = {
+            name: [stack.enter_context(_timed(*function)) for function in functions]
+            for name, functions in stages.items()
+        }
+        begin = time.perf_counter()
+        run_episode(env)
+        altogether = time.perf_counter() - begin
     env.close()
-    figures = [
-        Figure("a tick of 2 ms", name, 100.0 * float(np.median(seconds)) / timed_tick, "%")
-        for name, seconds in spent.items()
-    ]
+    shares = {name: 100.0 * sum(map(sum, seconds)) / altogether for name, seconds in spent.items()}
+    shares["environment and Python"] = 100.0 - sum(shares.values())
+    figures = [Figure("a tick of 2 ms", name, share, "%") for name, share in shares.items()]
     return [Figure("a tick of 2 ms", "altogether", 1e6 * tick, "µs"), *figures]
 
 
-def _timed(owner: Any, method: str) -> list[float]:
-    """Replace a method by one that notes the seconds of every call in the list returned."""
-    inner: Callable[..., Any] = getattr(owner, method)
+@contextmanager
+def _timed(owner: Any, name: str) -> Iterator[list[float]]:
+    """Let a function note the seconds of every call in the list returned."""
+    inner: Callable[..., Any] = getattr(owner, name)
     spent: list[float] = []
 
     def outer(*args: Any) -> Any:
@@ -134,8 +142,11 @@ def _timed(owner: Any, method: str) -> list[float]:
         spent.append(time.perf_counter() - begin)
         return result
 
-    setattr(owner, method, outer)
-    return spent
+    setattr(owner, name, outer)
+    try:
+        yield spent
+    finally:
+        setattr(owner, name, inner)
 
 
 def peer_figures(repetitions: int) -> list[Figure]:
