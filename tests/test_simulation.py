@@ -8,6 +8,7 @@ from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.state import state_views
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios.scenario import BoxObstacle
 
@@ -80,6 +81,35 @@ def test_a_diverged_state_counts_as_fallen():
     simulation = fresh()
     simulation.data.qpos[2] = np.nan
     assert simulation.fallen
+
+
+def test_a_state_that_is_not_finite_is_told_as_diverged(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a log of its warnings
+    simulation = fresh()
+    simulation.data.qvel[17] = np.nan
+    assert not simulation.diverged
+    simulation.step(np.zeros(12))
+    assert simulation.diverged
+    assert simulation.fallen
+    simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    assert not simulation.diverged
+
+
+def test_a_state_s_vector_is_that_of_mujoco_and_both_views_of_it_agree():
+    simulation = fresh(terrain="rough")
+    walk(simulation, 0.5)
+    state, data = simulation.state(), simulation.data
+    np.testing.assert_array_equal(state.vector[:37], [*data.qpos, *data.qvel])
+    feet = {f"{leg}_foot" for leg in a1.LEGS}
+    touching = {simulation.model.geom(geom).name for geom in data.contact.geom.ravel()} & feet
+    assert touching == {
+        f"{leg}_foot" for leg, on in zip(a1.LEGS, state.foot_contact, strict=True) if on
+    }
+    views = state_views(state.vector)
+    for name, view in views._asdict().items():
+        np.testing.assert_array_equal(view, getattr(state, name))
+    parts = np.concatenate(views)
+    np.testing.assert_array_equal(np.sort(parts), np.sort(state.vector))
 
 
 def test_the_controller_stays_finite_through_a_fall():

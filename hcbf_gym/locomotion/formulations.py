@@ -83,4 +83,4 @@ class FullForm:
         if solution.x is not None:
             self.feedforward = solution.x[18:30].copy()
         torque = self.feedforward + self._feedback
-        return np.clip(torque, -self._limit, self._limit, out=torque), solution
+        return torque.clip(-self._limit, self._limit), solution
