@@ -110,9 +110,7 @@ def stage_shares() -> list[Figure]:
     tick = run_episode(env) / (STEPS * 0.02 / DT)
     stages: dict[str, list[tuple[Any, str]]] = {
         "physics (MuJoCo)": [(mujoco, "mj_step1"), (mujoco, "mj_step2")],
-        "dynamics, plan, tasks and the QP's minimiser without bounds": [
-            (formulations, "tick_condensed")
-        ],
+        "dynamics, plan, tasks, QP without bounds": [(formulations, "tick_condensed")],
         "QP solver, where a bound binds": [(qp, "solve")],
     }
     with ExitStack() as stack:

@@ -96,14 +96,14 @@ def accelerations(
                     trunk[i, x + k] = -M[i, joint + k]
             continue
         r, J_inverse = feet.position[foot], inverse_3x3(feet.jacobian[foot])
-        for k in range(3):
+        for k in range(3):  # −J⁻¹B, −J⁻¹β, and the wrench of a unit of force at r
             for i in range(3):
                 lever[foot, k, i] = -J_inverse[k, i]
                 rest[foot, k] -= J_inverse[k, i] * beta[foot, i]
                 trunk[i, x + k] = R[k, i]
             add_cross(lever[foot, k, 3:], J_inverse[k], r)
             add_cross(trunk[3:, x + k], r, R[k])
-        for i in range(6):
+        for i in range(6):  # the leg moves with the trunk, and weighs on it
             for k in range(3):
                 coupling = M[i, joint + k]
                 trunk[i, 12] -= coupling * rest[foot, k]
