@@ -1,5 +1,7 @@
 """Both environments, bare and filtered, as users of Gymnasium and SB3 expect them."""
 
+import copy
+import pickle
 import warnings
 from dataclasses import replace
 
@@ -104,6 +106,18 @@ def test_two_runs_of_one_seed_are_identical(env_id):
         for (k1, v1), (k2, v2) in zip(flat(i1), flat(i2), strict=True):
             assert k1 == k2
             np.testing.assert_array_equal(v1, v2)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_of_the_a1_is_made_anew_and_walks_alike(duplicate):
+    env = filtered("HCBF-A1Regions-v0", scenario="random")
+    run(env, 3)
+    other = duplicate(env)
+    for (first, _, _), (second, _, _) in zip(run(env, 4), run(other, 4), strict=True):
+        np.testing.assert_array_equal(first, second)
+    for part in (env.unwrapped.simulation, env.unwrapped.controller):
+        with pytest.raises(InvalidInputError, match="copy"):
+            duplicate(part)
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)

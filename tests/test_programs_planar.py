@@ -86,16 +86,20 @@ def test_an_empty_batch_is_allowed():
     assert programs.make_batch("lex-cbf-qp")(np.zeros((0, 2)), rows).u.shape == (0, 2)
 
 
+@pytest.mark.parametrize("lambda_u", [0.0, 1.0])
 @pytest.mark.parametrize("name", NAMES)
-def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name):
+def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u):
+    options = {"lambda_u": lambda_u} if "lambda_u" in programs.options(name) else {}
     rng = np.random.default_rng(5)
     for flatness in (1e-4, 1e-6, 1e-9):
         a = rng.normal(0.0, 1.0, (40, 5, 2))
         a[:, 3:] *= flatness
         b = np.linalg.norm(a, axis=-1) * rng.uniform(2.0, 6.0, (40, 5))
-        rows = CbfRows(a, b, np.zeros((40, 5)), np.ones((40, 5), dtype=int), np.zeros((40, 5)))
+        priority = np.where(rng.random((40, 1)) < 0.5, 1, [1, 2, 2, 2, 2])
+        rows = CbfRows(a, b, np.zeros((40, 5)), priority, np.zeros((40, 5)))
         u_nominal = rng.normal(0.0, 4.0, (40, 2))
-        single, batch = programs.make(name), programs.make_batch(name)(u_nominal, rows)
+        single = programs.make(name, **options)
+        batch = programs.make_batch(name, **options)(u_nominal, rows)
         vertices = single.input_set.vertices()
         for i in range(40):
             row = CbfRows(*(field[i] for field in rows if field is not None))
@@ -109,12 +113,16 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name):
 def test_a_batch_keeps_its_states_weights_where_rational_arithmetic_steps_in():
     # two strict rows that cannot both be met, one of them flat, and a relaxed one with a weight
     a = np.tile([[1.0, 0.0], [0.0, 1e-6], [0.0, 1.0]], (3, 1, 1))
-    b = np.tile([9.0, -9e-6, 3.0], (3, 1))
+    b = np.tile([9.0, -6e-6, 3.0], (3, 1))
     rows = CbfRows(a, b, np.full((3, 3), -1.0), np.tile([1, 1, 2], (3, 1)))
     gamma0, delta_gamma = np.array([[0.0], [1.0], [4.0]]), np.array([[0.0], [1.0], [2.0]])
     batch = programs.make_batch("r-cbf-qp", gamma0=gamma0, delta_gamma=delta_gamma)
     result = batch(np.zeros((3, 2)), rows)
     assert (result.fallbacks == 1).all()
+    out_of_reach = rows._replace(b=np.tile([9.0, -9e-6, 3.0], (3, 1)))  # met by all of U
+    assert (batch(np.zeros((3, 2)), out_of_reach).fallbacks == 0).all()
+    with pytest.raises(InvalidInputError, match="delta_gamma"):
+        programs.make_batch("r-cbf-qp", delta_gamma=np.array([[1.3]]))(np.zeros((3, 2)), rows)
     weight = (gamma0 * (1.0 + delta_gamma)).ravel()
     # min y² + w (3 − y)², as far right as U allows
     np.testing.assert_allclose(result.u[:, 0], 5.0)
@@ -143,6 +151,27 @@ def test_the_rational_descent_finds_what_enumeration_finds(seed, m):
     found = rational.soft_minimum(polygon_, penalties)
     choices = exact.soft_minimisers(polygon_, rows, rational.NOTHING)
     assert exact.penalty(rows, found) == exact.penalty(rows, choices[0])
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**6), rank=st.integers(0, 2))
+def test_rational_minimisers_meet_the_optimality_conditions_exactly(seed, rank):
+    rng = np.random.default_rng(seed)
+    corners = Ball(3.0, sides=int(rng.integers(3, 7))).vertices().tolist()
+    shape = [(Fraction(x), Fraction(y)) for x, y in corners][: rng.choice([1, 2, None])]
+    cost = rational.NOTHING
+    for _ in range(rank):
+        x, y, target = (Fraction(int(k)) for k in rng.integers(-3, 4, 3))
+        cost = cost.add(Fraction(1), (x, y), target * Fraction(int(rng.integers(1, 4))))
+    found = rational.minimisers(shape, cost)
+    lowest = min(cost(corner) for corner in shape)
+    for x, y in found:
+        slope = (cost.xx * x + cost.xy * y - cost.gx, cost.xy * x + cost.yy * y - cost.gy)
+        assert all(rational.dot(slope, (v[0] - x, v[1] - y)) >= 0 for v in shape)
+        assert cost((x, y)) <= lowest
+        assert all(cost((x, y)) == cost(other) for other in found)
+    # the whole face of minimisers, not just a part of it
+    assert {corner for corner in shape if cost(corner) == cost(found[0])} <= set(found)
 
 
 # ------------------------------------------------------------------ polygons

@@ -21,6 +21,12 @@ def fresh(seed: int = 0, **options) -> Simulation:
     return simulation
 
 
+def test_a_new_simulation_has_a_state_before_its_first_reset():
+    simulation = Simulation()
+    np.testing.assert_array_equal(simulation.state().vector[:19], simulation.data.qpos)
+    assert simulation.state().quaternion @ simulation.state().quaternion == 1.0
+
+
 def walk(simulation: Simulation, seconds: float, u=(0.5, 0.0), **options) -> LocomotionController:
     controller = LocomotionController(max_speed=0.6, **options)
     controller.reset(simulation.state())

@@ -1,4 +1,4 @@
-"""An independent solution of the planar programs, in rational arithmetic: no tolerance anywhere.
+"""The planar programs solved by enumeration, in rational arithmetic: no tolerance anywhere.
 
 One-sided penalties are minimised by brute force over the cells that their kinks cut out of the
 polygon. Slow, and meant to be read beside the definitions of the programs.

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
@@ -42,7 +43,7 @@ _FEEDBACK = {
 }
 
 
-class A1RegionsEnv(gym.Env[Array, Array]):
+class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
     """A Unitree A1 walks through dangerous regions that are ranked by priority.
 
     ## Description
@@ -115,6 +116,10 @@ class A1RegionsEnv(gym.Env[Array, Array]):
         diagnostics: bool = False,
         render_mode: str | None = None,
     ):
+        EzPickle.__init__(
+            self, scenario, feedback, xml_file, timestep, gait, friction, terrain, randomization,
+            disturbances, diagnostics, render_mode,
+        )  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidInputError(
                 f"render_mode: got {render_mode!r}, expected None or one of "

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Plant, Randomization
-from hcbf_gym.errors import RobotModelError, finite_float
+from hcbf_gym.errors import InvalidInputError, RobotModelError, finite_float
 from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
 from hcbf_gym.robots import a1
 
@@ -85,9 +85,12 @@ class Simulation:
         self._rng = np.random.default_rng(0)
         self._pushes: list[Push] = []
         self._delayed: deque[Array] = deque()
-        self.truth = np.zeros(STATE_SIZE)
-        self.diverged = False
         self.plant: Plant = self._randomization.draw(self._rng)
+        self._arrive()
+
+    def __getstate__(self) -> NoReturn:
+        """Refuse copies: their views would still show this simulation's data."""
+        raise InvalidInputError("simulation: got a request to copy it, expected a new one instead")
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest on its feet near `position` (2,) [m], facing about `yaw` [rad].
@@ -105,6 +108,7 @@ class Simulation:
         ticks = round(self.plant.delay / self.model.opt.timestep)
         self._delayed = deque(np.zeros((ticks, 12)))
         self.model.geom_friction[self._feet, 0] = self.plant.floor_friction
+        self._forces = np.zeros(len(self._boxes))
         mujoco.mj_resetData(self.model, self.data)
         if self._randomization.payload[1] > 0.0:
             self._load(self.plant.payload)

@@ -1,7 +1,7 @@
 """The locomotion controller: a planar acceleration in, twelve joint torques out, at 500 Hz."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,10 @@ class LocomotionController:
         self._torque = np.zeros(12)
         self.solved = 0
         self.failed = 0
+
+    def __getstate__(self) -> NoReturn:
+        """Refuse copies: their views would still show this controller's workspace."""
+        raise InvalidInputError("controller: got a request to copy it, expected a new one instead")
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.condensed import WORKSPACE, set_torque, take_solution
 from hcbf_gym.locomotion.state import Array, RobotState
-from hcbf_gym.locomotion.task_space import FULL_WORKSPACE, QuadraticProgram, views
+from hcbf_gym.locomotion.task_space import FULL_WORKSPACE, QuadraticProgram, program_views
 from hcbf_gym.locomotion.tick import tick_condensed, tick_full
 
 Records = NDArray[np.void]
@@ -70,7 +70,7 @@ class FullForm:
         self._settings, self._memory = settings, memory
         self._workspace = np.zeros(1, dtype=FULL_WORKSPACE)
         work = self._workspace[0]
-        self._programs = [views(work, contacts) for contacts in range(5)]
+        self._programs = [program_views(work, contacts) for contacts in range(5)]
         self._limit, self._feedback = float(settings[0].torque_limit), work.feedback
         self.feedforward = np.zeros(12)
         self.program = self._programs[0]

@@ -18,7 +18,7 @@ class RobotState:
     """The estimate of the robot's state that sensors and an estimator would give.
 
     Joints and feet are ordered FR, FL, RR, RL; the joints of a leg abad, hip, knee. The attributes
-    are views of `vector`, along its last axis.
+    are views of `vector`, along its last axis; the contacts are a copy.
 
     Attributes:
         vector: (41,) MuJoCo's qpos (19,) and qvel (18,) of the robot, then the contacts as 0 or 1.

@@ -34,7 +34,7 @@ class QuadraticProgram(NamedTuple):
     equalities: int
 
 
-# the program's numbers, filled in by compiled code; those of `views` count
+# the program's numbers, filled in by compiled code; those of `program_views` count
 FULL_WORKSPACE = np.dtype(
     (
         np.record,
@@ -50,7 +50,7 @@ FULL_WORKSPACE = np.dtype(
 )
 
 
-def views(work: np.record, contacts: int) -> QuadraticProgram:
+def program_views(work: np.record, contacts: int) -> QuadraticProgram:
     """Return the program for so many standing feet as views of a `FULL_WORKSPACE` record."""
     equalities = 18 + 3 * contacts
     n, m = 30 + 3 * contacts, equalities + 4 * contacts
@@ -64,7 +64,9 @@ def views(work: np.record, contacts: int) -> QuadraticProgram:
     )
 
 
-_views = njit(cache=True)(views)  # for compiled code: what it returned to Python would dangle
+_program_views = njit(cache=True)(
+    program_views
+)  # for compiled code: what it returned to Python would dangle
 
 
 @njit(cache=True)
@@ -127,14 +129,14 @@ def full_form(
         tasks: the accelerations ÿ to come close to.
         friction: µ.
         torque_limit: τ_max [N·m].
-        out: a `FULL_WORKSPACE` record; read it through `views`.
+        out: a `FULL_WORKSPACE` record; read it through `program_views`.
 
     Source: section II-B of the paper, "Task-Space Controller".
     """
     contacts = 0
     for foot in range(4):
         contacts += 1 if stance[foot] else 0
-    H, f, A, lower, upper, equalities = _views(out, contacts)
+    H, f, A, lower, upper, equalities = _program_views(out, contacts)
     n = len(f)
     H[:] = 0.0
     f[:] = 0.0

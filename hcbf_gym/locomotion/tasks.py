@@ -24,7 +24,7 @@ HEIGHT_WEIGHT = 3.0  # the other tasks weigh 1
 
 
 class TaskAccelerations(NamedTuple):
-    """``ÿ_d + K_d(ẏ_d − ẏ) + K_p(y_d − y)`` of every task.
+    """``ÿ_d + K_d(ẏ_d − ẏ) + K_p(y_d − y)`` of every task; in the plane within a cap on the speed.
 
     Attributes:
         linear: (3,) of the trunk's origin, in the world's axes [m/s²].

@@ -217,6 +217,12 @@ class WeightedProgram(Program):
     def weight(self, rows: CbfRows) -> Array:
         """Return λ_δ(h) (m,) of the rows of one state; those of priority 1 have no use for it."""
         level = np.minimum(np.maximum(rows.priority - 2, 0), self.gamma0.shape[-1] - 1)
+        delta_gamma = self.delta_gamma
+        if isinstance(delta_gamma, np.ndarray) and delta_gamma.shape != (len(level), 1):
+            raise InvalidInputError(
+                f"delta_gamma: got shape {delta_gamma.shape}, expected ({len(level)}, 1): one for "
+                f"each state of a batch, got rows of shape {level.shape}"
+            )
         if self.gamma0.ndim == 1:
             gamma0 = self.gamma0[level]
         elif len(self.gamma0) == len(level) and level.ndim == 2:

@@ -1,6 +1,6 @@
 """The only door to a solver: every stage of every program is a projection on a polyhedron.
 
-After scaling, all of them read ``minimise ½‖x − centre‖² subject to a x ≥ lower`` with unit rows.
+After scaling, all read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norm near 1.
 DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows can
 take DAQP's place. No solver is believed: its status is read and its point is checked.
 """
@@ -24,7 +24,7 @@ from hcbf_gym.errors import SolverError, choose
 
 Array = NDArray[np.float64]
 
-# Distance by which a returned point may miss a (unit) row, relative to 1 + |x|.
+# Distance by which a returned point may miss a row (of norm 1/2 to 1), relative to 1 + |x|.
 PRIMAL_TOLERANCE = 1e-7
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
@@ -45,7 +45,7 @@ class QpProblem(NamedTuple):
 
     Attributes:
         centre: (n,) the point to stay near.
-        a: (k, n) unit rows.
+        a: (k, n) rows, of norms from 1/2 to 1.
         lower: (k,) lower bounds.
     """
 

@@ -174,8 +174,8 @@ def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: So
     """Return a minimiser of ``Σ w_k δ_k²`` over the feasible set.
 
     In at most two free directions exactly, on a polygon, in rational arithmetic where rows differ
-    too much in steepness. Else by proximal points, which converge
-    to a minimiser: ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²``.
+    too much in steepness. Else by proximal points, which converge to a minimiser:
+    ``u_{j+1} = argmin Σ w_k δ_k² + ε‖u − u_j‖²``.
     """
     a = soft.a @ feasible.basis
     slope = np.sqrt(np.einsum("ij,ij->i", a, a))
@@ -187,7 +187,8 @@ def least_cost(feasible: FeasibleSet, u_start: Array, soft: SoftRows, solver: So
     soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
     if feasible.basis.shape[1] <= 2:
         target = soft.target - soft.a @ feasible.point
-        graded = stages.is_graded(a[steers], soft.weight)
+        bound = np.zeros(target.size) if least is None else target - least
+        graded = stages.is_graded(a[steers], bound, soft.weight, 2.0 * feasible.radius)
         solver.fallbacks += int(graded)
         exact = rational.least_cost if graded else stages.least_cost
         z = exact(a[steers], target, least, soft.weight, *_reduced(feasible), feasible.radius)

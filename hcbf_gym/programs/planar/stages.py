@@ -64,15 +64,22 @@ def make_workspace(corners: int, m: int) -> Workspace:
 
 
 @njit(cache=True)
-def is_graded(a: Array, weight: Array) -> bool:
-    """Tell whether ``√w_k ‖a_k‖`` of rows (s, r) that matter span more than `GRADED`."""
+def is_graded(a: Array, b: Array, weight: Array, radius: float) -> bool:
+    """Tell whether ``√w_k ‖a_k‖`` of those rows that matter span more than `GRADED`.
+
+    Args:
+        a: (s, r) gradients.
+        b: (s,) bounds; a row with ``a·u ≥ b`` throughout does not matter.
+        weight: (s,) w_k.
+        radius: the largest norm of an input.
+    """
     flattest, steepest = np.inf, 0.0
     for k in range(weight.size):
         square = 0.0
         for j in range(a.shape[1]):
             square += a[k, j] * a[k, j]
         norm = np.sqrt(square)
-        if weight[k] > 0.0 and norm > ZERO_GRADIENT:
+        if weight[k] > 0.0 and norm > ZERO_GRADIENT and b[k] > -norm * radius:
             steepness = np.sqrt(weight[k]) * norm
             flattest, steepest = min(flattest, steepness), max(steepest, steepness)
     return steepest > GRADED * flattest
@@ -113,7 +120,7 @@ def meet(count: int, a: Array, b: Array, radius: float, w: Workspace) -> int:
             continue
         nx, ny, d = a[k, 0] / norm, a[k, 1] / norm, b[k] / norm
         if not _reaches(w.trial, new, nx, ny, d, radius):
-            w.graded[0] |= is_graded(a, w.ones[: b.size])
+            w.graded[0] |= is_graded(a, b, w.ones[: b.size], radius)
             x, y = soft_minimum(
                 w.feasible, count, a, b, w.zeros, w.ones, 0.0, 0.0, 0.0, radius,
                 w.cell, w.first, w.second, w.state,
@@ -152,7 +159,7 @@ def relax(
     )  # fmt: skip
     if lambda_u > 0.0:
         return x, y
-    w.graded[0] |= is_graded(a, weight)
+    w.graded[0] |= is_graded(a, b - least, weight, radius)
     w.trial[:count] = w.feasible[:count]
     count = lock(w.trial, count, a, b, least, weight, x, y, radius, w.first)
     return project(w.trial, count, ux, uy, radius, w)
@@ -174,7 +181,7 @@ def least_cost(
         target: (s,) t_k.
         least: (s,) the least δ_k of ``a_k z + δ_k ≥ t_k``, or None for ``a_k z + δ_k = t_k``.
         weight: (s,) w_k.
-        rows: (k, r) unit rows of a nonempty set of diameter 2 `radius` at most.
+        rows: (k, r) rows, of norms from 1/2 to 1, of a nonempty set of diameter 2 `radius` at most.
         lower: (k,) their bounds.
         radius: the largest norm of an input.
     """
@@ -214,7 +221,7 @@ def draw(
     w: Workspace,
 ) -> Point:
     """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k (t_k − a_k u)²`` over the feasible polygon."""
-    w.graded[0] |= lambda_u == 0.0 and is_graded(a, weight)
+    w.graded[0] |= lambda_u == 0.0 and is_graded(a, w.zeros[: target.size], weight, radius)
     root = np.sqrt(lambda_u)
     factor = (root, 0.0, root, root * ux, root * uy)
     for k in range(target.size):
