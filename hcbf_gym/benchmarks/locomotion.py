@@ -35,12 +35,12 @@ OFF_NOMINAL: dict[str, dict[str, Any]] = {
     "sensor noise": {"sensor_noise": 1.0},
     "floor friction 0.5": {"floor_friction": 0.5},
 }
-BREAKING: dict[str, list[float]] = {
-    "payload": [6.0, 8.0, 10.0, 12.0],
-    "motor_strength": [0.8, 0.7, 0.6, 0.5],
-    "delay": [0.008, 0.012, 0.016, 0.02],
-    "sensor_noise": [2.0, 3.0, 4.0, 6.0],
-    "floor_friction": [0.4, 0.3, 0.2, 0.1],
+BREAKING: dict[str, list[float]] = {  # the last value of each is one too many
+    "payload": [6.0, 10.0, 14.0, 16.0, 18.0, 20.0],
+    "motor_strength": [0.8, 0.6, 0.5, 0.45, 0.4],
+    "delay": [0.008, 0.016, 0.02, 0.024, 0.028],
+    "sensor_noise": [2.0, 4.0, 6.0, 8.0, 12.0, 16.0],
+    "floor_friction": [0.4, 0.3, 0.2, 0.1, 0.08],
 }
 
 
@@ -243,12 +243,13 @@ def off_nominal_figures(quick: bool) -> list[Figure]:
         for name, error in zip(plants, errors, strict=True)
     ]
     for name, values in {} if quick else BREAKING.items():
-        jobs = [({"randomization": {name: value}},) for value in values]
-        upright = np.isfinite(parallel(course_error, jobs))
-        survived = [value for value, kept in zip(values, upright, strict=True) if kept]
+        errors = parallel(course_error, [({"randomization": {name: value}},) for value in values])
+        survived = int(np.isinf([*errors, np.inf]).argmax())  # how many before the first fall
+        last, error = ([np.nan, *values][survived], [np.nan, *errors][survived])
         tried = ", ".join(f"{value:g}" for value in values)
-        label = f"{name}: worst of {tried} survived"
-        figures.append(Figure("where the course breaks", label, (survived or [np.nan])[-1], ""))
+        label = "where the course breaks"
+        figures.append(Figure(label, f"{name}, of {tried}: upright up to", last, ""))
+        figures.append(Figure(label, f"{name}: final error there", error, "m"))
     return figures
 
 
