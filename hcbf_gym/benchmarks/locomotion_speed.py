@@ -28,8 +28,7 @@ DT = 0.002
 def speed_figures(quick: bool) -> list[Figure]:
     """Return real-time factors, the stages of a tick and the peer's figures."""
     repetitions = 2 if quick else 5
-    condensed, alone = time_episodes(repetitions, "condensed")
-    full, _ = time_episodes(repetitions, "full")
+    condensed, full, alone = time_episodes(repetitions)
     ratio = float(np.median(alone / condensed))
     figures = [
         Figure("speed", "real-time factor", real_time(condensed), "×", 25.0, True),
@@ -45,24 +44,37 @@ def real_time(seconds: Array) -> float:
     return float(np.median(STEPS * 0.02 / seconds))
 
 
-def time_episodes(repetitions: int, formulation: str) -> tuple[Array, Array]:
-    """Return (n,) seconds of an episode in the environment, and of MuJoCo under its torques."""
-    env, torques, start = recorded_episode(formulation)
+def time_episodes(repetitions: int) -> tuple[Array, Array, Array]:
+    """Return (n,) seconds of an episode: condensed, full, and of MuJoCo alone under its torques.
+
+    They take turns, so that a slow spell of the machine falls on all of them.
+    """
+    env, torques, start = recorded_episode()
+    full = make_env("full")
+    run_episode(full)
+    seconds = np.array(
+        [
+            (run_episode(env), run_episode(full), replay(env, torques, start))
+            for _ in range(repetitions)
+        ]
+    )
+    env.close()
+    full.close()
+    return seconds[:, 0], seconds[:, 1], seconds[:, 2]
+
+
+def replay(env: gym.Env[Any, Any], torques: Array, start: Array) -> float:
+    """Return the seconds that MuJoCo takes for the torques (n, 12) from the qpos `start`."""
     core: Any = env.unwrapped
     model, data = core.simulation.model, core.simulation.data
-    with_control, alone = [], []
-    for _ in range(repetitions):
-        with_control.append(run_episode(env))
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = start
-        ctrl = data.ctrl
-        begin = time.process_time()
-        for torque in torques:
-            ctrl[:] = torque
-            mujoco.mj_step(model, data)
-        alone.append(time.process_time() - begin)
-    env.close()
-    return np.array(with_control), np.array(alone)
+    mujoco.mj_resetData(model, data)
+    data.qpos[:] = start
+    ctrl = data.ctrl
+    begin = time.process_time()
+    for torque in torques:
+        ctrl[:] = torque
+        mujoco.mj_step(model, data)
+    return time.process_time() - begin
 
 
 def make_env(formulation: str) -> gym.Env[Any, Any]:
@@ -73,9 +85,9 @@ def make_env(formulation: str) -> gym.Env[Any, Any]:
     return env
 
 
-def recorded_episode(formulation: str) -> tuple[gym.Env[Any, Any], Array, Array]:
+def recorded_episode() -> tuple[gym.Env[Any, Any], Array, Array]:
     """Return the environment after an episode, every torque of it (n, 12), and the first qpos."""
-    env = make_env(formulation)
+    env = make_env("condensed")
     core: Any = env.unwrapped
     simulation, torques = core.simulation, []
     step = simulation.step

@@ -83,4 +83,5 @@ class FullForm:
         if solution.x is not None:
             self.feedforward = solution.x[18:30].copy()
         torque = self.feedforward + self._feedback
-        return torque.clip(-self._limit, self._limit), solution
+        np.minimum(torque, self._limit, out=torque)
+        return np.maximum(torque, -self._limit, out=torque), solution
