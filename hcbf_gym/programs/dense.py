@@ -18,18 +18,7 @@ def unit_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
         b: (k,) bounds.
         least: the norm up to which a row is a constant.
     """
-    unit, bound, kept = np.empty_like(a), np.empty_like(b), 0
-    for k in range(b.size):
-        square = 0.0
-        for j in range(a.shape[1]):
-            square += a[k, j] * a[k, j]
-        norm = np.sqrt(square)
-        if norm > least:
-            for j in range(a.shape[1]):
-                unit[kept, j] = a[k, j] / norm
-            bound[kept] = b[k] / norm
-            kept += 1
-    return unit[:kept], bound[:kept]
+    return _scaled_rows(a, b, least, False)
 
 
 @njit(cache=True)
@@ -38,24 +27,26 @@ def level_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
 
     They are scaled by powers of two: no digit is lost, and parallel rows stay parallel.
 
-    Args:
-        a: (k, n) rows.
-        b: (k,) bounds.
-        least: the norm up to which a row is a constant.
+    Args: as :func:`unit_rows`.
     """
-    level, bound, kept = np.empty_like(a), np.empty_like(b), 0
+    return _scaled_rows(a, b, least, True)
+
+
+@njit(cache=True)
+def _scaled_rows(a: Array, b: Array, least: float, by_power: bool) -> tuple[Array, Array]:
+    scaled, bound, kept = np.empty_like(a), np.empty_like(b), 0
     for k in range(b.size):
         square = 0.0
         for j in range(a.shape[1]):
             square += a[k, j] * a[k, j]
         norm = np.sqrt(square)
         if norm > least:
-            scale = math.ldexp(1.0, -math.frexp(norm)[1])
+            divisor = math.ldexp(1.0, math.frexp(norm)[1]) if by_power else norm
             for j in range(a.shape[1]):
-                level[kept, j] = scale * a[k, j]
-            bound[kept] = scale * b[k]
+                scaled[kept, j] = a[k, j] / divisor
+            bound[kept] = b[k] / divisor
             kept += 1
-    return level[:kept], bound[:kept]
+    return scaled[:kept], bound[:kept]
 
 
 @njit(cache=True)
