@@ -69,12 +69,12 @@ class Box:
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Tell whether u (n_u,) lies in the set, or at most `tolerance` outside a limit."""
-        u = np.asarray(u)
-        return bool((u >= self.low - tolerance).all() and (u <= self.high + tolerance).all())
+        limits = zip(np.asarray(u).tolist(), self.low.tolist(), self.high.tolist(), strict=True)
+        return all(low - tolerance <= x <= high + tolerance for x, low, high in limits)
 
     def project(self, u: ArrayLike) -> Array:
         """Return the point of the set that is nearest to u (n_u,)."""
-        return np.clip(np.asarray(u, dtype=np.float64), self.low, self.high)
+        return np.minimum(np.maximum(np.asarray(u, dtype=np.float64), self.low), self.high)
 
     def vertices(self) -> Array:
         """Return the corners (2^n_u, n_u); in the plane, counter-clockwise."""
