@@ -2,7 +2,7 @@
 
 import gymnasium as gym
 
-from hcbf_gym.headless import prefer_egl
+from hcbf_gym.envs.headless import prefer_egl
 
 prefer_egl()  # before anything imports MuJoCo
 

@@ -20,12 +20,12 @@ import tyro
 from hcbf_gym.errors import HcbfError
 
 SUITES = {
-    "programs": "hcbf_gym.benchmarks.programs",
-    "verify-programs": "hcbf_gym.benchmarks.verify_programs",
-    "environments": "hcbf_gym.benchmarks.environments",
-    "learned-policies": "hcbf_gym.benchmarks.learned_policies",
-    "locomotion": "hcbf_gym.benchmarks.locomotion",
-    "margin": "hcbf_gym.benchmarks.margin",
+    "programs": "hcbf_gym.studies.benchmarks.programs",
+    "verify-programs": "hcbf_gym.studies.benchmarks.verify_programs",
+    "environments": "hcbf_gym.studies.benchmarks.environments",
+    "learned-policies": "hcbf_gym.studies.benchmarks.learned_policies",
+    "locomotion": "hcbf_gym.studies.benchmarks.locomotion",
+    "margin": "hcbf_gym.studies.benchmarks.margin",
 }
 
 

@@ -24,9 +24,9 @@ from rich.table import Table
 
 from hcbf_gym import programs, scenarios
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.episode_plot import plot_paths, plot_series
 from hcbf_gym.errors import HcbfError, InvalidInputError
-from hcbf_gym.evaluation import (
+from hcbf_gym.evaluation.episode_plot import plot_paths, plot_series
+from hcbf_gym.evaluation.rollouts import (
     SHOWN_OPTIONS,
     UNFILTERED,
     Case,

@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
-from hcbf_gym.benchmarks import monte_carlo
 from hcbf_gym.errors import HcbfError, InvalidInputError, choose
-from hcbf_gym.evaluation import in_parallel
-from hcbf_gym.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.rollouts import in_parallel
+from hcbf_gym.studies.benchmarks import monte_carlo
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Args:
     policies: tuple[Literal["pd", "noisy", "adversarial"], ...] = ("pd", "noisy", "adversarial")
     """Nominal policies."""
     programs: tuple[str, ...] = tuple(monte_carlo.PROGRAMS)
-    """Names from hcbf_gym.benchmarks.monte_carlo.PROGRAMS."""
+    """Names from hcbf_gym.studies.benchmarks.monte_carlo.PROGRAMS."""
     rows: tuple[Literal["held", "continuous", "continuous + 1 cm"], ...] = ("held",)
     """Rows made for a held input, the usual ones, or those with a margin."""
     seed: int = 0

@@ -13,9 +13,9 @@ import tyro
 from matplotlib.patches import Rectangle
 
 from hcbf_gym import programs
-from hcbf_gym.input_sets import Box
+from hcbf_gym.envs.scene_plot import PRIORITY_COLORS, PROGRAM_COLORS
+from hcbf_gym.models.input_sets import Box
 from hcbf_gym.programs import CbfRows
-from hcbf_gym.scene_plot import PRIORITY_COLORS, PROGRAM_COLORS
 
 U_NOMINAL = np.array([-3.5, -0.5])
 INPUT_SET = Box.symmetric(5.0)

@@ -21,8 +21,8 @@ from rich.table import Table
 
 import hcbf_gym
 from hcbf_gym.errors import HcbfError, InvalidInputError
-from hcbf_gym.output_folder import open_folder, write_json
-from hcbf_gym.reproduction import FIGURES, Runs
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.studies.reproduction import FIGURES, Runs
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from rich.markup import escape
 from rich.progress import Progress, TimeElapsedColumn
 
 from hcbf_gym.errors import HcbfError
-from hcbf_gym.training import TrainingConfig, train
-from hcbf_gym.training.curves import plot_curves
+from hcbf_gym.studies.training import TrainingConfig, train
+from hcbf_gym.studies.training.curves import plot_curves
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym.errors import HcbfError, InvalidInputError
-from hcbf_gym.figures import inside, plot_cost_map, plot_samplers
-from hcbf_gym.output_folder import open_folder, write_json
-from hcbf_gym.tuning import Cost, Normal, Problem, Samples, TuningStudy
-from hcbf_gym.tuning.journal import journal
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
+from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
+from hcbf_gym.studies.tuning.journal import journal
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.barrier_set import BarrierSet
 from hcbf_gym.barriers import Barrier
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
+from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
-from hcbf_gym.envs.simulation import BASE, Simulation
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
 from hcbf_gym.robots import a1
@@ -133,7 +133,7 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
         self._ticks: Array = np.arange(1, _substeps(timestep) + 1) * np.float64(timestep)
         self.scenario = scenarios.make(scenario, np.random.default_rng(0))
         robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
-        self.simulation = Simulation(
+        self.simulation = Physics(
             robot,
             timestep=timestep,
             obstacles=self.scenario.obstacles,

@@ -13,8 +13,8 @@ from hcbf_gym.records import build, check_mapping
 Range = tuple[float, float]
 
 
-class Plant(NamedTuple):
-    """One draw: the plant of one episode.
+class Conditions(NamedTuple):
+    """One draw: the conditions of one episode.
 
     Attributes:
         floor_friction: Coulomb friction of the feet's contacts.
@@ -62,7 +62,7 @@ class Randomization:
 
     def __post_init__(self) -> None:
         positive = ("floor_friction", "motor_strength")
-        for name in (*Plant._fields, "start_distance", "start_yaw"):
+        for name in (*Conditions._fields, "start_distance", "start_yaw"):
             bounds = _range(name, getattr(self, name), exclusive=name in positive)
             object.__setattr__(self, name, bounds)
         place = finite_array("payload_position", self.payload_position, (3,))
@@ -80,9 +80,11 @@ class Randomization:
         check_mapping("randomization", values)
         return build("randomization", cls, values)
 
-    def draw(self, rng: np.random.Generator) -> Plant:
-        """Draw one plant; every field takes one number from `rng`, whatever its range."""
-        return Plant(*(float(rng.uniform(*getattr(self, name))) for name in Plant._fields))
+    def draw(self, rng: np.random.Generator) -> Conditions:
+        """Draw an episode; every field takes one number from `rng`, whatever its range."""
+        return Conditions(
+            *(float(rng.uniform(*getattr(self, name))) for name in Conditions._fields)
+        )
 
     def draw_start(self, rng: np.random.Generator) -> tuple[Array, float]:
         """Draw where an episode starts: the offset (2,) [m] and turn [rad] from the scenario's."""

@@ -10,8 +10,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.barrier_set import BarrierSet
 from hcbf_gym.barriers import Barrier
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.top_down import TopDownView

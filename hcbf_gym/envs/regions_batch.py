@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym import barrier_kernels
-from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.barriers import kernels
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
@@ -18,7 +18,7 @@ from hcbf_gym.envs.task import (
     reward_terms,
     step_info,
 )
-from hcbf_gym.reduced_order import double_integrator_step
+from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Scenario, random_scenes
 
 Array = NDArray[np.float64]
@@ -166,12 +166,12 @@ def _advance(
             top_speed = max(top_speed, np.hypot(state[2], state[3]))
         for k in range(kind.shape[1]):
             which, c = kind[i, k], parameters[i, k]
-            if which == barrier_kernels.SPEED_LIMIT:
-                min_h[i, k] = barrier_kernels.speed_limit(c, top_speed, 0.0)
+            if which == kernels.SPEED_LIMIT:
+                min_h[i, k] = kernels.speed_limit(c, top_speed, 0.0)
                 continue
             least = np.inf
             for s in range(SUBSTEPS):
                 now = t[i] + (s + 1) * PHYSICS_DT
-                h = barrier_kernels.planar_value(which, c, px[s] - c[0] * now, py[s] - c[1] * now)
+                h = kernels.planar_value(which, c, px[s] - c[0] * now, py[s] - c[1] * now)
                 least = min(least, h)
             min_h[i, k] = least

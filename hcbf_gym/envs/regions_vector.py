@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.barrier_set import BarrierSet
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.errors import InvalidInputError

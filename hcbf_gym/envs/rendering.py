@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.envs.scene_plot import priority_color
 from hcbf_gym.errors import RenderingError
 from hcbf_gym.scenarios import Scenario
-from hcbf_gym.scene_plot import priority_color
 
 Array = NDArray[np.float64]
 

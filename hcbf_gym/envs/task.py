@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.input_sets import InputSet
+from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]

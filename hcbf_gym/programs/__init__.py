@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import check_options, choose
-from hcbf_gym.input_sets import Box, InputSet
+from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.cbf import CbfQp
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
@@ -13,7 +14,6 @@ from hcbf_gym.programs.planar.batch import BatchProgram
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.relaxed import RelaxedCbfQp
 from hcbf_gym.programs.result import FilterResult, FilterStatus
-from hcbf_gym.rows import CbfRows
 
 __all__ = [
     "BatchProgram",

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.stage import meet
 from hcbf_gym.programs.program import Array, Program
-from hcbf_gym.programs.qp import Solver
-from hcbf_gym.programs.stage import meet
-from hcbf_gym.rows import CbfRows
 
 
 class CbfQp(Program):

@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.class_k import ClassK
-from hcbf_gym.input_sets import InputSet
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.stage import ZERO_GRADIENT, FeasibleSet, nearest
 from hcbf_gym.programs.program import check_rows
-from hcbf_gym.programs.qp import Solver
 from hcbf_gym.programs.result import FilterResult
-from hcbf_gym.programs.stage import ZERO_GRADIENT, FeasibleSet, nearest
-from hcbf_gym.rows import CbfRows
 
 
 class ConflictReport(NamedTuple):

@@ -1,10 +1,10 @@
 """EH-CBF-QP: one H-CBF-QP after the other, each level pinned before the next (paper, III-D)."""
 
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.stage import SoftRows, meet, relax, required
 from hcbf_gym.programs.hierarchical import HierarchicalCbfQp, signed_delta
 from hcbf_gym.programs.program import Array
-from hcbf_gym.programs.qp import Solver
-from hcbf_gym.programs.stage import SoftRows, meet, relax, required
-from hcbf_gym.rows import CbfRows
 
 
 class ExplicitHierarchicalCbfQp(HierarchicalCbfQp):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.stage import ZERO_GRADIENT, SoftRows, meet, relax, required
 from hcbf_gym.programs.program import Array, WeightedProgram
-from hcbf_gym.programs.qp import Solver
-from hcbf_gym.programs.stage import ZERO_GRADIENT, SoftRows, meet, relax, required
-from hcbf_gym.rows import CbfRows
 
 
 class HierarchicalCbfQp(WeightedProgram):

@@ -8,18 +8,18 @@ from typing import ClassVar, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import (
     InvalidInputError,
     SolverError,
     finite_array,
     finite_float,
 )
-from hcbf_gym.input_sets import InputSet
-from hcbf_gym.programs.dense import well_formed
-from hcbf_gym.programs.qp import Solver, check_solver
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.general.dense import well_formed
+from hcbf_gym.programs.general.qp import Solver, check_solver
+from hcbf_gym.programs.general.stage import FeasibleSet
 from hcbf_gym.programs.result import FilterResult, FilterStatus, classify, violation
-from hcbf_gym.programs.stage import FeasibleSet
-from hcbf_gym.rows import CbfRows
 
 Array = NDArray[np.float64]
 

@@ -4,12 +4,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.input_sets import InputSet
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.stage import SoftRows, meet, relax, required
 from hcbf_gym.programs.program import Array, WeightedProgram
-from hcbf_gym.programs.qp import Solver
-from hcbf_gym.programs.stage import SoftRows, meet, relax, required
-from hcbf_gym.rows import CbfRows
 
 
 class RelaxedCbfQp(WeightedProgram):

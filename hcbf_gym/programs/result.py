@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.rows import CbfRows
+from hcbf_gym.barriers.rows import CbfRows
 
 # Relative to ‖a_k‖ max‖u‖ + |b_k|: below it a row counts as met, and its slack is given as 0.
 SLACK_TOLERANCE = 1e-8

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane
-from hcbf_gym.references import BezierReference
+from hcbf_gym.scenarios.references import BezierReference
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario
 
 EAST_WALL = HalfPlane("h1 east wall", 1, normal=(-1.0, 0.0), offset=-0.2)

@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym import barrier_kernels
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.references import PointReference
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, kernels
+from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -159,7 +158,7 @@ def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters
     """
     for wall in range(2):
         c = parameters[wall]
-        kind[wall] = barrier_kernels.HALF_PLANE
+        kind[wall] = kernels.HALF_PLANE
         c[3], c[4] = 2.0 * wall - 1.0, -half_width
     for slot in range(regions.shape[0]):
         region, c = regions[slot], parameters[2 + slot]
@@ -167,16 +166,16 @@ def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters
         radius, angle = region[_RADIUS], region[_ANGLE]
         c[0], c[1], c[2], c[3] = region[_VX], region[_VY], region[_X], region[_Y]
         if region[_SHAPE] == _DISC:
-            kind[2 + slot] = barrier_kernels.DISC
+            kind[2 + slot] = kernels.DISC
             c[4] = radius
         elif region[_SHAPE] == _ELLIPSE:
-            kind[2 + slot] = barrier_kernels.ELLIPSE
+            kind[2 + slot] = kernels.ELLIPSE
             other = region[_ASPECT] * radius
             c[4], c[5] = np.cos(angle) / radius, np.sin(angle) / radius
             c[6], c[7] = -np.sin(angle) / other, np.cos(angle) / other
             c[8] = other
         else:
-            kind[2 + slot] = barrier_kernels.CONVEX_POLYGON
+            kind[2 + slot] = kernels.CONVEX_POLYGON
             c[2] = region[_SHAPE]
             for i in range(int(region[_SHAPE])):
                 turn = angle + 2.0 * np.pi * i / region[_SHAPE]

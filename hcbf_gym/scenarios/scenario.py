@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym import barriers as barrier_kinds
-from hcbf_gym import input_sets, records, references
-from hcbf_gym.barriers import Barrier
+from hcbf_gym import records
+from hcbf_gym.barriers import Barrier, shapes
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.input_sets import Box, InputSet
-from hcbf_gym.references import Reference
+from hcbf_gym.models import input_sets
+from hcbf_gym.models.input_sets import Box, InputSet
+from hcbf_gym.scenarios import references
+from hcbf_gym.scenarios.references import Reference
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -113,7 +114,7 @@ class Scenario:
         """Return the scene as a plain dict that `from_dict` reads and JSON keeps."""
         return {
             "name": self.name,
-            "barriers": [records.to_dict(b, barrier_kinds.KINDS) for b in self.barriers],
+            "barriers": [records.to_dict(b, shapes.KINDS) for b in self.barriers],
             "reference": records.to_dict(self.reference, references.KINDS),
             "start": list(self.start),
             "input_set": self.input_set.to_dict(),
@@ -140,7 +141,7 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
     values = dict(data)
     if "barriers" in values:
         values["barriers"] = tuple(
-            records.from_dict("barrier", item, barrier_kinds.KINDS)
+            records.from_dict("barrier", item, shapes.KINDS)
             for item in _items("scenario: barriers", values["barriers"])
         )
     if "reference" in values:

@@ -8,11 +8,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from hcbf_gym import class_k, programs
-from hcbf_gym.class_k import ClassK, LogClassK
+from hcbf_gym import programs
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.envs.task import check_action
 from hcbf_gym.errors import InvalidInputError, check_options, finite_float
-from hcbf_gym.rows import CbfRows
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         program: a name from `hcbf_gym.programs.names()`.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows.
         **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
-            functions as `hcbf_gym.class_k.make` reads them; `margin` [m] that strict rows keep
+            functions as `barriers.class_k.make` reads them; `margin` [m] that strict rows keep
             (default: the environment's own); all else goes to the program, such as `gamma0`,
             `delta_gamma`, `lambda_u`, `epsilon`.
 

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.programs.cbf import CbfQp
 from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
@@ -14,7 +15,6 @@ from hcbf_gym.programs.planar.stages import Workspace
 from hcbf_gym.programs.program import Program, check_rows
 from hcbf_gym.programs.relaxed import RelaxedCbfQp
 from hcbf_gym.programs.result import NOMINAL_TOLERANCE, SLACK_TOLERANCE, FilterResult
-from hcbf_gym.rows import CbfRows
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

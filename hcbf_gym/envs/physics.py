@@ -1,0 +1,247 @@
+"""The plant: the robot, the ground and boxes in MuJoCo, stepped one physics tick at a time."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import mujoco
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.envs import scene
+from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
+from hcbf_gym.envs.randomization import Conditions, Randomization
+from hcbf_gym.errors import InvalidInputError, RobotModelError, finite_float
+from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
+from hcbf_gym.robots import a1
+
+MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
+MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
+
+# standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
+VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
+JOINT_NOISE = 0.01  # [rad]
+
+BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
+
+
+class Physics:
+    """A scene with one robot, driven by joint torques.
+
+    Attributes:
+        truth: (41,) the vector of the robot's state without noise; every tick has its own.
+        diverged: whether that has left the finite numbers.
+
+    Args:
+        xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
+            replaced by torque motors.
+        timestep: of the physics [s].
+        obstacles: boxes, see `scene.add_boxes`.
+        terrain: "flat", or "rough" with blind steps of at most 3 cm.
+        randomization: plain dict of `Randomization`'s ranges; None is the nominal plant.
+        disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
+        decorate: called with the MjSpec before it is compiled, to add what is only seen.
+
+    Raises:
+        RobotModelError: if the robot has not the A1's trunk, joints and feet.
+        InvalidInputError: on a number out of range or an unknown name.
+    """
+
+    def __init__(
+        self,
+        xml_file: str | Path | None = None,
+        *,
+        timestep: float = 0.002,
+        obstacles: Sequence[Any] = (),
+        terrain: str = "flat",
+        randomization: Mapping[str, Any] | None = None,
+        disturbances: Mapping[str, Any] | None = None,
+        decorate: Callable[[mujoco.MjSpec], None] | None = None,
+    ) -> None:
+        timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
+        self._randomization = Randomization.from_dict(randomization)
+        self._disturbance = disturbance_from_dict(disturbances)
+        spec = scene.robot_spec(Path(xml_file or a1.XML_FILE))
+        scene.set_physics(spec, timestep)
+        scene.add_ground(spec, terrain)
+        scene.add_boxes(spec, obstacles)
+        if self._randomization.payload[1] > 0.0:
+            scene.add_payload(spec, self._randomization.payload_position)
+        if decorate is not None:
+            decorate(spec)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+
+        self._trunk = self.model.body(a1.TRUNK).id
+        self._feet = np.array([_foot_geom(self.model, leg) for leg in a1.LEGS])
+        self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
+        self._forces = np.zeros(len(self._boxes))
+        self._start_height = a1.HOME_HEIGHT + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
+        # the robot comes first in the scene, so these are its own
+        self._qpos, self._qvel = self.data.qpos[:19], self.data.qvel[:18]
+        self._ctrl = self.data.ctrl
+        self._rng = np.random.default_rng(0)
+        self._pushes: list[Push] = []
+        self._delayed: deque[Array] = deque()
+        self.conditions: Conditions = self._randomization.draw(self._rng)
+        self._arrive()
+
+    def __getstate__(self) -> NoReturn:
+        """Refuse copies: their views would still show this simulation's data."""
+        raise InvalidInputError("simulation: got a request to copy it, expected a new one instead")
+
+    def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
+        """Put the robot at rest on its feet near `position` (2,) [m], facing about `yaw` [rad].
+
+        Args:
+            position: (2,) [m].
+            yaw: [rad].
+            rng: draws what is random about this episode, and its sensor noise.
+        """
+        self._rng = rng
+        self.conditions = self._randomization.draw(rng)
+        self._pushes = self._disturbance.draw(rng)
+        offset, turn = self._randomization.draw_start(rng)
+        yaw += turn
+        ticks = round(self.conditions.delay / self.model.opt.timestep)
+        self._delayed = deque(np.zeros((ticks, 12)))
+        self.model.geom_friction[self._feet, 0] = self.conditions.floor_friction
+        self._forces = np.zeros(len(self._boxes))
+        mujoco.mj_resetData(self.model, self.data)
+        if self._randomization.payload[1] > 0.0:
+            self._load(self.conditions.payload)
+        self._qpos[:2] = position + offset
+        self._qpos[2] = self._start_height
+        self._qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
+        self._qpos[7:] = a1.HOME_JOINTS
+        self._arrive()
+
+    def state(self) -> RobotState:
+        """Return what the robot's sensors and its estimator say now."""
+        if self.conditions.sensor_noise == 0.0:
+            return RobotState(self.truth)
+        sensed = self.truth.copy()
+        sensed[19:37] += (
+            self.conditions.sensor_noise * VELOCITY_NOISE * self._rng.standard_normal(18)
+        )
+        sensed[7:19] += self.conditions.sensor_noise * JOINT_NOISE * self._rng.standard_normal(12)
+        return RobotState(sensed)
+
+    def step(self, torque: Array) -> None:
+        """Advance the physics by one tick under the joint torques (12,) [N·m].
+
+        The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
+        new time when the controller reads them.
+        """
+        if self._delayed:
+            self._delayed.append(torque)
+            torque = self._delayed.popleft()
+        if self._pushes:
+            self.push(self._scheduled_force())
+        np.multiply(torque, self.conditions.motor_strength, out=self._ctrl)
+        mujoco.mj_step2(self.model, self.data)
+        if len(self._boxes):
+            self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Compute what follows from the new positions and velocities, and note them."""
+        mujoco.mj_step1(self.model, self.data)
+        self.truth = np.empty(STATE_SIZE)
+        pairs = self.data.contact.geom
+        self.diverged = not read_state(self._qpos, self._qvel, self._feet, pairs, self.truth)
+
+    def push(self, force: Array) -> None:
+        """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
+        self.data.xfrc_applied[self._trunk, :3] = force
+
+    @property
+    def base_state(self) -> Array:
+        """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
+        return self.truth[BASE]
+
+    @property
+    def fallen(self) -> bool:
+        """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
+        z, _, x, y = self._qpos[2:6].tolist()
+        upright = 1.0 - 2.0 * (x * x + y * y)
+        return self.diverged or not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)
+
+    def obstacle_forces(self) -> Array:
+        """Return (k,) the normal force between the robot and each obstacle in the last tick [N]."""
+        return self._forces
+
+    def _measure_forces(self) -> Array:
+        forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
+        pairs = self.data.contact.geom
+        for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
+            first, second = pairs[index].tolist()
+            box, other = (first, second) if first in self._boxes else (second, first)
+            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk:
+                mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
+                forces[self._boxes == box] += wrench[0]
+        return forces
+
+    def _scheduled_force(self) -> Array:
+        now = self.data.time
+        force = np.zeros(3)
+        for push in self._pushes:
+            if push.time <= now < push.time + push.duration:
+                force += push.force
+        return force
+
+    def _load(self, payload: float) -> None:
+        body = self.model.body(scene.PAYLOAD).id
+        x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
+        self.model.body_mass[body] = payload
+        self.model.body_inertia[body] = (
+            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+        )
+        mujoco.mj_setConst(self.model, self.data)
+
+
+@njit(cache=True)
+def read_state(
+    qpos: Array,
+    qvel: Array,
+    feet: NDArray[np.int64],
+    pairs: NDArray[np.int32],
+    state: Array,
+) -> bool:
+    """Fill in the vector of a `RobotState` and return whether it is finite.
+
+    Args:
+        qpos: (19,) of the robot.
+        qvel: (18,).
+        feet: (4,) their geoms.
+        pairs: (n, 2) the geoms that touch each other.
+        state: (41,) filled in.
+    """
+    state[:19] = qpos
+    state[19:37] = qvel
+    for foot in range(4):
+        touches = False
+        for contact in range(pairs.shape[0]):
+            if pairs[contact, 0] == feet[foot] or pairs[contact, 1] == feet[foot]:
+                touches = True
+        state[37 + foot] = touches
+    return bool(np.isfinite(state).all())
+
+
+def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
+    """Return the sphere at the end of a leg.
+
+    Raises:
+        RobotModelError: if its calf carries none.
+    """
+    name = f"{leg}_calf"
+    calf = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    on_calf = (model.geom_bodyid == calf) & (model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
+    spheres = np.flatnonzero(on_calf)
+    if calf < 0 or len(spheres) != 1:
+        raise RobotModelError(
+            f"xml_file: got {len(spheres)} sphere(s) in body {name!r}, expected one as the foot"
+        )
+    return int(spheres[0])

@@ -1,0 +1,1 @@
+"""Rollouts, the measures taken of them, and their pictures."""

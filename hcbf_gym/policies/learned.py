@@ -1,0 +1,145 @@
+"""Learned policies that need no learning library to act: a small network in one .npz file."""
+
+import json
+import os
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+CLIP = 10.0
+"""Normalised observations are cut here, as in training."""
+ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
+
+
+@dataclass(frozen=True)
+class LearnedPolicy:
+    """A multilayer perceptron on normalised observations, ``u* = centre + reach ⊙ clip(f(o))``.
+
+    Args:
+        weights: each layer's (n_out, n_in).
+        biases: each layer's (n_out,).
+        mean: (n,) of the observations.
+        scale: (n,) their standard deviation; infinite where an entry is to be ignored.
+        low: (2,) least acceleration [m/s²].
+        high: (2,) greatest acceleration [m/s²].
+        activation: between the layers, "tanh" or "relu".
+        squash: "clip" or "tanh", what keeps the last layer's output within [−1, 1].
+        about: how it was trained.
+    """
+
+    weights: tuple[Array, ...]
+    biases: tuple[Array, ...]
+    mean: Array
+    scale: Array
+    low: Array
+    high: Array
+    activation: str
+    squash: str
+    about: dict[str, Any]
+
+    def __call__(self, observation: Array, info: dict[str, Any]) -> Array:
+        """Return u* (…, 2) [m/s²] for one observation (n,) or a batch (N, n)."""
+        x = np.clip((observation - self.mean) / self.scale, -CLIP, CLIP)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = ACTIVATIONS[self.activation](x @ weight.T + bias)
+        x = x @ self.weights[-1].T + self.biases[-1]
+        x = np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
+        return 0.5 * (self.high + self.low) + 0.5 * (self.high - self.low) * x
+
+    def save(self, path: Path) -> None:
+        """Write the policy to an .npz file, in one move."""
+        layers: dict[str, Any] = {
+            f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)
+        }
+        layers |= {f"bias{i}": b.astype(np.float32) for i, b in enumerate(self.biases)}
+        about = json.dumps(
+            {"activation": self.activation, "squash": self.squash, "about": self.about}
+        )
+        fresh = path.with_suffix(".new.npz")
+        np.savez_compressed(
+            fresh,
+            **layers,
+            mean=self.mean,
+            scale=self.scale,
+            low=self.low,
+            high=self.high,
+            header=np.array(about),
+        )
+        os.replace(fresh, path)
+
+
+def names() -> list[str]:
+    """Return the names of the policies that come with the package."""
+    folder = resources.files("hcbf_gym") / "policies" / "baselines"
+    return sorted(f.name[: -len(".npz")] for f in folder.iterdir() if f.name.endswith(".npz"))
+
+
+def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy:
+    """Return a learned policy for an environment.
+
+    Args:
+        name: one of `names()`, or a path to an .npz file.
+        env: the environment that it is to act in, single or vector.
+
+    Raises:
+        UnknownNameError: if there is neither such a policy nor such a file.
+        InvalidInputError: if the file holds no policy, or it was trained for observations of
+            another shape; the message names both.
+    """
+    path = Path(name)
+    if path.suffix != ".npz":
+        if str(name) not in names():
+            raise UnknownNameError(
+                f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()} "
+                "or an .npz file"
+            )
+        path = Path(str(resources.files("hcbf_gym") / "policies" / "baselines" / f"{name}.npz"))
+    policy = read(path)
+    space = (
+        env.single_observation_space
+        if isinstance(env, gym.vector.VectorEnv)
+        else env.observation_space
+    )
+    assert isinstance(space, spaces.Box)
+    if policy.mean.shape != space.shape:
+        raise InvalidInputError(
+            f"policy {str(name)!r}: got observations of shape {space.shape}, "
+            f"expected {policy.mean.shape}, for which it was trained"
+        )
+    return policy
+
+
+def read(path: Path) -> LearnedPolicy:
+    """Read a policy from an .npz file.
+
+    Raises:
+        InvalidInputError: if the file cannot be read or holds no policy.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            header = json.loads(str(file["header"]))
+            n_layers = sum(key.startswith("weight") for key in file.files)
+            return LearnedPolicy(
+                weights=tuple(file[f"weight{i}"].astype(np.float64) for i in range(n_layers)),
+                biases=tuple(file[f"bias{i}"].astype(np.float64) for i in range(n_layers)),
+                mean=file["mean"],
+                scale=file["scale"],
+                low=file["low"],
+                high=file["high"],
+                **header,
+            )
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InvalidInputError(
+            f"policy file: got {str(path)!r} ({error}), expected an .npz that "
+            "LearnedPolicy.save wrote"
+        ) from error

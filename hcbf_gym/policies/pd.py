@@ -1,0 +1,77 @@
+"""The paper's feedback controller, and what every policy is called as."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, finite_float
+
+Array = NDArray[np.float64]
+
+
+class Policy(Protocol):
+    """Anything that turns an observation and its info into a nominal acceleration u*."""
+
+    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[Any]:
+        """Return u* (…, 2) [m/s²]."""
+        ...
+
+
+@dataclass(frozen=True)
+class PDTracker:
+    """The paper's feedback controller, ``u* = K_p (p_ref − p) + K_d (v_ref − v)``.
+
+    Works on one observation or on a batch, as all it reads stands at fixed places of the
+    observation.
+
+    Args:
+        low: (2,) least acceleration [m/s²].
+        high: (2,) greatest acceleration [m/s²].
+        kp: K_p [1/s²], not negative.
+        kd: K_d [1/s], not negative.
+        feed_forward: add the reference's own acceleration.
+
+    Raises:
+        InvalidInputError: if a gain is negative or not finite.
+
+    Source: equation (2) of the paper, which leaves the gains open.
+    """
+
+    low: Array
+    high: Array
+    kp: float = 2.0
+    kd: float = 3.0
+    feed_forward: bool = False
+
+    def __post_init__(self) -> None:
+        finite_float("kp", self.kp, minimum=0.0)
+        finite_float("kd", self.kd, minimum=0.0)
+
+    @classmethod
+    def for_env(cls, env: gym.Env | gym.vector.VectorEnv, **gains: Any) -> "PDTracker":
+        """Return the controller for an environment of this package, single or vector.
+
+        Args:
+            env: whose action space bounds u*.
+            gains: kp, kd, feed_forward.
+
+        Raises:
+            InvalidInputError: if the environment's action space is not a Box of accelerations.
+        """
+        space = (
+            env.single_action_space if isinstance(env, gym.vector.VectorEnv) else env.action_space
+        )
+        if not isinstance(space, spaces.Box) or space.shape != (2,):
+            raise InvalidInputError(f"action space: got {space}, expected a Box of shape (2,)")
+        return cls(space.low.astype(np.float64), space.high.astype(np.float64), **gains)
+
+    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[np.float32]:
+        """Return u* (…, 2) [m/s²], within the bounds."""
+        u = self.kp * observation[..., 0:2] + self.kd * observation[..., 2:4]
+        if self.feed_forward:
+            u = u + observation[..., 6:8]
+        return np.clip(u, self.low, self.high).astype(np.float32)

@@ -1,0 +1,1 @@
+"""Rational arithmetic for levels whose least squares do not fit into doubles."""

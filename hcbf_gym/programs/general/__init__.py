@@ -1,0 +1,1 @@
+"""The programs for any number of inputs, through a QP solver."""

@@ -1,0 +1,1 @@
+"""Long runs built on everything else: reproduction, tuning, training, benchmarks."""

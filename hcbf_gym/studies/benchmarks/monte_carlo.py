@@ -1,0 +1,242 @@
+"""Programs in random scenes that start in conflict: who is entered, how deep, at what price.
+
+The reduced-order model under a held input, all scenes of a chunk at once; the barriers are looked
+at every millisecond.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym import programs
+from hcbf_gym.barriers import Barrier, Disc, HalfPlane, kernels
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers.held import disc_curvature, hold_rows, reach
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import choose
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.programs import CbfRows, FilterStatus
+
+Array = NDArray[np.float64]
+
+DT = 0.02
+LOOKS = 20
+STEPS = 900
+LIMIT = 5.0
+GOAL = np.array([8.0, 0.0])
+TRAVEL_TIME = 12.0
+REACHED = 0.25
+LEVELS = 4
+
+PROGRAMS: dict[str, tuple[str, dict[str, Any]] | None] = {
+    "none": None,
+    "cbf": ("cbf-qp", {}),
+    "r 0.05": ("r-cbf-qp", {"gamma0": 0.05, "delta_gamma": 0.0}),
+    "r 5": ("r-cbf-qp", {"gamma0": 5.0, "delta_gamma": 1.3}),
+    "ih 3": ("ih-cbf-qp", {"gamma0": 3.0, "delta_gamma": 1.5}),
+    "eh 3": ("eh-cbf-qp", {"gamma0": 3.0, "delta_gamma": 1.5}),
+    "eh 100": ("eh-cbf-qp", {"gamma0": 100.0, "delta_gamma": 1.5}),
+    "lex": ("lex-cbf-qp", {}),
+}
+"""What is compared: a name, and the program with its options."""
+
+POLICIES = ("pd", "noisy", "adversarial")
+"""PD on the straight line; the same with white noise of 3 m/s²; full thrust at the top region."""
+
+ROWS = ("held", "continuous", "continuous + 1 cm")
+"""Rows made for a held input, the usual ones, and those with 1 cm of margin."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One episode.
+
+    Attributes:
+        woke_in: the priority of the region that the robot starts in.
+        depth: of each priority, the deepest entry [m]; 0 if it was never entered.
+        seconds: of each priority, the time spent inside [s].
+        clearance: the least distance kept from the strict regions and walls [m], negative inside.
+        excused: of each priority, whether one of its rows could not be met at some time.
+        intervention: root mean square of ‖u − u*‖ [m/s²].
+        reached: whether the robot ended within 0.25 m of the goal.
+    """
+
+    woke_in: int
+    depth: list[float]
+    seconds: list[float]
+    clearance: float
+    excused: list[bool]
+    intervention: float
+    reached: bool
+
+
+def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
+    """Return two strict walls and four ranked discs, in conflict from the start.
+
+    The robot wakes 0.3 to 0.5 m inside a disc whose nearest exit leads into one of higher priority,
+    0.1 to 0.2 m ahead: both rows cannot be met. The other relaxed discs sweep across the way.
+    """
+    walls = (HalfPlane("left", 1, (0.0, -1.0), -2.5), HalfPlane("right", 1, (0.0, 1.0), -2.5))
+    higher, lower = sorted(rng.choice(LEVELS, 2, replace=False) + 1)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    exit_ = np.array([np.cos(angle), np.sin(angle)])
+    discs = []
+    for priority in range(1, LEVELS + 1):
+        radius, velocity = rng.uniform(0.6, 1.2), (0.0, 0.0)
+        if priority == lower:
+            center = (rng.uniform(0.3, 0.5) - radius) * exit_
+        elif priority == higher:
+            center = (rng.uniform(0.1, 0.2) + radius) * exit_
+        else:
+            center = np.array([rng.uniform(2.0, 8.0), rng.uniform(-2.5, 2.5)])
+            heading = np.array([rng.uniform(1.0, 6.0), 0.0]) - center
+            speed = 0.0 if priority == 1 else rng.uniform(0.0, 0.35)
+            speed /= float(np.linalg.norm(heading))
+            velocity = (speed * heading[0], speed * heading[1])
+        name = f"region {priority}"
+        discs.append(Disc(name, priority, (center[0], center[1]), radius, velocity))
+    return (*walls, *discs)
+
+
+def run(
+    policy: str, program: str, rows: str, seed: int, start: int, count: int
+) -> list[dict[str, Any]]:
+    """Run one chunk of episodes, and return their outcomes as plain dicts.
+
+    Args:
+        policy: one of `POLICIES`.
+        program: one of `PROGRAMS`.
+        rows: one of `ROWS`.
+        seed: decides scenes and noise; the scenes are the same for every policy and program.
+        start: the first episode's number.
+        count: how many episodes.
+    """
+    choose("policy", policy, dict.fromkeys(POLICIES))
+    choose("rows", rows, dict.fromkeys(ROWS))
+    chosen = choose("program", program, PROGRAMS)
+    scenes = [random_scene(np.random.default_rng([seed, start + i])) for i in range(count)]
+    barriers = BarrierSet(scenes)
+    input_set = Box.symmetric(LIMIT)
+    batch = (
+        None if chosen is None else programs.make_batch(chosen[0], input_set=input_set, **chosen[1])
+    )
+
+    noise = np.random.default_rng([seed, start, count])
+    x, m = np.zeros((count, 4)), barriers.kind.shape[1]
+    least, inside = barriers.values(x, np.zeros(count)), np.zeros((count, m))
+    woke_in = barriers.priority[np.arange(count), least.argmin(axis=1)]
+    unmet, effort = np.zeros((count, m), dtype=bool), np.zeros(count)
+    for step in range(STEPS):
+        t = np.full(count, step * DT)
+        u_nominal = _nominal(policy, x, t[0], barriers, noise)
+        u = input_set.project(u_nominal)
+        if batch is not None:
+            result = batch(u_nominal, _rows(rows, barriers, x, t))
+            u = result.u
+            unmet |= result.slack > 0.0
+            assert (result.status != FilterStatus.BACKUP).all()
+        effort += np.sum((u - u_nominal) ** 2, axis=1)
+        advance(barriers.kind, barriers.parameters, x, t, u, DT, LOOKS, least, inside)
+
+    near = np.linalg.norm(x[:, :2] - GOAL, axis=1) < REACHED
+    outcomes = []
+    for i in range(count):
+        levels = [barriers.priority[i] == p + 1 for p in range(LEVELS)]
+        outcome = Outcome(
+            int(woke_in[i]),
+            [float(max(0.0, -least[i, level].min())) for level in levels],
+            [float(inside[i, level].max()) for level in levels],
+            float(least[i, levels[0]].min()),
+            [bool(unmet[i, level].any()) for level in levels],
+            float(np.sqrt(effort[i] / STEPS)),
+            bool(near[i]),
+        )
+        outcomes.append(asdict(outcome))
+    return outcomes
+
+
+def _nominal(
+    policy: str, x: Array, t: float, barriers: BarrierSet, noise: np.random.Generator
+) -> Array:
+    """Return u* (N, 2)."""
+    if policy == "adversarial":
+        towards = barriers.parameters[:, 2, 2:4] - x[:, :2]
+        return LIMIT * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    share = min(t / TRAVEL_TIME, 1.0)
+    velocity = GOAL / TRAVEL_TIME if share < 1.0 else np.zeros(2)
+    u = 2.0 * (share * GOAL - x[:, :2]) + 3.0 * (velocity - x[:, 2:])
+    return u + noise.normal(0.0, 3.0, u.shape) if policy == "noisy" else u
+
+
+def _rows(kind: str, barriers: BarrierSet, x: Array, t: Array) -> CbfRows:
+    alpha1, alpha2 = LogClassK(), LinearClassK(2.0)
+    usual = barriers.rows(x, t, alpha1, alpha2, margin=0.01 if kind == "continuous + 1 cm" else 0.0)
+    if kind != "held":
+        return usual
+    u_max = LIMIT * np.sqrt(2.0)
+    radius = np.where(barriers.kind == kernels.DISC, barriers.parameters[..., 4], np.inf)
+    relative = x[:, None, 2:] - barriers.parameters[..., :2]
+    curvature = disc_curvature(usual.h, radius, reach(relative, DT, u_max))
+    return hold_rows(
+        usual.h, usual.a, relative, curvature, barriers.priority, alpha1, alpha2, DT, u_max
+    )
+
+
+@njit(cache=True)
+def advance(
+    kind: NDArray[np.int64],
+    parameters: Array,
+    x: Array,
+    t: Array,
+    u: Array,
+    dt: float,
+    looks: int,
+    least: Array,
+    inside: Array,
+) -> None:
+    """Advance the double integrator x (N, 4) in place under a held u, looking at every barrier.
+
+    Lowers `least` (N, m) to the smallest h seen, and adds to `inside` (N, m) the time with h < 0.
+    """
+    state = np.empty(4)
+    for i in range(x.shape[0]):
+        for look in range(1, looks + 1):
+            tau = look * dt / looks
+            for axis in range(2):
+                state[axis] = x[i, axis] + tau * (x[i, 2 + axis] + 0.5 * tau * u[i, axis])
+                state[2 + axis] = x[i, 2 + axis] + tau * u[i, axis]
+            for k in range(kind.shape[1]):
+                h = kernels.value(kind[i, k], parameters[i, k], state, t[i] + tau)
+                least[i, k] = min(least[i, k], h)
+                if h < 0.0:
+                    inside[i, k] += dt / looks
+        x[i] = state
+
+
+def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what a table says of the episodes of one policy, program and kind of rows.
+
+    `entered` (share of the episodes that did not wake in it), `depth` (mean of those that were in
+    it [m]) and `seconds` (mean over all [s]) have one entry for each priority;
+    `entered_though_met` counts episodes that entered one whose rows could be met throughout.
+    """
+    depth = np.array([o["depth"] for o in outcomes])
+    excused = np.array([o["excused"] for o in outcomes])
+    elsewhere = np.array([o["woke_in"] for o in outcomes])[:, None] != np.arange(1, LEVELS + 1)
+    entered, inside = (depth > 0.0) & elsewhere, depth > 0.0
+    clearance = np.array([o["clearance"] for o in outcomes])
+    return {
+        "episodes": len(outcomes),
+        "entered": (entered.sum(axis=0) / np.maximum(elsewhere.sum(axis=0), 1)).tolist(),
+        "depth": (depth.sum(axis=0) / np.maximum(inside.sum(axis=0), 1)).tolist(),
+        "seconds": np.mean([o["seconds"] for o in outcomes], axis=0).tolist(),
+        "entered_though_met": (entered & ~excused).sum(axis=0).tolist(),
+        "conflict": float(excused.any(axis=1).mean()),
+        "least_clearance": float(clearance.min()),
+        "median_clearance": float(np.median(clearance)),
+        "intervention": float(np.mean([o["intervention"] for o in outcomes])),
+        "reached": float(np.mean([o["reached"] for o in outcomes])),
+    }

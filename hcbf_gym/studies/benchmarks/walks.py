@@ -1,0 +1,164 @@
+"""Walks of the A1 that the locomotion suite takes its figures from."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import scenarios
+from hcbf_gym.envs.physics import Physics
+from hcbf_gym.locomotion.body_reference import BodyReference
+from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.gait import GAITS
+from hcbf_gym.locomotion.leg import foot_kinematics
+from hcbf_gym.locomotion.matrices import cross
+from hcbf_gym.locomotion.rotation import rotation_matrix
+from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.robots import a1
+
+Array = NDArray[np.float64]
+Input = Callable[[float, BodyReference, RobotState], Array]
+
+DT = 0.002
+CONTROL_TICKS = 10  # u is held for 20 ms
+SPEED_CAP = 1.2  # [m/s]
+
+
+class Walk(NamedTuple):
+    """What was recorded, a row per tick.
+
+    Attributes:
+        state: of the robot, as arrays stacked along time.
+        reference: (n, 5) position, velocity and yaw of the body reference.
+        sole: (n, 4, 2) velocity along the ground of each foot's lowest point [m/s].
+        fell: whether it did.
+        solved: task-space QPs solved.
+        failed: task-space QPs without a solution.
+    """
+
+    state: RobotState
+    reference: Array
+    sole: Array
+    fell: bool
+    solved: int
+    failed: int
+
+
+def walk(
+    seconds: float,
+    u: Input,
+    *,
+    seed: int = 0,
+    yaw: float = 0.0,
+    simulation: Mapping[str, Any] | None = None,
+    gait: str = "trot",
+    heading: str = "velocity",
+) -> Walk:
+    """Walk under u, sampled every 20 ms, from rest at the origin.
+
+    Args:
+        seconds: how long.
+        u: of time [s], reference and state → (2,) [m/s²].
+        seed: of what is random about the plant.
+        yaw: at the start [rad].
+        simulation: options of `Physics`.
+        gait: of the controller.
+        heading: of the controller.
+    """
+    plant = Physics(**(simulation or {}))
+    plant.reset(np.zeros(2), yaw, np.random.default_rng(seed))
+    brain = LocomotionController(gait=gait, heading=heading, max_speed=SPEED_CAP)
+    brain.reset(plant.state())
+    states, references = [], []
+    reference, command = brain.reference, np.zeros(2)
+    for tick in range(round(seconds / DT)):
+        state = plant.state()
+        if tick % CONTROL_TICKS == 0:
+            reference = brain.reference
+            command = np.clip(u(tick * DT, reference, state), -5.0, 5.0)
+        plant.step(brain.step(state, command))
+        states.append(state)
+        references.append([*reference.position, *reference.velocity, reference.yaw])
+        if plant.fallen:
+            break
+    stacked = RobotState(np.array([state.vector for state in states]))
+    sole = np.array([_sole_velocity(brain.model.legs, state) for state in states])
+    return Walk(stacked, np.array(references), sole, plant.fallen, brain.solved, brain.failed)
+
+
+def _sole_velocity(legs: Any, state: RobotState) -> Array:
+    """Return (4, 2) how fast the lowest point of each foot moves along the ground."""
+    rotation = rotation_matrix(state.quaternion)
+    feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
+    sole = np.empty((4, 2))
+    for foot in range(4):
+        q, rate = state.joint_position[3 * foot :], state.joint_velocity[3 * foot :]
+        swing = rotation @ cross(state.angular_velocity, feet.position[foot])
+        own = rotation @ feet.jacobian[foot] @ rate[:3]
+        # the calf turns with the trunk, the abad joint about x and both pitch joints about y
+        abad = np.array([0.0, np.cos(q[0]), np.sin(q[0])])
+        spin = rotation @ (
+            state.angular_velocity + [rate[0], 0.0, 0.0] + (rate[1] + rate[2]) * abad
+        )
+        rolling = cross(spin, np.array([0.0, 0.0, -a1.FOOT_RADIUS]))
+        sole[foot] = (state.linear_velocity + swing + own + rolling)[:2]
+    return sole
+
+
+def towards(velocity: Array, acceleration: float) -> Input:
+    """Return the input that brings the reference to a velocity (2,) and keeps it there."""
+
+    def u(_t: float, reference: BodyReference, _state: RobotState) -> Array:
+        change = (velocity - reference.velocity) / (CONTROL_TICKS * DT)
+        size = float(np.linalg.norm(change))
+        return change * min(1.0, acceleration / size) if size > 0.0 else change
+
+    return u
+
+
+def stride_average(values: Array) -> Array:
+    """Return the means over whole strides of the trot along the first axis."""
+    stride = round(GAITS["trot"].period / DT)
+    strides = len(values) // stride
+    return values[: strides * stride].reshape(strides, stride, *values.shape[1:]).mean(axis=1)
+
+
+def slip_per_step(walked: Walk, start: int) -> float:
+    """Return how far a foot's point of contact moves from touchdown to lift-off, on average [m]."""
+    distances = []
+    for foot in range(4):
+        velocity = walked.sole[start:, foot]
+        touching = walked.state.foot_contact[start:, foot]
+        ends = np.flatnonzero(touching[:-1] & ~touching[1:]) + 1
+        starts = np.flatnonzero(~touching[:-1] & touching[1:]) + 1
+        for lift_off in ends[ends > starts[0]]:
+            touchdown = starts[starts < lift_off][-1]
+            # a tick moves by the velocity at its end
+            moved = velocity[touchdown + 1 : lift_off + 1].sum(axis=0) * DT
+            distances.append(float(np.linalg.norm(moved)))
+    return float(np.mean(distances))
+
+
+def follow_course(
+    feedforward: bool, seed: int = 0, simulation: Mapping[str, Any] | None = None
+) -> tuple[Walk, Array]:
+    """Walk the paper's 20 s course unfiltered; return the walk and (n,) the tracking error [m].
+
+    Args:
+        feedforward: whether the reference's acceleration is added to the PD law.
+        seed: of what is random about the plant.
+        simulation: options of `Physics`.
+    """
+    course = scenarios.make("paper-simulation", np.random.default_rng(0)).reference
+
+    def u(t: float, _reference: BodyReference, state: RobotState) -> Array:
+        position, velocity = course(t)
+        pd = 2.0 * (position - state.position[:2]) + 3.0 * (velocity - state.linear_velocity[:2])
+        return pd + course.acceleration(t) if feedforward else pd
+
+    direction = course(20.0)[0]
+    yaw = float(np.arctan2(direction[1], direction[0]))
+    walked = walk(20.0, u, seed=seed, yaw=yaw, simulation=simulation)
+    desired = np.array([course(tick * DT)[0] for tick in range(len(walked.reference))])
+    return walked, np.linalg.norm(walked.state.position[:, :2] - desired, axis=1)

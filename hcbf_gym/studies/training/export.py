@@ -1,0 +1,103 @@
+"""From a trained SB3 model to a policy that needs no SB3, and how well it does."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecNormalize
+
+from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
+from hcbf_gym.policies.learned import LearnedPolicy
+from hcbf_gym.studies.training.config import make_vector
+
+UNSEEN = 1e-5
+"""Variance of an observation's entry below which it counts as constant."""
+
+
+def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
+    """Return the model's deterministic policy with the normalisation of its observations.
+
+    Args:
+        model: PPO, SAC or TD3 with an MLP policy.
+        env: the training environments, which hold the normalisation.
+        about: how it was trained.
+    """
+    policy: Any = model.policy
+    if isinstance(model, PPO):
+        modules = [*policy.mlp_extractor.policy_net, policy.action_net]
+    elif isinstance(model, SAC):
+        modules = [*policy.actor.latent_pi, policy.actor.mu]
+    else:
+        modules = list(policy.actor.mu)
+    linear = [module for module in modules if isinstance(module, torch.nn.Linear)]
+    bounds = env.get_attr("single_action_space")[0]
+    assert isinstance(bounds, spaces.Box)
+    variance = env.obs_rms.var  # type: ignore[union-attr]
+    # what never varied in training, such as the motion of regions at rest, was never learned from:
+    # an infinite scale keeps it at the zero that the network saw
+    scale = np.where(variance > UNSEEN, np.sqrt(variance + env.epsilon), np.inf)
+    return LearnedPolicy(
+        weights=tuple(layer.weight.detach().double().numpy().copy() for layer in linear),
+        biases=tuple(layer.bias.detach().double().numpy().copy() for layer in linear),
+        mean=env.obs_rms.mean.copy(),  # type: ignore[union-attr]
+        scale=scale,
+        low=bounds.low.astype(np.float64),
+        high=bounds.high.astype(np.float64),
+        activation="tanh" if isinstance(model, PPO) else "relu",
+        squash="clip" if isinstance(model, PPO) else "tanh",
+        about=about,
+    )
+
+
+class Report(NamedTuple):
+    """How a policy did over a set of scenes.
+
+    Attributes:
+        success: share of episodes that reached the goal.
+        returns: mean return.
+        seconds: mean length of an episode [s].
+        intervention: mean ‖u − u*‖ over all steps [m/s²]; 0 without a filter.
+    """
+
+    success: float
+    returns: float
+    seconds: float
+    intervention: float
+
+
+def report(
+    policy: LearnedPolicy, scenario: str, program: str | None, episodes: int, seed: int
+) -> Report:
+    """Run one episode in each of `episodes` scenes, with a decision at every control step.
+
+    Args:
+        policy: acts on all scenes at once.
+        scenario: of the task "reach".
+        program: of the safety filter; None for no filter.
+        episodes: the number of scenes.
+        seed: of the first.
+    """
+    env = make_vector(scenario, episodes, program)
+    observation, info = env.reset(seed=seed)
+    done, reached = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
+    returns, steps, intervention = np.zeros(episodes), np.zeros(episodes), 0.0
+    for _ in range(MAX_EPISODE_STEPS):
+        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
+        returns += reward * ~done
+        steps += ~done
+        if program is not None:
+            intervention += float((info["safety_filter"]["intervention"] * ~done).sum())
+        reached |= terminated & ~done
+        done |= terminated | truncated
+        if done.all():
+            break
+    env.close()
+    return Report(
+        success=float(reached.mean()),
+        returns=float(returns.mean()),
+        seconds=float(CONTROL_DT * steps.mean()),
+        intervention=intervention / float(steps.sum()),
+    )

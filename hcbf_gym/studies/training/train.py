@@ -1,0 +1,71 @@
+"""One training run from its configuration to a policy file, new or resumed."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import torch
+from stable_baselines3.common.callbacks import CallbackList
+
+from hcbf_gym.policies.learned import LearnedPolicy, read
+from hcbf_gym.studies.training import checkpoint
+from hcbf_gym.studies.training.callbacks import LearnFromFiltered, Reports
+from hcbf_gym.studies.training.config import TrainingConfig, make_env, make_model
+
+_PACKAGES = ("hcbf-gym", "gymnasium", "numpy", "stable-baselines3", "torch")
+
+Show = Callable[[int, list[dict[str, float]]], None]
+
+
+def train(
+    config: TrainingConfig,
+    folder: Path,
+    resume: bool = False,
+    tensorboard: bool = False,
+    show: Show = lambda steps, curve: None,
+) -> LearnedPolicy:
+    """Train a policy and return the best one of the run.
+
+    Leaves `policy.npz`, `training.json` (configuration, versions, learning curve) and `checkpoint/`
+    (model, normalisation, environments, generators) in the folder.
+
+    Args:
+        config: of the run.
+        folder: of the run.
+        resume: go on from the folder's checkpoint, if there is one.
+        tensorboard: log to the subfolder `tensorboard`.
+        show: called with the decisions so far and the curve, for a progress bar.
+
+    Raises:
+        InvalidInputError: if the checkpoint belongs to another run.
+    """
+    torch.set_num_threads(1)  # the network is small: threads cost more than they bring
+    folder.mkdir(parents=True, exist_ok=True)
+    log = str(folder / "tensorboard") if tensorboard else None
+    found = checkpoint.find(folder) if resume else None
+    if found is None:
+        curve: list[dict[str, float]] = []
+        model = make_model(config, make_env(config), log)
+    else:
+        model, curve = checkpoint.resume(found, config, log)
+    about = asdict(config) | {"versions": {name: _version(name) for name in _PACKAGES}}
+    callbacks = [LearnFromFiltered()] if config.learn_from == "filtered" else []
+    reports = Reports(config, folder, curve, about, show)
+    remaining = config.total_steps - model.num_timesteps
+    if remaining > 0:
+        model.learn(
+            remaining, CallbackList([*callbacks, reports]), reset_num_timesteps=found is None
+        )
+    (folder / "training.json").write_text(
+        json.dumps(about | {"curve": curve}, indent=1), encoding="utf-8"
+    )
+    return read(folder / "policy.npz")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "source tree"

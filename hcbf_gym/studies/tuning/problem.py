@@ -1,0 +1,116 @@
+"""What is tuned: the weights of one program in one scene and environment, under one cost."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym import programs, scenarios
+from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.rollouts import ENVIRONMENTS, Case, Episode, evaluate
+from hcbf_gym.studies.tuning.cost import Cost, relaxation
+from hcbf_gym.studies.tuning.simulate import check_weights, simulate
+
+Array = NDArray[np.float64]
+
+_CHUNK = 500
+"""Trajectories held in memory at a time."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A cost r(γ₀, Δγ): one episode under each pair of weights.
+
+    Args:
+        env: "HCBF-Regions-v0", where all pairs run as one batch, or "HCBF-A1Regions-v0".
+        scenario: what `hcbf_gym.scenarios.make` takes.
+        program: a program that takes `gamma0` and `delta_gamma`.
+        options: further options of the filter.
+        seed: of the episode.
+        cost: what an episode costs; one in which the robot falls costs infinity.
+
+    Raises:
+        UnknownNameError: if the environment or the program is not registered.
+        InvalidInputError: if the program takes no weights, or the scene is none.
+    """
+
+    env: str = "HCBF-Regions-v0"
+    scenario: Any = "paper-simulation"
+    program: str = "h-cbf-qp"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    cost: Cost = field(default_factory=Cost)
+
+    def __post_init__(self) -> None:
+        choose("environment", self.env, dict.fromkeys(ENVIRONMENTS))
+        taken = programs.options(self.program)
+        if not {"gamma0", "delta_gamma"} <= set(taken):
+            raise InvalidInputError(
+                f"program {self.program!r}: got the options {list(taken)}, "
+                "expected a program that takes gamma0 and delta_gamma"
+            )
+        self.case(0.0, 0.0).make().close()
+
+    @property
+    def batched(self) -> bool:
+        """Whether many pairs cost little more than one."""
+        return self.env == "HCBF-Regions-v0"
+
+    def settings(self) -> dict[str, Any]:
+        """Return what decides the costs, in JSON types."""
+        random = scenarios.is_random(self.scenario)
+        scene = self.scenario if random else scenarios.make(self.scenario).to_dict()
+        return asdict(self) | {"scenario": scene, "options": dict(self.options)}
+
+    def case(self, gamma0: float, delta_gamma: float) -> Case:
+        """Return the episode of one pair of weights."""
+        weights = {"gamma0": gamma0, "delta_gamma": delta_gamma}
+        return Case(self.env, self.scenario, "pd", self.program, {**self.options, **weights})
+
+    def costs(
+        self,
+        gamma0: ArrayLike,
+        delta_gamma: ArrayLike,
+        workers: int = 1,
+        backend: str = "loky",
+    ) -> Array:
+        """Return r (N,) of N pairs of weights.
+
+        Args:
+            gamma0: (N,) γ₀ ≥ 0.
+            delta_gamma: (N,) Δγ ≥ 0.
+            workers: processes, in full physics.
+            backend: how joblib starts them.
+
+        Raises:
+            InvalidInputError: if a weight is negative or not finite, or there are none.
+        """
+        gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
+        if self.batched:
+            chunks = range(0, len(gamma0), _CHUNK)
+            return np.concatenate(
+                [self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK]) for i in chunks]
+            )
+        cases = [
+            self.case(g, d) for g, d in zip(gamma0.tolist(), delta_gamma.tolist(), strict=True)
+        ]
+        episodes = evaluate(cases, [self.seed], workers, backend)
+        return np.array([self.cost_of(episode) for _, _, episode in episodes])
+
+    def cost_of(self, episode: Episode) -> float:
+        """Return r of one recorded episode; infinity if the robot fell."""
+        if episode.fell:
+            return np.inf
+        priority = np.ones(episode.delta.shape[1], dtype=np.int64)
+        scene = scenarios.make(self.scenario, np.random.default_rng(self.seed))
+        ranks = [barrier.priority for barrier in scene.barriers]
+        priority[: len(ranks)] = ranks
+        return float(self.cost(episode.tracking_error, relaxation(episode.delta, priority)))
+
+    def _batch(self, gamma0: Array, delta_gamma: Array) -> Array:
+        run = simulate(
+            self.scenario, self.program, gamma0, delta_gamma, self.options, seed=self.seed
+        )
+        return self.cost(run.tracking_error, run.relaxation)

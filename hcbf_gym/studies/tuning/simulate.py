@@ -1,0 +1,113 @@
+"""Many weights at once: one reduced-order robot for each pair (γ₀, Δγ), all stepped together."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym import policies, wrappers
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.studies.tuning.cost import relaxation
+
+Array = NDArray[np.float64]
+
+
+class WeightRollouts(NamedTuple):
+    """N trajectories of k steps.
+
+    Attributes:
+        time: (k + 1,) [s].
+        position: (k + 1, N, 2) [m].
+        h: (k + 1, N, m) barrier values at the control times.
+        min_h: (N, m) their least values over all physics steps.
+        tracking_error: (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is
+            zero up to the last entry, which repeats the error at its end.
+        relaxation: (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end.
+    """
+
+    time: Array
+    position: Array
+    h: Array
+    min_h: Array
+    tracking_error: Array
+    relaxation: Array
+
+
+def check_weights(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, Array]:
+    """Return γ₀ and Δγ as arrays (N,).
+
+    Raises:
+        InvalidInputError: if they are empty, of different lengths, negative or not finite.
+    """
+    weights = np.array(gamma0, dtype=np.float64), np.array(delta_gamma, dtype=np.float64)
+    if weights[0].ndim != 1 or weights[0].size == 0 or weights[0].shape != weights[1].shape:
+        raise InvalidInputError(
+            f"gamma0, delta_gamma: got shapes {weights[0].shape} and {weights[1].shape}, "
+            "expected (N,) both, N >= 1"
+        )
+    for name, values in zip(("gamma0", "delta_gamma"), weights, strict=True):
+        if not (np.isfinite(values).all() and (values >= 0.0).all()):
+            raise InvalidInputError(f"{name}: got {values.tolist()}, expected numbers >= 0")
+    return weights
+
+
+def simulate(
+    scenario: Any,
+    program: str,
+    gamma0: ArrayLike,
+    delta_gamma: ArrayLike,
+    options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> WeightRollouts:
+    """Walk N reduced-order robots through one scene, each under its own weights.
+
+    Args:
+        scenario: what `hcbf_gym.scenarios.make` takes.
+        program: a program that takes both weights.
+        gamma0: (N,) γ₀ ≥ 0.
+        delta_gamma: (N,) Δγ ≥ 0.
+        options: further options of the filter.
+        seed: of every environment, so that all walk in the same scene.
+
+    Raises:
+        InvalidInputError: if a weight is negative or not finite, or there are none.
+    """
+    gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
+    n = len(gamma0)
+    env: Any = wrappers.VectorSafetyFilter(
+        gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario),  # type: ignore[arg-type]
+        program=program,
+        gamma0=gamma0[:, None],
+        delta_gamma=delta_gamma[:, None],
+        **(options or {}),
+    )
+    inner = env.unwrapped
+    policy = policies.PDTracker.for_env(env)
+    observation, info = env.reset(seed=[seed] * n)
+    priority = inner.barrier_set.priority[0]
+    position, h, least = [inner.rom_state[:, :2]], [info["h"]], info["min_h"].copy()
+    error, relaxed = [info["tracking_error"]], []
+    alive, final_error = np.ones(n, dtype=np.bool_), np.zeros(n)
+    while alive.any():
+        observation, _, terminated, truncated, info = env.step(policy(observation, info))
+        position.append(inner.rom_state[:, :2])
+        h.append(info["h"])
+        error.append(np.where(alive, info["tracking_error"], 0.0))
+        delta = relaxation(info["safety_filter"]["delta"], priority)
+        relaxed.append(np.where(alive, delta, 0.0))
+        least[alive] = np.minimum(least, info["min_h"])[alive]
+        final_error[alive] = error[-1][alive]
+        alive &= ~(terminated | truncated)
+    env.close()
+    error[-1] = final_error
+    return WeightRollouts(
+        time=CONTROL_DT * np.arange(len(error), dtype=np.float64),
+        position=np.array(position),
+        h=np.array(h),
+        min_h=least,
+        tracking_error=np.array(error),
+        relaxation=np.array(relaxed),
+    )

@@ -1,0 +1,110 @@
+"""The evaluation and its command line."""
+
+import json
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tyro
+
+from hcbf_gym.errors import HcbfError
+from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
+from hcbf_gym.programs import FilterStatus
+
+ROOT = Path(__file__).parents[2]
+ROM = "HCBF-Regions-v0"
+KEYS = {
+    "env",
+    "scenario",
+    "policy",
+    "program",
+    "seed",
+    "min_h",
+    "violation_seconds",
+    "tracking_rms",
+    "final_error",
+    "fell",
+    "reached",
+    "intervention_rms",
+    "status_counts",
+}
+
+
+def command(*arguments):
+    return subprocess.run(
+        [sys.executable, ROOT / "scripts" / "evaluate.py", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+
+
+def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
+    run = command("--env", ROM, "--episodes", 2, "--workers", 1, "--output", tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "h-cbf-qp" in run.stdout
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert len(summary["episodes"]) == 6
+    assert len(summary["aggregate"]) == 3
+    for episode in summary["episodes"]:
+        assert set(episode) >= KEYS
+        assert sum(episode["status_counts"].values()) == 1000
+    for name in ("paths.png", "series.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scenario", "nowhere"], "paper-simulation"),
+        (["--program", "x-cbf-qp"], "h-cbf-qp"),
+        (["--policy", "nobody"], "pd"),
+        (["--gamma0", "-1"], "gamma0"),
+        (["--episodes", "0"], "expected"),
+        (["--solver", "abacus"], "daqp"),
+    ],
+)
+def test_bad_arguments_are_refused_before_anything_is_written(arguments, message, tmp_path):
+    script = runpy.run_path(str(ROOT / "scripts" / "evaluate.py"))
+    output = tmp_path / "out"
+    with pytest.raises(HcbfError, match=message):
+        script["main"](
+            tyro.cli(script["Args"], args=["--env", ROM, "--output", str(output), *arguments])
+        )
+    assert not output.exists()
+
+
+def test_an_error_ends_the_command_in_one_line():
+    run = command("--scenario", "nowhere")
+    assert run.returncode != 0
+    assert "paper-simulation" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_episodes_do_not_depend_on_the_number_of_workers():
+    cases = [Case(ROM, "random", "pd", "h-cbf-qp"), Case(ROM, "random", "pd", "none")]
+    one, two = (list(evaluate(cases, range(3), workers)) for workers in (1, 2))
+    for (case, seed, episode), (same, again, other) in zip(one, two, strict=True):
+        assert (case, seed) == (same, again)
+        np.testing.assert_array_equal(episode.position, other.position)
+
+
+def test_a_summary_repeats_what_the_episode_recorded():
+    episode = Case(ROM, "paper-simulation", "pd", "r-cbf-qp").run(seed=0)
+    summary = episode.summary()
+    np.testing.assert_array_equal(summary["min_h"], episode.min_h.min(axis=0))
+    assert summary["final_error"] == episode.tracking_error[-1]
+    assert summary["status_counts"]["RELAXED"] == (episode.status == FilterStatus.RELAXED).sum()
+    assert (episode.position[1:] != episode.position[:-1]).any()
+    (row,) = aggregate([Case(ROM, "paper-simulation", "pd", "r-cbf-qp").label() | summary])
+    assert row["min_h"] == summary["min_h"]
+    assert row["episodes"] == 1
+
+
+def test_ray_and_unknown_backends_are_refused_in_words():
+    with pytest.raises(HcbfError, match="loky"):
+        list(evaluate([Case(ROM, "random", "pd", "none")], [0], backend="cloud"))

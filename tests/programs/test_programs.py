@@ -1,0 +1,241 @@
+import numpy as np
+import pytest
+
+from hcbf_gym import programs
+from hcbf_gym.errors import InvalidInputError, SolverError, UnknownNameError
+from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.programs import CbfRows, FilterStatus
+from hcbf_gym.programs.general import qp
+from hcbf_gym.programs.general.qp import QpProblem, QpStatus
+
+NAMES = programs.names()
+BOX = Box.symmetric(5.0)
+COMMON_SOLVERS = {"daqp", "clarabel", "highs", "osqp", "piqp", "proxqp", "quadprog"}
+
+
+def rows_of(a, b, priority, h=None, alpha2_psi=None):
+    a = np.array(a, dtype=float).reshape(len(b), -1)
+    b = np.array(b, dtype=float)
+    h = np.ones(b.size) if h is None else np.array(h, dtype=float)
+    psi = np.zeros(b.size) if alpha2_psi is None else np.array(alpha2_psi, dtype=float)
+    return CbfRows(a, b, h, np.array(priority, dtype=np.int64), psi)
+
+
+# ux >= 2 is strict, -ux >= 1 gives way: the smallest conflict there is
+CONFLICT = rows_of([[1.0, 0.0], [-1.0, 0.0]], [2.0, 1.0], [1, 2])
+# ux >= 7 cannot be met where |ux| <= 5
+HOPELESS = rows_of([[1.0, 0.0], [-1.0, 0.0]], [7.0, 1.0], [1, 2])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_input_that_meets_every_row_is_left_alone(name):
+    rows = rows_of([[1.0, 0.0], [0.0, 2.0]], [-3.0, -4.0], [1, 2])
+    result = programs.make(name)(np.array([1.0, -1.5]), rows)
+    np.testing.assert_array_equal(result.u, [1.0, -1.5])
+    assert result.status is FilterStatus.NOMINAL
+    assert not result.slack.any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_nominal_input_outside_the_set_comes_back_inside(name):
+    for input_set in (BOX, Ball(5.0)):
+        rows = rows_of([[1.0, 0.0]], [-30.0], [1])
+        result = programs.make(name, input_set=input_set)(np.array([40.0, -30.0]), rows)
+        np.testing.assert_allclose(result.u, input_set.project([40.0, -30.0]), atol=1e-9)
+        assert result.status is FilterStatus.SAFE
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_rows_only_the_input_set_counts(name):
+    nothing = CbfRows(*(field[:0] for field in CONFLICT if field is not None))
+    result = programs.make(name)(np.array([9.0, 1.0]), nothing)
+    np.testing.assert_allclose(result.u, [5.0, 1.0], atol=1e-9)
+    assert result.slack.shape == (0,)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_status_tells_who_pays(name):
+    program = programs.make(name)
+    safe = rows_of([[1.0, 0.0]], [2.0], [1])
+    assert program(np.zeros(2), safe).status is FilterStatus.SAFE
+    status = program(np.zeros(2), CONFLICT).status
+    assert status is (FilterStatus.VIOLATED if name == "cbf-qp" else FilterStatus.RELAXED)
+    assert program(np.zeros(2), HOPELESS).status is FilterStatus.VIOLATED
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_strict_rows_hold_whatever_the_others_ask(name):
+    if name == "cbf-qp":
+        pytest.skip("treats all rows alike")
+    result = programs.make(name)(np.zeros(2), CONFLICT)
+    assert result.u[0] == pytest.approx(2.0, abs=1e-9)
+    assert result.slack[0] == 0.0
+    assert result.slack[1] == pytest.approx(3.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_strict_row_that_cannot_be_met_is_violated_least(name):
+    result = programs.make(name)(np.array([1.0, 2.0]), rows_of([[1.0, 0.0]], [7.0], [1]))
+    np.testing.assert_allclose(result.u, [5.0, 2.0], atol=1e-9)
+    np.testing.assert_allclose(result.slack, [2.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_zero_row_is_a_constant(name):
+    with_zero = rows_of([[0.0, 0.0], [1.0, 0.0]], [3.0, 2.0], [1, 1])
+    without = rows_of([[1.0, 0.0]], [2.0], [1])
+    program = programs.make(name)
+    result = program(np.zeros(2), with_zero)
+    np.testing.assert_allclose(result.u, program(np.zeros(2), without).u, atol=1e-9)
+    np.testing.assert_allclose(result.slack, [3.0, 0.0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_common_solvers_that_are_installed_find_the_same_input(name):
+    rows = rows_of(
+        [[1.0, 0.2], [-0.8, 0.6], [0.1, -1.0]], [2.0, 1.0, 3.0], [1, 2, 3], h=[1.0, -0.5, -0.1]
+    )
+    expected = programs.make(name)(np.array([-1.0, 2.0]), rows)
+    for solver in set(qp.solver_names()) & COMMON_SOLVERS:
+        result = programs.make(name, solver=solver)(np.array([-1.0, 2.0]), rows)
+        np.testing.assert_allclose(result.u, expected.u, atol=2e-6, err_msg=solver)
+        assert result.status is expected.status
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_number_of_inputs_is_allowed(name):
+    # a plane embedded in three inputs, the third of which no row touches
+    box = Box([-5.0, -5.0, -1.0], [5.0, 5.0, 1.0])
+    rows = rows_of([[1.0, 0.2], [-0.8, 0.6], [0.1, -1.0]], [6.0, 1.0, 3.0], [1, 2, 2])
+    tall = rows._replace(a=np.pad(rows.a, ((0, 0), (0, 1))))
+    flat = programs.make(name)(np.array([-1.0, 2.0]), rows)
+    high = programs.make(name, input_set=box)(np.array([-1.0, 2.0, 0.5]), tall)
+    np.testing.assert_allclose(high.u, [*flat.u, 0.5], atol=1e-6)
+    np.testing.assert_allclose(high.slack, flat.slack, atol=1e-6)
+    assert high.status is flat.status
+
+
+def test_one_input_is_allowed():
+    program = programs.make("lex-cbf-qp", input_set=Box([-1.0], [2.0]))
+    result = program(np.array([0.0]), rows_of([[1.0], [-1.0]], [1.0, 1.0], [1, 2]))
+    np.testing.assert_allclose(result.u, [1.0], atol=1e-9)
+
+
+# ------------------------------------------------------------------ bad input
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_unknown_options_and_solvers_are_refused_with_the_choices(name):
+    with pytest.raises(InvalidInputError, match="expected among"):
+        programs.make(name, gamma=1.0)
+    with pytest.raises(UnknownNameError, match="daqp"):
+        programs.make(name, solver="oracle")
+
+
+def test_an_unknown_program_is_refused_with_the_choices():
+    for make in (programs.make, programs.make_batch, programs.options):
+        with pytest.raises(UnknownNameError, match="lex-cbf-qp"):
+            make("hope")
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("h-cbf-qp", {"gamma0": -1.0}),
+        ("h-cbf-qp", {"gamma0": []}),
+        ("h-cbf-qp", {"delta_gamma": np.nan}),
+        ("h-cbf-qp", {"lambda_u": -1.0}),
+        ("r-cbf-qp", {"epsilon": "some"}),
+        ("lex-cbf-qp", {"weights": [1.0]}),
+        ("lex-cbf-qp", {"weights": [None, -2.0]}),
+        ("lex-cbf-qp", {"weights": "high"}),
+    ],
+)
+def test_senseless_weights_are_refused(name, options):
+    with pytest.raises(InvalidInputError):
+        programs.make(name, **options)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"a": np.array([[np.nan, 0.0], [-1.0, 0.0]])},
+        {"b": np.array([np.inf, 0.0])},
+        {"h": np.array([np.nan, 0.0])},
+        {"alpha2_psi": np.array([np.nan, 0.0])},
+        {"a": np.zeros((2, 3))},
+        {"b": np.zeros(3)},
+        {"h": np.zeros(1)},
+        {"priority": np.array([0, 1])},
+        {"priority": np.array([1, 3])},
+        {"priority": np.array([2, 2])},
+        {"priority": np.array([1.0, 2.0])},
+    ],
+)
+def test_malformed_rows_are_refused(broken):
+    rows = CONFLICT._replace(**broken)
+    with pytest.raises(InvalidInputError, match=r"rows\."):
+        programs.make("lex-cbf-qp")(np.zeros(2), rows)
+    batch = CbfRows(*(np.asarray(field)[None] for field in rows))
+    with pytest.raises(InvalidInputError, match=r"rows\."):
+        programs.make_batch("lex-cbf-qp")(np.zeros((1, 2)), batch)
+
+
+@pytest.mark.parametrize("u", [[np.nan, 0.0], [1.0], [[1.0, 2.0]], ["fast", "slow"]])
+def test_malformed_inputs_are_refused(u):
+    with pytest.raises(InvalidInputError, match="u_nominal"):
+        programs.make("h-cbf-qp")(u, CONFLICT)
+
+
+def test_a_known_offset_needs_rows_that_carry_it():
+    with pytest.raises(InvalidInputError, match="alpha2_psi"):
+        programs.make("r-cbf-qp", epsilon="known")(np.zeros(2), CONFLICT._replace(alpha2_psi=None))
+
+
+# ------------------------------------------------------------------ the door to the solvers
+
+
+def test_a_point_that_misses_a_row_is_not_believed(monkeypatch):
+    problem = QpProblem(np.zeros(2), np.eye(2), np.ones(2))
+    assert qp.solve(problem).status is QpStatus.OPTIMAL
+    liar = lambda _: (np.zeros(2), QpStatus.OPTIMAL)  # noqa: E731
+    monkeypatch.setattr(qp, "_backend", lambda name: liar)
+    assert qp.solve(problem).status is QpStatus.FAILED
+    assert qp.solve(problem).x is None
+
+
+@pytest.mark.parametrize("solver", ["daqp", "clarabel"])
+def test_an_infeasible_problem_has_no_point(solver):
+    rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    problem = QpProblem(np.zeros(2), rows, np.ones(2))
+    solution = qp.solve(problem, solver)
+    assert solution.status is QpStatus.INFEASIBLE
+    assert solution.x is None
+
+
+def test_the_second_solver_answers_where_the_first_fails_and_is_counted(monkeypatch):
+    expected = programs.make("h-cbf-qp")(np.zeros(2), CONFLICT)
+    original = qp._backend
+
+    def backend(name):
+        return (lambda _: (None, QpStatus.FAILED)) if name == "daqp" else original(name)
+
+    monkeypatch.setattr(qp, "_backend", backend)
+    result = programs.make("h-cbf-qp")(np.zeros(2), CONFLICT)
+    np.testing.assert_allclose(result.u, expected.u, atol=1e-7)
+    assert result.status is FilterStatus.RELAXED
+    assert result.fallbacks > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_where_every_solver_fails_the_robot_brakes_and_says_so(name, monkeypatch):
+    monkeypatch.setattr(qp, "_backend", lambda solver: lambda _: (None, QpStatus.FAILED))
+    result = programs.make(name)(np.array([-1.0, 1.0]), CONFLICT)
+    np.testing.assert_array_equal(result.u, [0.0, 0.0])
+    assert result.status is FilterStatus.BACKUP
+
+
+def test_a_problem_with_a_solution_that_nobody_finds_is_an_error():
+    problem = QpProblem(np.zeros(1), np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]))
+    with pytest.raises(SolverError):
+        qp.Solver("daqp").must(problem)

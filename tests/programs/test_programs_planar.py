@@ -1,0 +1,233 @@
+"""The compiled polygons against rational arithmetic, and the batch against the single programs."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hcbf_gym import programs
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.programs import CbfRows, FilterStatus
+from hcbf_gym.programs.exact import rational
+from hcbf_gym.programs.planar import polygon
+from hcbf_gym.studies.benchmarks import exact, verify_programs
+
+NAMES = programs.names()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_forms_find_the_exact_solution(name):
+    *_, tallies = verify_programs.verify(name, samples=600, seed=1)
+    for tally in tallies.values():
+        assert tally.problems == 600
+        assert tally.wrong == tally.backups == 0
+        assert tally.equal_cost <= 3  # more would not be chance
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), m=st.integers(1, 8))
+@pytest.mark.parametrize("name", NAMES)
+def test_the_batch_gives_what_the_single_program_gives(name, seed, m):
+    rng = np.random.default_rng(seed)
+    a = rng.normal(0.0, 1.0, (20, m, 2))
+    levels = np.stack([np.unique(p, return_inverse=True)[1] for p in rng.integers(0, m, (20, m))])
+    psi = rng.normal(0.0, 1.0, (20, m))
+    rows = CbfRows(a, rng.normal(0.0, 3.0, (20, m)), psi, levels + 1, 2.0 * psi)
+    u_nominal = rng.normal(0.0, 4.0, (20, 2))
+    options = verify_programs.random_options(rng, name)
+    single = programs.make(name, **options)
+    batch = programs.make_batch(name, **options)(u_nominal, rows)
+    for i in range(20):
+        alone = single(u_nominal[i], CbfRows(*(field[i] for field in rows if field is not None)))
+        np.testing.assert_allclose(batch.u[i], alone.u, atol=1e-6)
+        np.testing.assert_allclose(batch.slack[i], alone.slack, atol=1e-5)
+        np.testing.assert_allclose(batch.delta[i], alone.delta, atol=1e-5)
+        assert batch.status[i] == alone.status
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_state_is_filtered_alike_whatever_its_company(name):
+    rng = np.random.default_rng(3)
+    rows = verify_programs.random_rows(rng, 50, 5)
+    u_nominal = rng.normal(0.0, 4.0, (50, 2))
+    batch = programs.make_batch(name)
+    together = batch(u_nominal, rows)
+    for i in (0, 17, 49):
+        row = CbfRows(*(field[i : i + 1] for field in rows if field is not None))
+        alone = batch(u_nominal[i : i + 1], row)
+        for one, many in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], many[i])
+
+
+def test_the_batch_never_needs_a_backup_or_leaves_the_set():
+    rng = np.random.default_rng(4)
+    for input_set in verify_programs.INPUT_SETS:
+        rows = verify_programs.random_rows(rng, 2000, 8)
+        u_nominal = verify_programs.random_nominal(rng, 2000, input_set)
+        a, b = input_set.halfspaces()
+        for name in NAMES:
+            result = programs.make_batch(name, input_set=input_set)(u_nominal, rows)
+            assert (result.u @ a.T >= b - 1e-9).all()
+            assert (result.status < FilterStatus.BACKUP).all()
+
+
+def test_the_batch_is_planar_and_says_so():
+    with pytest.raises(InvalidInputError, match="expected 2"):
+        programs.make_batch("h-cbf-qp", input_set=Box.symmetric(5.0, n_u=3))
+    rows = CbfRows(np.zeros((3, 1, 2)), *np.zeros((2, 3, 1)), np.ones((3, 1), dtype=int))
+    with pytest.raises(InvalidInputError, match=r"rows\.b"):
+        programs.make_batch("h-cbf-qp")(np.zeros((2, 2)), rows)
+
+
+def test_an_empty_batch_is_allowed():
+    rows = CbfRows(np.zeros((0, 2, 2)), *np.zeros((2, 0, 2)), np.ones((0, 2), dtype=int))
+    assert programs.make_batch("lex-cbf-qp")(np.zeros((0, 2)), rows).u.shape == (0, 2)
+
+
+@pytest.mark.parametrize("lambda_u", [0.0, 1.0])
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u):
+    options = {"lambda_u": lambda_u} if "lambda_u" in programs.options(name) else {}
+    rng = np.random.default_rng(5)
+    for flatness in (1e-4, 1e-6, 1e-9):
+        a = rng.normal(0.0, 1.0, (40, 5, 2))
+        a[:, 3:] *= flatness
+        b = np.linalg.norm(a, axis=-1) * rng.uniform(2.0, 6.0, (40, 5))
+        priority = np.where(rng.random((40, 1)) < 0.5, 1, [1, 2, 2, 2, 2])
+        rows = CbfRows(a, b, np.zeros((40, 5)), priority, np.zeros((40, 5)))
+        u_nominal = rng.normal(0.0, 4.0, (40, 2))
+        single = programs.make(name, **options)
+        batch = programs.make_batch(name, **options)(u_nominal, rows)
+        vertices = single.input_set.vertices()
+        for i in range(40):
+            row = CbfRows(*(field[i] for field in rows if field is not None))
+            weight, least = single.weight(row), single.least_slack(row)
+            problem = exact.Exact.of(vertices, u_nominal[i], row, weight, least, single.lambda_u)
+            wanted = np.array(problem.solve(name), dtype=float)
+            np.testing.assert_allclose(single(u_nominal[i], row).u, wanted, atol=1e-8)
+            np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
+
+
+def test_a_batch_keeps_its_states_weights_where_rational_arithmetic_steps_in():
+    # two strict rows that cannot both be met, one of them flat, and a relaxed one with a weight
+    a = np.tile([[1.0, 0.0], [0.0, 1e-6], [0.0, 1.0]], (3, 1, 1))
+    b = np.tile([9.0, -6e-6, 3.0], (3, 1))
+    rows = CbfRows(a, b, np.full((3, 3), -1.0), np.tile([1, 1, 2], (3, 1)))
+    gamma0, delta_gamma = np.array([[0.0], [1.0], [4.0]]), np.array([[0.0], [1.0], [2.0]])
+    batch = programs.make_batch("r-cbf-qp", gamma0=gamma0, delta_gamma=delta_gamma)
+    result = batch(np.zeros((3, 2)), rows)
+    assert (result.fallbacks == 1).all()
+    out_of_reach = rows._replace(b=np.tile([9.0, -9e-6, 3.0], (3, 1)))  # met by all of U
+    assert (batch(np.zeros((3, 2)), out_of_reach).fallbacks == 0).all()
+    with pytest.raises(InvalidInputError, match="delta_gamma"):
+        programs.make_batch("r-cbf-qp", delta_gamma=np.array([[1.3]]))(np.zeros((3, 2)), rows)
+    weight = (gamma0 * (1.0 + delta_gamma)).ravel()
+    # min y² + w (3 − y)², as far right as U allows
+    np.testing.assert_allclose(result.u[:, 0], 5.0)
+    np.testing.assert_allclose(result.u[:, 1], 3.0 * weight / (1.0 + weight), atol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 10**6), m=st.integers(1, 5))
+def test_the_rational_descent_finds_what_enumeration_finds(seed, m):
+    rng = np.random.default_rng(seed)
+
+    def point(xy):
+        return tuple(Fraction(value) for value in xy)
+
+    corners = Ball(3.0, sides=int(rng.integers(3, 7))).vertices().tolist()
+    polygon_ = [point(corner) for corner in corners][: rng.choice([1, 2, None], p=[0.1, 0.2, 0.7])]
+    a = rng.integers(-2, 3, (m, 2)) * 10.0 ** rng.integers(-9, 1, (m, 1))  # kinks that coincide
+    b = rng.integers(-4, 5, m) * np.abs(a).max(axis=1)
+    least = [Fraction(int(rng.integers(0, 3)) * abs(t)) for t in b.tolist()]
+    rows = [
+        exact.Row(point(a[k]), Fraction(b[k]), Fraction(1 + k), least[k], 1)
+        for k in range(m)
+        if a[k].any()
+    ]
+    penalties = [rational.Penalty(row.a, row.b, row.weight, row.least) for row in rows]
+    found = rational.soft_minimum(polygon_, penalties)
+    choices = exact.soft_minimisers(polygon_, rows, rational.NOTHING)
+    assert exact.penalty(rows, found) == exact.penalty(rows, choices[0])
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**6), rank=st.integers(0, 2))
+def test_rational_minimisers_meet_the_optimality_conditions_exactly(seed, rank):
+    rng = np.random.default_rng(seed)
+    corners = Ball(3.0, sides=int(rng.integers(3, 7))).vertices().tolist()
+    shape = [(Fraction(x), Fraction(y)) for x, y in corners][: rng.choice([1, 2, None])]
+    cost = rational.NOTHING
+    for _ in range(rank):
+        x, y, target = (Fraction(int(k)) for k in rng.integers(-3, 4, 3))
+        cost = cost.add(Fraction(1), (x, y), target * Fraction(int(rng.integers(1, 4))))
+    found = rational.minimisers(shape, cost)
+    lowest = min(cost(corner) for corner in shape)
+    for x, y in found:
+        slope = (cost.xx * x + cost.xy * y - cost.gx, cost.xy * x + cost.yy * y - cost.gy)
+        assert all(rational.dot(slope, (v[0] - x, v[1] - y)) >= 0 for v in shape)
+        assert cost((x, y)) <= lowest
+        assert all(cost((x, y)) == cost(other) for other in found)
+    # the whole face of minimisers, not just a part of it
+    assert {corner for corner in shape if cost(corner) == cost(found[0])} <= set(found)
+
+
+# ------------------------------------------------------------------ polygons
+
+
+def random_polygon(rng):
+    corners = Ball(float(rng.uniform(1.0, 6.0)), sides=int(rng.integers(3, 9))).vertices()
+    buffer = np.zeros((32, 2))
+    buffer[: len(corners)] = corners
+    return buffer, len(corners)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_cut_keeps_what_rational_arithmetic_keeps(seed):
+    rng = np.random.default_rng(seed)
+    buffer, count = random_polygon(rng)
+    reference = [(Fraction(x), Fraction(y)) for x, y in buffer[:count].tolist()]
+    for _ in range(4):
+        angle, d = rng.uniform(0.0, 2.0 * np.pi), rng.normal(-1.0, 2.0)
+        nx, ny = float(np.cos(angle)), float(np.sin(angle))
+        normal = (Fraction(nx), Fraction(ny))
+        cut = rational.cut(reference, normal, Fraction(d))
+        if not cut:  # the face of least violation is left
+            highest = max(rational.dot(normal, u) for u in reference)
+            cut = rational.at(reference, normal, highest)
+        reference = cut
+        count = polygon.cut(buffer, count, nx, ny, d, 6.0, np.zeros((32, 2)))
+        wanted = np.array(reference, dtype=float)
+        for corners, others in ((buffer[:count], wanted), (wanted, buffer[:count])):
+            gaps = np.linalg.norm(corners[:, None] - others[None], axis=-1)
+            assert gaps.min(axis=1).max() < 1e-8
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**6), share=st.sampled_from([0.0, 1e-9, 1e-3, 1.0]))
+def test_the_minimum_on_a_polygon_meets_the_kkt_conditions(seed, share):
+    rng = np.random.default_rng(seed)
+    buffer, count = random_polygon(rng)
+    rows, targets = rng.normal(0.0, 1.0, (2, 2)), rng.normal(0.0, 5.0, 2)
+    rows[1] = rows[0] + share * rows[1]
+    factor = (0.0, 0.0, 0.0, 0.0, 0.0)
+    for row, target in zip(rows, targets, strict=True):
+        factor = polygon.add_row(factor, row[0], row[1], target)
+    scratch = np.zeros((2, 32, 2))
+    u = np.array(polygon.minimise(buffer, count, factor, 0.3, 0.4, 6.0, *scratch))
+    gradient = 2.0 * rows.T @ (rows @ u - targets)
+    # no corner, and so no point of the polygon, lies in a direction of descent
+    assert ((buffer[:count] - u) @ gradient).min() > -1e-7 * (1.0 + np.abs(targets).max())
+
+
+def test_the_kernels_run_uncompiled_too():
+    buffer = np.zeros((8, 2))
+    buffer[:4] = Box.symmetric(5.0).vertices()
+    compiled = buffer.copy()
+    count = polygon.cut.py_func(buffer, 4, 0.6, 0.8, 3.0, 8.0, np.zeros((8, 2)))
+    assert count == polygon.cut(compiled, 4, 0.6, 0.8, 3.0, 8.0, np.zeros((8, 2)))
+    np.testing.assert_array_equal(buffer[:count], compiled[:count])

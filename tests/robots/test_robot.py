@@ -1,0 +1,219 @@
+"""The A1's model: what the controller believes agrees with what MuJoCo simulates."""
+
+# ruff: noqa: N806 - matrices keep their usual capitals
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hcbf_gym.envs.physics import Physics
+from hcbf_gym.errors import RobotModelError
+from hcbf_gym.locomotion.dynamics import rigid_body_terms
+from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
+from hcbf_gym.locomotion.model import RobotModel
+from hcbf_gym.locomotion.rotation import rotation_matrix
+from hcbf_gym.locomotion.state import StateViews
+from hcbf_gym.locomotion.task_space import foot_bias, foot_jacobian
+from hcbf_gym.robots import a1
+
+MODEL = RobotModel(a1.XML_FILE)
+
+
+def random_state(seed: int) -> StateViews:
+    rng = np.random.default_rng(seed)
+    quaternion = rng.standard_normal(4)
+    lower = np.tile([-0.8, -1.0, -2.69], 4)
+    upper = np.tile([0.8, 4.0, -0.92], 4)
+    return StateViews(
+        position=rng.standard_normal(3),
+        quaternion=quaternion / np.linalg.norm(quaternion),
+        linear_velocity=rng.standard_normal(3),
+        angular_velocity=3.0 * rng.standard_normal(3),
+        joint_position=rng.uniform(lower, upper),
+        joint_velocity=5.0 * rng.standard_normal(12),
+        foot_contact=np.zeros(4, dtype=np.bool_),
+    )
+
+
+def generalised_velocity(state: StateViews) -> tuple[np.ndarray, np.ndarray]:
+    """Return R and Pinocchio's v: the trunk's velocity in its own axes, then the joints."""
+    R = rotation_matrix(state.quaternion)
+    return R, np.concatenate(
+        [R.T @ state.linear_velocity, state.angular_velocity, state.joint_velocity]
+    )
+
+
+def pinocchio_configuration(state: StateViews) -> np.ndarray:
+    return np.concatenate(
+        [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
+    )
+
+
+def mujoco_at(state: StateViews):
+    simulation = Physics()
+    simulation.data.qpos[:] = [*state.position, *state.quaternion, *state.joint_position]
+    simulation.data.qvel[:] = [
+        *state.linear_velocity,
+        *state.angular_velocity,
+        *state.joint_velocity,
+    ]
+    mujoco.mj_forward(simulation.model, simulation.data)
+    return simulation.model, simulation.data
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_and_bias_agree_with_pinocchio(seed):
+    state = random_state(seed)
+    R, v = generalised_velocity(state)
+    M, bias = rigid_body_terms(MODEL.bodies, MODEL.legs, R, v, state.joint_position)
+    model, data = MODEL.pinocchio, MODEL.pinocchio.createData()
+    q = pinocchio_configuration(state)
+    upper = np.triu(pin.crba(model, data, q))
+    np.testing.assert_allclose(M, upper + np.triu(upper, 1).T, atol=1e-12)
+    losses = MODEL.bodies.damping * v[6:] + MODEL.bodies.dry_friction * np.tanh(v[6:] / 0.1)
+    expected = pin.nonLinearEffects(model, data, q, v)
+    expected[6:] += losses
+    np.testing.assert_allclose(bias, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_and_bias_agree_with_mujoco(seed):
+    state = random_state(seed)
+    R, v = generalised_velocity(state)
+    slippery = MODEL.bodies._replace(dry_friction=np.zeros(12))  # a constraint in MuJoCo
+    M, bias = rigid_body_terms(slippery, MODEL.legs, R, v, state.joint_position)
+    model, data = mujoco_at(state)
+    T = np.eye(18)  # MuJoCo's velocities from ours: the trunk's linear one in the world
+    T[:3, :3] = R
+    M_mujoco = np.zeros((18, 18))
+    mujoco.mj_fullM(model, data, M_mujoco)
+    np.testing.assert_allclose(M, T.T @ M_mujoco @ T, atol=1e-9)
+    rotating_axes = np.zeros(18)  # Ṫ v
+    rotating_axes[:3] = R @ np.cross(v[3:6], v[:3])
+    forces = data.qfrc_bias - data.qfrc_passive + M_mujoco @ rotating_axes
+    np.testing.assert_allclose(bias, T.T @ forces, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_foot_jacobians_and_their_drift_agree_with_mujoco_and_pinocchio(seed):
+    state = random_state(seed)
+    R, v = generalised_velocity(state)
+    feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
+    model, data = mujoco_at(state)
+    v_mujoco = np.concatenate([state.linear_velocity, v[3:]])
+    to_mujoco = np.eye(18)
+    to_mujoco[:3, :3] = R
+    rotating_axes = np.zeros(18)
+    rotating_axes[:3] = R @ np.cross(v[3:6], v[:3])
+    for foot, leg in enumerate(a1.LEGS):
+        calf = model.body(f"{leg}_calf").id
+        place = state.position + R @ feet.position[foot]
+        expected = data.xpos[calf] + data.xmat[calf].reshape(3, 3) @ [0, 0, -a1.CALF_LENGTH]
+        np.testing.assert_allclose(place, expected, atol=1e-9)
+
+        J, J_dot = np.zeros((3, 18)), np.zeros((3, 18))
+        mujoco.mj_jac(model, data, J, None, place, calf)
+        mujoco.mj_jacDot(model, data, J_dot, None, place, calf)
+        ours = foot_jacobian(R, feet.position[foot], feet.jacobian[foot], foot)
+        np.testing.assert_allclose(ours, J @ to_mujoco, atol=1e-9)
+
+        own = slice(6 + 3 * foot, 9 + 3 * foot)
+        drift = R @ foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], v[own])
+        np.testing.assert_allclose(drift, J_dot @ v_mujoco + J @ rotating_axes, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_foot_acceleration_agrees_with_pinocchio(seed):
+    state = random_state(seed)
+    R, v = generalised_velocity(state)
+    feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
+    model = MODEL.pinocchio
+    data = model.createData()
+    q = pinocchio_configuration(state)
+    acceleration = np.random.default_rng(seed).standard_normal(18)
+    pin.forwardKinematics(model, data, q, v, acceleration)
+    for foot, leg in enumerate(a1.LEGS):
+        knee = model.getJointId(f"{leg}_calf_joint")
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -a1.CALF_LENGTH]))
+        frame = pin.Frame(f"{leg}_foot", knee, place, pin.FrameType.OP_FRAME)
+        expected = pin.getFrameClassicalAcceleration(
+            model, data, frame.parentJoint, place, pin.LOCAL_WORLD_ALIGNED
+        ).linear
+        own = slice(6 + 3 * foot, 9 + 3 * foot)
+        drift = foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], v[own])
+        J = foot_jacobian(R, feet.position[foot], feet.jacobian[foot], foot)
+        np.testing.assert_allclose(J @ acceleration + R @ drift, expected, atol=1e-9)
+
+
+@settings(deadline=None)  # the first example may compile
+@given(
+    leg=st.integers(0, 3),
+    abad=st.floats(-0.8, 0.8),
+    hip=st.floats(-0.6, 2.0),
+    knee=st.floats(-2.69, -0.92),
+)
+def test_inverse_kinematics_undoes_the_forward_one(leg, abad, hip, knee):
+    joints = np.tile(a1.HOME_JOINTS[:3], 4)
+    joints[3 * leg : 3 * leg + 3] = abad, hip, knee
+    foot = foot_kinematics(MODEL.legs, joints, np.zeros(12)).position[leg]
+    below = (foot - MODEL.legs.hip[leg])[2] < -0.1  # the branch a walking leg is on
+    if below:
+        found = inverse_kinematics(MODEL.legs, leg, foot)
+        joints[3 * leg : 3 * leg + 3] = found
+        back = foot_kinematics(MODEL.legs, joints, np.zeros(12)).position[leg]
+        np.testing.assert_allclose(back, foot, atol=1e-9)
+
+
+@settings(deadline=None)  # the first example may compile
+@given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
+def test_inverse_kinematics_answers_any_target_with_finite_joints(target):
+    assert np.isfinite(inverse_kinematics(MODEL.legs, 0, np.array(target))).all()
+
+
+def test_the_package_robot_weighs_what_the_public_models_say():
+    assert MODEL.bodies.mass.sum() == pytest.approx(12.453, abs=1e-9)
+    assert Physics().model.body_subtreemass[1] == pytest.approx(12.453, abs=1e-9)
+
+
+def edited(tmp_path: Path, old: str, new: str) -> Path:
+    path = tmp_path / "robot.xml"
+    text = a1.XML_FILE.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    return path
+
+
+@pytest.mark.parametrize("build", [RobotModel, Physics])
+def test_a_robot_with_other_joints_is_refused_with_the_joints_named(tmp_path, build):
+    path = edited(tmp_path, "FR_calf_joint", "front_right_knee")
+    with pytest.raises(RobotModelError, match=r"front_right_knee.*FR_calf_joint"):
+        build(path)
+
+
+@pytest.mark.parametrize("build", [RobotModel, Physics])
+def test_a_missing_or_broken_robot_file_is_refused(tmp_path, build):
+    with pytest.raises(RobotModelError, match=r"nowhere\.xml"):
+        build(tmp_path / "nowhere.xml")
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<mujoco><worldbody>")
+    with pytest.raises(RobotModelError, match=r"broken\.xml"):
+        build(broken)
+
+
+def test_a_leg_that_the_closed_form_does_not_cover_is_refused(tmp_path):
+    path = edited(
+        tmp_path, '<body name="FR_calf" pos="0 0 -0.2">', '<body name="FR_calf" pos=".1 0 -0.2">'
+    )
+    with pytest.raises(RobotModelError, match="straight below"):
+        RobotModel(path)
+
+
+def test_a_robot_without_a_spherical_foot_is_refused(tmp_path):
+    path = edited(tmp_path, '<geom name="RL_foot" class="foot"/>', "")
+    with pytest.raises(RobotModelError, match="RL_calf"):
+        Physics(path)

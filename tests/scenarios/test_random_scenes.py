@@ -1,0 +1,146 @@
+"""Random scenes: what they promise, and that the compiled form is the readable one."""
+
+from collections import deque
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.envs.task import barriers_of
+from hcbf_gym.scenarios import random_scenes
+
+NAMES = list(scenarios.RANDOM)
+SEEDS = range(200)
+CELL = 0.1
+
+
+def scene(seed, name="random"):
+    return scenarios.make(name, np.random.default_rng(seed))
+
+
+def rows_at_start(scenario):
+    barriers = BarrierSet([barriers_of(scenario, scenario.v_max)])
+    x = np.array([[*scenario.start, 0.0, 0.0]])
+    return barriers.rows(x, np.zeros(1), LogClassK(), LinearClassK(), margin=0.03)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_seed_decides_the_scene(name):
+    assert scene(3, name).to_dict() == scene(3, name).to_dict()
+    assert scene(3, name).to_dict() != scene(4, name).to_dict()
+    assert len({len(scene(seed, name).barriers) for seed in SEEDS}) == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_compiled_scene_is_the_readable_one(name):
+    batch = RegionsBatch([scene(0, name)])
+    for seed in SEEDS:
+        layout = random_scenes.draw(np.random.default_rng(seed), scenarios.RANDOM[name])
+        batch.set_layout(0, layout)
+        readable = RegionsBatch([random_scenes.scenario(name, layout)])
+        np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
+        np.testing.assert_allclose(
+            batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
+        )
+        np.testing.assert_array_equal(batch.reference(), readable.reference())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_standing_still_at_the_start_meets_every_strict_row_with_the_stated_clearance(name):
+    for seed in SEEDS:
+        scenario = scene(seed, name)
+        rows = rows_at_start(scenario)
+        strict = rows.priority[0] == 1
+        assert (rows.b[0, strict] <= 0.0).all()
+        assert rows.h[0, : len(scenario.barriers)][strict[:-1]].min() >= (
+            0.5 * random_scenes.START_CLEARANCE  # an ellipse's h is below its distance
+        )
+
+
+def test_the_stated_share_of_scenes_starts_in_a_conflict_that_no_input_resolves():
+    conflicts = 0
+    for seed in SEEDS:
+        rows = rows_at_start(scene(seed))
+        met = linprog(np.zeros(2), -rows.a[0], -rows.b[0], bounds=[(-5.0, 5.0)] * 2)
+        conflicts += met.status == 2
+        assert met.status in (0, 2)
+        if met.status == 2:
+            # it lies between priorities 2 and 3 alone: inside the lower, outside the higher
+            assert (rows.h[0][rows.priority[0] < 3] > 0.0).all()
+            assert (rows.h[0][rows.priority[0] == 3] < 0.0).all()
+    expected = random_scenes.CONFLICT_SHARE * len(SEEDS)
+    assert abs(conflicts - expected) < 4.0 * np.sqrt(len(SEEDS) / 4.0)
+
+
+def test_several_regions_of_several_priorities_stand_in_the_hall():
+    counts = set()
+    for seed in SEEDS:
+        scenario = scene(seed)
+        half_width = -scenario.barriers[0].offset
+        layout = random_scenes.draw(np.random.default_rng(seed))
+        inside = np.abs(layout.regions[:, 1]) < half_width
+        counts.add(int(inside.sum()))
+        assert {1, 2} <= {random_scenes.PRIORITIES[k] for k in np.flatnonzero(inside)}
+    assert counts == {2, 3, 4, 5}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed):
+    scenario = scene(seed)
+    clearance = 0.5 * random_scenes.GAP - CELL
+    x, y = np.meshgrid(np.arange(-2.0, 12.0, CELL), np.arange(-3.0, 3.0, CELL), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros((x.size, 2))])
+    strict = [b for b in scenario.barriers if b.priority == 1]
+    relaxed = [b for b in scenario.barriers if b.priority > 1]
+
+    def least(barriers):
+        h = BarrierSet([barriers] * len(points)).values(points, np.zeros(len(points)))
+        return h.min(axis=1).reshape(x.shape)
+
+    start = np.unravel_index(np.argmin(points[:, 0] ** 2 + points[:, 1] ** 2), x.shape)
+    away = (points[:, :2] - scenario.goal) ** 2
+    goal = np.unravel_index(np.argmin(away.sum(axis=1)), x.shape)
+    free = least(strict) > 0.5 * clearance  # an ellipse's h is below its distance
+    assert reachable(free, start, goal)
+    # regions of lower priority are left by the shortest way, then avoided as well
+    outside = least(relaxed) > 0.5 * clearance
+    if outside[start]:
+        assert reachable(free & outside, start, goal)
+
+
+def reachable(free, start, goal):
+    seen, queue = {start}, deque([start])
+    while queue:
+        i, j = queue.popleft()
+        if (i, j) == goal:
+            return True
+        for step in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            inside = 0 <= step[0] < free.shape[0] and 0 <= step[1] < free.shape[1]
+            if inside and free[step] and step not in seen:
+                seen.add(step)
+                queue.append(step)
+    return False
+
+
+def test_only_relaxed_regions_move_and_only_where_asked():
+    speeds = {
+        name: np.array(
+            [
+                np.linalg.norm(
+                    random_scenes.draw(np.random.default_rng(seed), moving).regions[:, 2:4], axis=1
+                )
+                for seed in SEEDS
+            ]
+        )
+        for name, moving in scenarios.RANDOM.items()
+    }
+    assert not speeds["random"].any()
+    moving = speeds["random-moving"]
+    strict = np.array(random_scenes.PRIORITIES) == 1
+    assert not moving[:, strict].any()
+    assert (moving.max(axis=0)[~strict] > 0.5 * random_scenes.MAX_DRIFT).all()
+    assert moving.max() <= random_scenes.MAX_DRIFT

@@ -1,0 +1,119 @@
+"""Scenes: names, files, references, and what is refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import Disc
+from hcbf_gym.errors import HcbfError, UnknownNameError
+from hcbf_gym.scenarios.references import BezierReference
+
+FIXED = [name for name in scenarios.names() if not scenarios.is_random(name)]
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_a_scene_survives_dict_and_json_file(name, tmp_path):
+    scenario = scenarios.make(name)
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(scenario.to_dict()), encoding="utf-8")
+    assert scenarios.make(scenario.to_dict()).to_dict() == scenario.to_dict()
+    assert scenarios.make(path).to_dict() == scenario.to_dict()
+    assert scenarios.make(str(path)).barriers == scenario.barriers
+
+
+def test_the_papers_scene_is_the_papers():
+    scenario = scenarios.make("paper-simulation")
+    x = np.array([-12.0, 10.0, 0.0, 0.0])
+    expected = [12.2, 10.2, np.hypot(11, 4.5) - 4, np.hypot(11, 5.5) - 5]
+    np.testing.assert_allclose([b.h(x) for b in scenario.barriers], expected)
+    assert [b.priority for b in scenario.barriers] == [1, 1, 1, 2]
+    np.testing.assert_allclose(scenario.goal, x[:2])
+    printed = scenarios.make("paper-simulation-as-printed")
+    assert printed.barriers[0].h(x) == pytest.approx(-11.8)
+    four = scenarios.make("paper-four-levels")
+    assert [b.priority for b in four.barriers] == [1, 2, 3, 4]
+
+
+def test_the_experiments_boxes_stand_inside_region_1_and_clear_of_each_other():
+    scenario = scenarios.make("paper-experiment")
+    region1 = scenario.barriers[2]
+    light, *heavy = scenario.obstacles
+    assert light.mass is not None
+    assert all(box.mass is None for box in heavy)
+    for box in scenario.obstacles:
+        assert region1.h(np.array([*box.center, 0, 0])) < -0.3
+    for i, box in enumerate(scenario.obstacles):
+        for other in scenario.obstacles[i + 1 :]:
+            assert np.linalg.norm(np.subtract(box.center, other.center)) > 0.5
+
+
+@given(st.floats(0.5, 30.0), st.floats(0.01, 0.5), st.floats(-1, 31))
+def test_a_reference_has_consistent_derivatives_and_ends_at_its_goal(duration, share, t):
+    reference = BezierReference(
+        ((0.0, 0.0), (0.0, 2.5), (-0.2, 4.0), (-4.0, 3.34)), duration, ramp=share * duration
+    )
+    start, still = reference(0.0)
+    goal, rest = reference(duration)
+    np.testing.assert_allclose(start, 0.0, atol=1e-12)
+    np.testing.assert_allclose(goal, [-4.0, 3.34], atol=1e-12)
+    np.testing.assert_allclose([still, rest], 0.0, atol=1e-12)
+    eps = 1e-4 * duration
+    kinks = np.array([0.0, reference.ramp, duration - reference.ramp, duration])
+    if np.abs(t - kinks).min() < 2 * eps:
+        return
+    (before, v_before), (after, v_after) = reference(t - eps), reference(t + eps)
+    speed = 5.5 / (duration - reference.ramp)
+    np.testing.assert_allclose((after - before) / (2 * eps), reference(t)[1], atol=2e-3 * speed)
+    np.testing.assert_allclose(
+        (v_after - v_before) / (2 * eps),
+        reference.acceleration(t),
+        atol=5e-3 * max(speed**2, speed / reference.ramp),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"barriers": []}, "barriers"),
+        ({"extra": 1}, "unknown field"),
+        ({"name": None, "reference": None}, "reference"),
+        ({"task": "fly"}, "track"),
+        ({"goal_radius": -1.0}, "goal_radius"),
+        ({"start": [0.0]}, "start"),
+        ({"start": "here"}, "start"),
+        ({"barriers": [{"kind": "disc", "name": "d", "priority": 1, "radius": -2}]}, "radius"),
+        ({"barriers": [{"kind": "disc", "name": "d", "priority": 2}]}, "priorities"),
+        ({"barriers": [{"kind": "blob", "name": "d", "priority": 1}]}, "half-plane"),
+        ({"barriers": [{"kind": "disc", "priority": 1}]}, "missing"),
+        ({"barriers": "none"}, "list"),
+        ({"input_set": {"kind": "box", "low": [1, 1], "high": [2, 2]}}, "braking"),
+        ({"obstacles": [{"name": "b", "center": [0, 0], "size": [1, 1, 0]}]}, "size"),
+    ],
+)
+def test_a_bad_scene_is_refused_with_what_was_expected(change, message):
+    data = scenarios.make("paper-simulation").to_dict() | change
+    with pytest.raises(HcbfError, match=message):
+        scenarios.make(data)
+
+
+def test_unknown_names_and_unreadable_files_list_the_choices(tmp_path):
+    with pytest.raises(UnknownNameError, match="paper-simulation"):
+        scenarios.make("paper")
+    broken = tmp_path / "broken.json"
+    broken.write_text("{", encoding="utf-8")
+    with pytest.raises(HcbfError, match="JSON"):
+        scenarios.make(broken)
+    with pytest.raises(HcbfError, match="JSON"):
+        scenarios.make(tmp_path / "missing.json")
+    with pytest.raises(HcbfError, match="missing"):
+        scenarios.make({"name": "x"})
+    with pytest.raises(HcbfError, match="expected"):
+        scenarios.make(7)  # type: ignore[arg-type]
+    scenario = scenarios.make("paper-simulation")
+    with pytest.raises(HcbfError, match="different"):
+        replace(scenario, barriers=(Disc("a", 1), Disc("a", 1)))

@@ -1,0 +1,217 @@
+import importlib.util
+import json
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from hcbf_gym.envs.physics import Physics
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.rollouts import Case, Episode
+from hcbf_gym.scenarios import BoxObstacle
+from hcbf_gym.studies.reproduction import Runs, figure5, figures67
+from hcbf_gym.studies.reproduction.runs import Job
+from hcbf_gym.studies.tuning import Samples
+
+ROOT = Path(__file__).parents[2]
+
+
+def rom_job(gamma0, seed=0):
+    options = {"gamma0": gamma0, "delta_gamma": 1.3}
+    return Job(Case("HCBF-Regions-v0", "paper-simulation", "pd", "h-cbf-qp", options), seed)
+
+
+def assert_same(first, second):
+    for field in fields(Episode):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
+
+
+@pytest.fixture(scope="module")
+def rom():
+    return figure5._rom()
+
+
+def test_every_claim_of_figure_5_holds_on_the_reduced_order_model(rom):
+    claims = figure5._claims("ROM", rom)
+    assert len(claims) == 6
+    assert all(claims.values()), claims
+
+
+def test_the_claims_of_figure_5_fail_on_runs_that_contradict_them(rom):
+    order = np.arange(rom.h.shape[1])[::-1]
+    swapped = rom._replace(
+        position=rom.position[:, order],
+        h=rom.h[:, order],
+        min_h=rom.min_h[order] - 2.0,
+        tracking_error=rom.tracking_error[:, order],
+        fell=~rom.fell,
+    )
+    assert not any(figure5._claims("ROM", swapped).values())
+
+
+@pytest.mark.parametrize(
+    ("cost", "holds"),
+    [(lambda g: (g - 3.0) ** 2, True), (lambda g: g, False), (lambda g: -g, False)],
+)
+def test_a_valley_is_found_where_there_is_one_and_nowhere_else(cost, holds):
+    gamma0, delta_gamma = (x.ravel() for x in np.meshgrid(np.linspace(0, 5, 41), figure5._BANDS))
+    samples = Samples(gamma0, delta_gamma, cost(gamma0) + 0.01 * delta_gamma)
+    assert all(figure5._map_claims("ROM", samples).values()) is holds
+
+
+@pytest.mark.physics
+def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal(tmp_path):
+    jobs = figures67._jobs()
+    episodes = Runs(tmp_path, workers=1).episodes("fig 6", [jobs["R"], jobs["H"]])
+    claims = figures67._claims(dict(zip(("R", "H"), episodes, strict=True)))
+    assert len(claims) == 7
+    assert all(claims.values()), claims
+
+
+def test_the_force_on_a_box_is_that_of_the_tick_in_which_it_acts():
+    box = BoxObstacle("box", center=(0.3, 0.0), size=(0.2, 0.6, 0.3), mass=1.0)
+    plant = Physics(obstacles=(box,))
+    plant.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    model, geom, wrench, felt = plant.model, plant.model.geom("box").id, np.zeros(6), 0.0
+    for _ in range(20):
+        solved = mujoco.MjData(model)
+        mujoco.mj_copyData(solved, model, plant.data)
+        solved.ctrl[:] = 0.0
+        mujoco.mj_forward(model, solved)
+        expected = 0.0
+        for index in range(solved.ncon):
+            pair = solved.contact[index].geom
+            if geom in pair and model.geom_bodyid[pair].all():  # the floor is body 0
+                mujoco.mj_contactForce(model, solved, index, wrench)
+                expected += wrench[0]
+        plant.step(np.zeros(12))
+        np.testing.assert_allclose(plant.obstacle_forces(), [expected], rtol=1e-9)
+        felt = max(felt, expected)
+    assert felt > 10.0
+
+
+def test_an_episode_is_run_once_and_is_the_same_for_any_number_of_workers(tmp_path):
+    jobs = [rom_job(1.0), rom_job(5.0)]
+    alone = Runs(tmp_path / "one", workers=1).episodes("", jobs)
+    pair = Runs(tmp_path / "two", workers=2).episodes("", jobs)
+    for first, second in zip(alone, pair, strict=True):
+        assert_same(first, second)
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
+    again = Runs(tmp_path / "one", workers=1).episodes("", jobs)
+    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
+    for first, second in zip(alone, again, strict=True):
+        assert_same(first, second)
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    jobs = [rom_job(gamma0) for gamma0 in (0.5, 1.0, 2.0)]
+    unbroken = Runs(tmp_path / "unbroken").episodes("", jobs)
+    run, calls = Case.run, []
+
+    def run_until_the_power_fails(case, seed):
+        calls.append(case)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return run(case, seed)
+
+    monkeypatch.setattr(Case, "run", run_until_the_power_fails)
+    with pytest.raises(KeyboardInterrupt):
+        Runs(tmp_path / "broken").episodes("", jobs)
+    assert len(list((tmp_path / "broken").iterdir())) == 1
+    resumed = Runs(tmp_path / "broken").episodes("", jobs)
+    assert len(calls) == 4
+    for first, second in zip(unbroken, resumed, strict=True):
+        assert_same(first, second)
+
+
+def test_no_two_episodes_share_a_key():
+    case = rom_job(1.0).case
+    jobs = [
+        rom_job(1.0),
+        rom_job(1.0, seed=1),
+        rom_job(2.0),
+        Job(Case("HCBF-A1Regions-v0", case.scenario, "pd", case.program, case.options)),
+        Job(Case(case.env, "paper-experiment", "pd", case.program, case.options)),
+        Job(Case(case.env, case.scenario, "pd-ff", case.program, case.options)),
+        Job(Case(case.env, case.scenario, "pd", "r-cbf-qp", case.options)),
+        Job(Case(case.env, case.scenario, "pd", case.program, case.options, {"feedback": "rom"})),
+    ]
+    assert len({job.key() for job in jobs}) == len(jobs)
+    assert rom_job(1.0).key() == rom_job(1.0).key()
+
+
+def test_a_folder_opens_for_its_own_study_and_no_other(tmp_path):
+    settings = {"study": "tuning", "mean": (3.0, 1.5), "seed": 0}
+    folder = tmp_path / "new" / "folder"
+    open_folder(folder, settings)
+    write_json(folder / "result.json", {"kept": True})
+    open_folder(folder, settings)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(InvalidInputError, match=r"another study, which differs in \['seed'\]"):
+        open_folder(folder, settings | {"seed": 1})
+    assert before == {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_folder_with_other_files_and_a_file_are_refused(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    for place in (tmp_path, tmp_path / "thesis.tex"):
+        with pytest.raises(InvalidInputError, match="expected"):
+            open_folder(place, {"study": "tuning"})
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"study": "other"}'])
+def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
+    (tmp_path / "settings.json").write_text(text)
+    with pytest.raises(InvalidInputError, match="expected"):
+        open_folder(tmp_path, {"study": "tuning"})
+    assert (tmp_path / "settings.json").read_text() == text
+
+
+def load(script):
+    spec = importlib.util.spec_from_file_location(script, ROOT / "scripts" / f"{script}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[script] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("script", "arguments", "message"),
+    [
+        ("tune", {"covariance": ((1.0, 2.0), (2.0, 1.0))}, "positive semidefinite"),
+        ("tune", {"program": "cbf-qp"}, "takes gamma0"),
+        ("tune", {"samples": 0}, "samples 0"),
+        ("tune", {"scenario": "moon"}, "unknown scenario"),
+        ("tune", {"w_f": -1.0}, "w_f"),
+        ("tune", {}, "another study"),
+        ("reproduce", {"workers": 0}, "workers"),
+        ("reproduce", {}, "another study"),
+    ],
+)
+def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, arguments, message):
+    open_folder(tmp_path, {"study": "something else"})
+    module = load(script)
+    with pytest.raises(InvalidInputError, match=message):
+        module.main(module.Args(output=tmp_path, **arguments))
+    assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]
+    assert json.loads((tmp_path / "settings.json").read_text()) == {"study": "something else"}
+
+
+def test_a_command_says_what_was_wrong_in_one_line_and_fails(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "scripts/tune.py", "--w-i", "-1", "--output", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("error: w_i: got -1.0, expected")
+    assert not (tmp_path / "out").exists()
