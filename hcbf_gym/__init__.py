@@ -8,9 +8,19 @@ prefer_egl()  # before anything imports MuJoCo
 
 from hcbf_gym import policies, programs, scenarios, wrappers  # noqa: E402
 from hcbf_gym.errors import HcbfError  # noqa: E402
+from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
 
 __version__ = "0.1.0"
-__all__ = ["HcbfError", "__version__", "policies", "programs", "scenarios", "wrappers"]
+__all__ = [
+    "Estimate",
+    "HcbfError",
+    "Plant",
+    "__version__",
+    "policies",
+    "programs",
+    "scenarios",
+    "wrappers",
+]
 
 gym.register(
     id="HCBF-Regions-v0",

@@ -16,9 +16,11 @@ from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.physics import BASE, Physics
+from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
+from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios import Scenario
 
@@ -166,9 +168,19 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
         return task.barriers_of(self.scenario, self._v_max, SPEED_MARGIN)
 
     @property
-    def margin(self) -> float:
-        """What strict rows keep by default, against hold, tracking error and sway [m]."""
-        return MARGIN
+    def plant(self) -> Plant:
+        """What a safety filter must know."""
+        return plant_of(self, Uncertainty(MARGIN))
+
+    @property
+    def estimate(self) -> Estimate:
+        """What is known of the robot: the state on which the loop is closed."""
+        return Estimate(self.rom_state, self.time)
+
+    @property
+    def goal(self) -> Array:
+        """(2,) where the reference ends [m]."""
+        return self.scenario.goal
 
     @property
     def time(self) -> float:

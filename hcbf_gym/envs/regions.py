@@ -13,9 +13,11 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
+from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -108,9 +110,19 @@ class RegionsEnv(gym.Env[Array, Array]):
         return task.barriers_of(self.scenario, self.scenario.v_max)
 
     @property
-    def margin(self) -> float:
-        """What strict rows keep by default, against the hold between two actions [m]."""
-        return task.ROM_MARGIN
+    def plant(self) -> Plant:
+        """What a safety filter must know."""
+        return plant_of(self)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The state, which is known exactly."""
+        return Estimate(self.rom_state, self.time)
+
+    @property
+    def goal(self) -> Array:
+        """(2,) where the reference ends [m]."""
+        return self.scenario.goal
 
     @property
     def barrier_set(self) -> BarrierSet:

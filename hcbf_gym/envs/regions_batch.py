@@ -97,6 +97,11 @@ class RegionsBatch:
         """(N,) [s] since each reset."""
         return self.steps * np.float64(CONTROL_DT)
 
+    @property
+    def goal(self) -> Array:
+        """(N, 2) where the references end [m]."""
+        return self._tables[self._table_of, -1, :2]
+
     def reference(self) -> Array:
         """Return (N, 6) position, velocity and acceleration of the references now."""
         last = self._tables.shape[1] - 1

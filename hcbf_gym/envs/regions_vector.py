@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
+from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario, random_scenes
 
 Array = NDArray[np.float64]
@@ -87,9 +89,19 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         return self._batch.x.copy()
 
     @property
-    def margin(self) -> float:
-        """What strict rows keep by default, against the hold between two actions [m]."""
-        return task.ROM_MARGIN
+    def plant(self) -> Plant:
+        """What a safety filter must know."""
+        return plant_of(self)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The N states, which are known exactly."""
+        return Estimate(self.rom_state, self.time)
+
+    @property
+    def goal(self) -> Array:
+        """(N, 2) where the references end [m]."""
+        return self._batch.goal
 
     @property
     def barrier_set(self) -> BarrierSet:

@@ -20,9 +20,6 @@ PHYSICS_DT = 0.002
 SUBSTEPS = 10
 MAX_EPISODE_STEPS = 1000
 
-ROM_MARGIN = 0.01
-"""What strict rows keep by default against the dip between two samples of the ROM [m]."""
-
 EFFORT_WEIGHT = 1e-3
 GOAL_REWARD = 10.0
 

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 UNFILTERED = "none"
 
-SHOWN_OPTIONS: dict[str, dict[str, float]] = {
+SHOWN_OPTIONS: dict[str, dict[str, Any]] = {
     "r-cbf-qp": {"gamma0": 0.05},
     "h-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
 }

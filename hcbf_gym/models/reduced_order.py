@@ -18,8 +18,15 @@ class ReducedOrderModel(Protocol):
     Source: equation (1) of the paper.
     """
 
-    n: int
-    n_u: int
+    @property
+    def n(self) -> int:
+        """The number of states."""
+        ...
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs."""
+        ...
 
     def f(self, x: Array) -> Array:
         """Return (n,) the drift."""

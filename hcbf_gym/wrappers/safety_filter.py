@@ -1,6 +1,7 @@
 """The wrappers that put a program between a policy and an environment."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -8,70 +9,43 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from hcbf_gym import programs
-from hcbf_gym.barriers import class_k
-from hcbf_gym.barriers.class_k import ClassK, LogClassK
-from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.envs.task import check_action
-from hcbf_gym.errors import InvalidInputError, check_options, finite_float
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.input_sets import Box, InputSet
+from hcbf_gym.models.plant import Estimate, Plant, read
+from hcbf_gym.wrappers.filter_core import FilterSettings, PlanarCore, make_core
 
 Array = NDArray[np.float64]
-
-_ROW_OPTIONS = ("alpha1", "alpha2", "margin")
-
-
-class _RowSettings:
-    """How an environment's barriers become rows: α₁, α₂ and the margin of strict rows."""
-
-    def __init__(self, env: Any, options: dict[str, Any]):
-        if not hasattr(env, "barrier_set"):
-            raise InvalidInputError(
-                f"environment: got {env}, expected one with barriers, such as HCBF-Regions-v0"
-            )
-        self.alpha1: ClassK = class_k.make(options.get("alpha1", LogClassK()))
-        self.alpha2: ClassK = class_k.make(options.get("alpha2", 2.0))
-        margin = options.get("margin", env.margin)
-        self.margin = finite_float("margin", margin, minimum=0.0)
-
-    def rows(self, env: Any, x: Array, t: Array) -> CbfRows:
-        """Return the rows of an environment's N states x (N, 4) at the times t (N,)."""
-        return env.barrier_set.rows(x, t, self.alpha1, self.alpha2, self.margin)
-
-
-def _split(program: str, options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the options that make rows and those that the program takes.
-
-    Raises:
-        InvalidInputError: if an option is neither; the message lists both.
-    """
-    check_options(
-        f"safety filter {program!r}", options, (*_ROW_OPTIONS, *programs.options(program))
-    )
-    rows = {key: value for key, value in options.items() if key in _ROW_OPTIONS}
-    return rows, {key: value for key, value in options.items() if key not in _ROW_OPTIONS}
 
 
 class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
-    The action u* becomes the rows' and the program's ``u``, which the environment receives;
-    ``info["safety_filter"]`` holds `u_nominal` (2,), `u_safe` (2,), `slack` (m,) the rows'
-    violation, `delta` (m,) the program's own relaxation, `status` (a float of
-    `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖ and `fallbacks`.
+    The policy's action u* goes to the program. The environment receives the program's input u.
+    ``info["safety_filter"]`` holds `u_nominal` (n_u,), `u_safe` (n_u,), `slack` (m,) each row's
+    violation, `delta` (m,) the program's own relaxation, `status` (a
+    `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
+    row keeps between h and zero, `model_error` how far the plant's response is from the chosen
+    input [unit of u], and `reachable`. `reset` reports the same keys.
 
     Args:
-        env: an environment of this package, possibly wrapped.
+        env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
+            that change actions belong outside the filter.
         program: a name from `hcbf_gym.programs.names()`.
-        solver: "daqp", "clarabel" or any solver that qpsolvers knows.
+        plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
+        rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone.
+        margin: what rows on the position keep between h and zero [m]; None derives it from what is
+            uncertain.
+        solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
+            programs where u has two entries, else "daqp".
         **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
-            functions as `barriers.class_k.make` reads them; `margin` [m] that strict rows keep
-            (default: the environment's own); all else goes to the program, such as `gamma0`,
-            `delta_gamma`, `lambda_u`, `epsilon`.
+            functions as `barriers.class_k.make` reads them; all else goes to the program, such as
+            `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
 
     Raises:
-        UnknownNameError: if the program or the solver is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or the environment has no
-            barriers.
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, the environment has no plant,
+            or a wrapper inside changes the actions.
 
     Example:
         >>> import gymnasium as gym, hcbf_gym
@@ -81,46 +55,60 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         >>> obs, info = env.reset(seed=0)
         >>> obs, reward, terminated, truncated, info = env.step(policy(obs, info))
         >>> info["safety_filter"]["status"]
-        0.0
+        np.float64(0.0)
     """
 
     def __init__(
-        self, env: gym.Env, program: str = "eh-cbf-qp", solver: str = "daqp", **options: Any
+        self,
+        env: gym.Env,
+        program: str = "eh-cbf-qp",
+        plant: Plant | None = None,
+        rows: str = "usual",
+        margin: float | None = None,
+        solver: str | None = None,
+        **options: Any,
     ):
-        RecordConstructorArgs.__init__(self, program=program, solver=solver, **options)
-        gym.Wrapper.__init__(self, env)
-        row_options, program_options = _split(program, options)
-        self._settings = _RowSettings(env.unwrapped, row_options)
-        self.program = programs.make(
-            program,
-            input_set=env.unwrapped.scenario.input_set,  # type: ignore[attr-defined]
-            solver=solver,
-            **program_options,
+        RecordConstructorArgs.__init__(
+            self, program=program, plant=plant, rows=rows, margin=margin, solver=solver, **options
         )
+        gym.Wrapper.__init__(self, env)
+        inner = env.unwrapped
+        self.plant = _plant_of(inner) if plant is None else plant
+        _check_spaces(env.action_space, inner.action_space)
+        self._input_set = _input_set(self.plant, inner.action_space)
+        settings = FilterSettings(program, rows, margin, solver, options)
+        self._core = make_core(self.plant, self._input_set, settings, 1)
+        self._observation: Any = None
+        self._info: dict[str, Any] = {}
 
-    def rows(self) -> CbfRows:
-        """Return the rows of the present state."""
-        env: Any = self.env.unwrapped
-        batch = self._settings.rows(env, env.rom_state[None], np.array([env.time]))
-        a, b, h, priority, alpha2_psi = batch
-        assert alpha2_psi is not None
-        return CbfRows(a[0], b[0], h[0], priority[0], alpha2_psi[0])
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start a new episode, and report on its first state."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._observation, self._info = observation, info
+        self._core.restart(np.ones(1, dtype=np.bool_))
+        info["safety_filter"] = self._core.first_report(*self._sense())
+        return observation, info
 
-    def step(self, action: Array) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Filter u* (2,) [m/s²] and step the environment with the result."""
-        u_nominal = check_action(action, (2,))
-        result = self.program(u_nominal, self.rows())
-        observation, reward, terminated, truncated, info = self.env.step(result.u)
-        info["safety_filter"] = {
-            "u_nominal": u_nominal.copy(),
-            "u_safe": result.u.copy(),
-            "slack": result.slack.copy(),
-            "delta": result.delta.copy(),
-            "status": float(result.status),
-            "intervention": float(np.linalg.norm(result.u - u_nominal)),
-            "fallbacks": float(result.fallbacks),
-        }
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Filter u* and step the environment with the result."""
+        plant = self.plant
+        wanted = action if plant.from_action is None else plant.from_action(action)
+        u_nominal = check_action(wanted, (self._input_set.n_u,))
+        u, report = self._core.step(u_nominal, *self._sense())
+        applied = u if plant.to_action is None else plant.to_action(u)
+        observation, reward, terminated, truncated, info = self.env.step(applied)
+        self._observation, self._info = observation, info
+        info["safety_filter"] = report
         return observation, reward, terminated, truncated, info
+
+    def _sense(self) -> tuple[Any, Estimate]:
+        """Return the barriers and the state as the plant gives them now."""
+        inner, observation, info = self.env.unwrapped, self._observation, self._info
+        barriers = read(self.plant.barriers, inner, observation, info)
+        state = self.plant.state(inner, observation, info)
+        return barriers, state if isinstance(state, Estimate) else Estimate(state)
 
 
 class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
@@ -129,38 +117,117 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, possibly wrapped.
         program: a name from `hcbf_gym.programs.names()`.
+        rows: as `SafetyFilter` takes it.
+        margin: as `SafetyFilter` takes it.
         **options: as `SafetyFilter` takes them.
 
     Raises:
-        UnknownNameError: if the program is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or the environment is no native
-            vector environment of this package.
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, a wrapper inside changes the
+            actions, or the environment is no native vector environment of this package.
     """
 
-    def __init__(self, env: VectorEnv, program: str = "eh-cbf-qp", **options: Any):
-        RecordConstructorArgs.__init__(self, program=program, **options)
+    def __init__(
+        self,
+        env: VectorEnv,
+        program: str = "eh-cbf-qp",
+        rows: str = "usual",
+        margin: float | None = None,
+        **options: Any,
+    ):
+        RecordConstructorArgs.__init__(self, program=program, rows=rows, margin=margin, **options)
         VectorWrapper.__init__(self, env)
-        row_options, program_options = _split(program, options)
         inner: Any = env.unwrapped
-        self._settings = _RowSettings(inner, row_options)
-        self.program = programs.make_batch(
-            program, input_set=inner.scenario.input_set, **program_options
-        )
+        if not hasattr(inner, "plant"):
+            raise InvalidInputError(
+                f"environment: got {inner}, expected the native vector environment "
+                'gym.make_vec("HCBF-Regions-v0", …); around single environments put a SafetyFilter '
+                "on each before they are joined"
+            )
+        self.plant: Plant = inner.plant
+        _check_spaces(env.single_action_space, inner.single_action_space)
+        input_set = _input_set(self.plant, inner.single_action_space)
+        settings = FilterSettings(program, rows, margin, None, options)
+        self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
+
+    @property
+    def autoreset_mode(self) -> Any:
+        """How the environment starts over."""
+        return self.env.unwrapped.metadata["autoreset_mode"]
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start new episodes and report on their first states."""
+        observation, info = self.env.reset(seed=cast(Any, seed), options=options)
+        mask = np.ones(self.num_envs, dtype=np.bool_)
+        if options is not None and "reset_mask" in options:
+            mask = np.asarray(options["reset_mask"])
+        self._core.restart(mask)
+        info["safety_filter"] = self._core.first_report(*self._sense())
+        info["_safety_filter"] = mask.copy()
+        return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Filter u* (N, 2) [m/s²] and step the environments with the result."""
         u_nominal = check_action(actions, (self.num_envs, 2))
-        env: Any = self.env.unwrapped
-        result = self.program(u_nominal, self._settings.rows(env, env.rom_state, env.time))
-        observation, reward, terminated, truncated, info = self.env.step(result.u)
-        info["safety_filter"] = {
-            "u_nominal": u_nominal.copy(),
-            "u_safe": result.u,
-            "slack": result.slack,
-            "delta": result.delta,
-            "status": result.status.astype(np.float64),
-            "intervention": np.linalg.norm(result.u - u_nominal, axis=1),
-            "fallbacks": np.asarray(result.fallbacks, dtype=np.float64),
-        }
+        u, report = self._core.step(u_nominal, *self._sense())
+        observation, reward, terminated, truncated, info = self.env.step(u)
+        info["safety_filter"] = report
         info["_safety_filter"] = np.ones(self.num_envs, dtype=np.bool_)
         return observation, reward, terminated, truncated, info
+
+    def _sense(self) -> tuple[Any, Estimate]:
+        inner: Any = self.env.unwrapped
+        return read(self.plant.barriers, inner, None, {}), self.plant.state(inner, None, {})
+
+
+def _plant_of(env: Any) -> Plant:
+    """Return the plant that an environment brings.
+
+    Raises:
+        InvalidInputError: if it brings none.
+    """
+    plant = getattr(env, "plant", None)
+    if not isinstance(plant, Plant):
+        raise InvalidInputError(
+            f"environment: got {env}, which brings no plant; expected one of this package's, or "
+            "plant=hcbf_gym.Plant(model, barriers, state, …), which says what the filter must know"
+        )
+    return plant
+
+
+def _check_spaces(outer: gym.Space, inner: gym.Space) -> None:
+    """Refuse a wrapper between filter and environment that changes the actions.
+
+    Raises:
+        InvalidInputError: if the action spaces differ.
+    """
+    if outer != inner:
+        raise InvalidInputError(
+            f"safety filter: got an environment whose wrappers change the actions from {inner} to "
+            f"{outer}, so that the filter's input would not be what the robot gets; expected such "
+            "wrappers outside: RescaleAction(SafetyFilter(env), …), not "
+            "SafetyFilter(RescaleAction(env, …))"
+        )
+
+
+def _input_set(plant: Plant, space: gym.Space) -> InputSet:
+    """Return U: the plant's own, or the environment's action space.
+
+    Raises:
+        InvalidInputError: if neither bounds u.
+    """
+    if plant.input_set is not None:
+        return plant.input_set
+    bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
+    if not bounded or plant.to_action is not None:
+        raise InvalidInputError(
+            f"plant: got no input_set and the action space {space}, expected an input_set, or a "
+            "bounded Box of shape (n_u,) that u shares"
+        )
+    assert isinstance(space, gym.spaces.Box)
+    return Box(space.low.astype(np.float64), space.high.astype(np.float64))

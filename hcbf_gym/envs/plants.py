@@ -1,0 +1,33 @@
+"""What a safety filter must know of this package's environments, as `Plant` records."""
+
+from typing import Any
+
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+
+def plant_of(env: Any, uncertainty: Uncertainty | None = None) -> Plant:
+    """Return the plant of one of this package's environments, single or native vector."""
+    return Plant(
+        model=DoubleIntegrator(),
+        barriers=_barriers,
+        state=_estimate,
+        input_set=env.scenario.input_set,
+        period=CONTROL_DT,
+        goal=_goal,
+        uncertainty=uncertainty,
+    )
+
+
+def _barriers(env: Any, observation: Any, info: dict[str, Any]) -> BarrierSet:
+    return env.barrier_set
+
+
+def _estimate(env: Any, observation: Any, info: dict[str, Any]) -> Estimate:
+    return env.estimate
+
+
+def _goal(env: Any, observation: Any, info: dict[str, Any]) -> Any:
+    return env.goal

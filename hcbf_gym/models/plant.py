@@ -1,0 +1,100 @@
+"""What a safety filter must know of an environment, in one record."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+Array = NDArray[np.float64]
+Reader = Callable[[Any, Any, dict[str, Any]], Any]
+
+
+class Estimate(NamedTuple):
+    """What is known of the plant at one instant; of N plants with a leading axis.
+
+    Attributes:
+        x: (n,) state of the reduced-order model, as the rows read it.
+        time: since the reset [s]; None lets the filter count its own steps.
+        covariance: (n, n) of x; None where x is the truth.
+        lag: (n,) the body's state minus the reduced-order model's own; None where they are one.
+        heading: of the body [rad]; None where it has none.
+    """
+
+    x: Array
+    time: Any = None
+    covariance: Array | None = None
+    lag: Array | None = None
+    heading: Any = None
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What a body does beside its reduced-order model; the ground of the derived margin.
+
+    Args:
+        distance: what rows on the position keep in any case [m].
+    """
+
+    distance: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """The reduced-order model behind an environment, and how to read and drive it.
+
+    Readers are functions of the unwrapped environment, the latest observation and the latest info.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        barriers: the ranked conditions: a sequence, a `BarrierSet`, or a reader that returns one
+            of them at every step, for obstacles that move or are sensed.
+        state: a reader that returns x (n,), or an `Estimate`.
+        input_set: U; None means the environment's action space, which must then be a bounded Box.
+        to_action: u (n_u,) → the environment's action; None where they are the same.
+        from_action: the environment's action → u (n_u,); None where they are the same.
+        period: how long an action is held [s]; None where it is not known, which excludes rows for
+            a held input.
+        goal: (2,) where the way ends [m], or a reader of it, for guidance; None where none is
+            known.
+        extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
+            guidance take it from barriers, state and goal.
+        uncertainty: how far the plant may be from its model; None where the model is exact.
+
+    Raises:
+        InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
+            called, or the period is not positive.
+    """
+
+    model: ReducedOrderModel
+    barriers: Sequence[Any] | Reader | Any
+    state: Reader
+    input_set: InputSet | None = None
+    to_action: Callable[[Array], Any] | None = None
+    from_action: Callable[[Any], Any] | None = None
+    period: float | None = None
+    goal: Any = None
+    extent: Any = None
+    uncertainty: Uncertainty | None = None
+
+    def __post_init__(self) -> None:
+        if not callable(self.state):
+            raise InvalidInputError(
+                f"plant: got state {self.state!r}, expected a function (env, observation, info)"
+            )
+        if (self.to_action is None) != (self.from_action is None):
+            raise InvalidInputError(
+                "plant: got one of to_action and from_action, expected both or none"
+            )
+        if self.period is not None:
+            finite_float("plant: period", self.period, minimum=0.0, exclusive=True)
+
+
+def read(source: Any, env: Any, observation: Any, info: dict[str, Any]) -> Any:
+    """Return what a field of a plant says now: the value itself, or what its reader returns."""
+    return source(env, observation, info) if callable(source) else source
