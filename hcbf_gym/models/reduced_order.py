@@ -1,7 +1,7 @@
 """Reduced-order models ẋ = f(x) + g(x)u of a walking robot's base in the plane."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -49,8 +49,15 @@ class ReducedOrderModel(Protocol):
 class SingleIntegrator:
     """A point whose velocity is the input, ``ṗ = u``: x = p (2,) [m], u (2,) [m/s]."""
 
-    n: ClassVar[int] = 2
-    n_u: ClassVar[int] = 2
+    @property
+    def n(self) -> int:
+        """The number of states."""
+        return 2
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs."""
+        return 2
 
     def f(self, x: Array) -> Array:
         """Return (2,) the drift."""
@@ -76,8 +83,15 @@ class DoubleIntegrator:
     Source: section IV-A of the paper.
     """
 
-    n: ClassVar[int] = 4
-    n_u: ClassVar[int] = 2
+    @property
+    def n(self) -> int:
+        """The number of states."""
+        return 4
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs."""
+        return 2
 
     def f(self, x: Array) -> Array:
         """Return (4,) the drift (v, 0)."""
@@ -110,8 +124,16 @@ class LinearInvertedPendulum:
 
     height: float = 0.27
     gravity: float = 9.81
-    n: ClassVar[int] = 4
-    n_u: ClassVar[int] = 2
+
+    @property
+    def n(self) -> int:
+        """The number of states."""
+        return 4
+
+    @property
+    def n_u(self) -> int:
+        """The number of inputs."""
+        return 2
 
     def __post_init__(self) -> None:
         finite_float("height", self.height, minimum=0.0, exclusive=True)
