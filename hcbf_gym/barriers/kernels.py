@@ -189,7 +189,7 @@ def rows(
     h: Array,
     alpha2_psi: Array,
 ) -> None:
-    """Write the double integrator's rows of N states; see `cbf_rows.cbf_rows`.
+    """Write the double integrator's rows of N states; see `general.GeneralRows`.
 
     With r = v − w the velocity seen from the barrier's frame,
     ``a = ∇H`` and ``b = −α₂(ψ) − rᵀ∇²H r − α₁'(h) ∇H·r``, ``ψ = ∇H·r + α₁(h)``.

@@ -88,7 +88,7 @@ class BarrierSet:
     def rows(
         self, x: Array, t: Array, alpha1: ClassK, alpha2: ClassK, margin: float = 0.0
     ) -> CbfRows:
-        """Return the rows of N states, each field with a leading axis N; see `cbf_rows.cbf_rows`.
+        """Return the rows of N states, each field with a leading axis N; see `general.GeneralRows`.
 
         Args:
             x: (N, 4) positions [m] and velocities [m/s].

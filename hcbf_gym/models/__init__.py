@@ -1,1 +1,18 @@
 """What is known of the robot: reduced-order models ẋ = f(x) + g(x)u and input sets U."""
+
+from hcbf_gym.models.control_affine import ControlAffine
+from hcbf_gym.models.input_sets import Ball, Box, InputSet
+from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
+from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
+
+__all__ = [
+    "Ball",
+    "Box",
+    "ControlAffine",
+    "DoubleIntegrator",
+    "InputSet",
+    "KinematicBicycle",
+    "ReducedOrderModel",
+    "SingleIntegrator",
+    "Unicycle",
+]

@@ -1,159 +1,152 @@
-"""Reduced-order models ẋ = f(x) + g(x)u of a walking robot's base in the plane."""
+"""Reduced-order models ẋ = f(x) + g(x)u: what a model is, and the point-mass models.
 
-from dataclasses import dataclass
-from typing import Protocol
+The planar models' states start with the position (x, y). A model's f and g take NumPy arrays, and
+JAX arrays while `barriers.Function` differentiates through them.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import finite_float
+from hcbf_gym.errors import InvalidInputError, finite_float
 
 Array = NDArray[np.float64]
 
 
-class ReducedOrderModel(Protocol):
-    """A control-affine model whose state starts with the planar position.
+class ReducedOrderModel(ABC):
+    """A control-affine model, ``ẋ = f(x) + g(x)u``.
+
+    Attributes:
+        n: the number of states.
+        n_u: the number of inputs.
+        velocity_at: where the planar velocity that a speed limit reads starts in x; None where x
+            holds none.
 
     Source: equation (1) of the paper.
     """
 
-    @property
-    def n(self) -> int:
-        """The number of states."""
-        ...
+    n: int
+    n_u: int
+    velocity_at: int | None
 
-    @property
-    def n_u(self) -> int:
-        """The number of inputs."""
-        ...
-
-    def f(self, x: Array) -> Array:
+    @abstractmethod
+    def f(self, x: Any) -> Any:
         """Return (n,) the drift."""
-        ...
+
+    @abstractmethod
+    def g(self, x: Any) -> Any:
+        """Return (n, n_u) the input matrix."""
+
+    def f_jacobian(self, x: Array) -> Array:
+        """Return (n, n) ∂f/∂x, by central differences unless a model knows better."""
+        steps = 6e-6 * np.diag(1.0 + np.abs(x))
+        ahead = np.array([self.f(x + step) for step in steps])
+        behind = np.array([self.f(x - step) for step in steps])
+        return ((ahead - behind) / (2.0 * np.diag(steps))[:, None]).T
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
+
+        def rate(state: Array) -> Array:
+            return self.f(state) + self.g(state) @ u
+
+        k1 = rate(x)
+        k2 = rate(x + 0.5 * dt * k1)
+        k3 = rate(x + 0.5 * dt * k2)
+        k4 = rate(x + dt * k3)
+        return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+def namespace(x: Any) -> Any:
+    """Return the module whose functions fit the array x: NumPy or jax.numpy."""
+    return x.__array_namespace__()
+
+
+def count(name: str, value: Any) -> int:
+    """Return `value` as an integer of at least 1.
+
+    Raises:
+        InvalidInputError: on anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InvalidInputError(f"{name}: got {value!r}, expected an integer >= 1")
+    return int(value)
+
+
+@dataclass(frozen=True)
+class SingleIntegrator(ReducedOrderModel):
+    """A point whose velocity is the input, ``ẋ = u``; an arm driven by joint velocities.
+
+    Args:
+        n_u: the number of states and of inputs; x and u are (n_u,).
+
+    Raises:
+        InvalidInputError: if `n_u` is not a positive integer.
+    """
+
+    n_u: int = 2
+    n: int = field(init=False, repr=False)
+    velocity_at: int | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n", count("n_u", self.n_u))
+
+    def f(self, x: Any) -> Any:
+        """Return (n,) the drift, 0."""
+        return 0.0 * x
+
+    def g(self, x: Any) -> Any:
+        """Return (n, n_u) the identity."""
+        return namespace(x).eye(self.n)
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
-        ...
-
-    def g(self, x: Array) -> Array:
-        """Return (n, n_u) the input matrix; constant in x, so that L_g ψ needs no ∂g/∂x."""
-        ...
-
-    def relative_degree(self, reads_position: bool) -> int:
-        """Return how often h must be differentiated until u appears."""
-        ...
+        return np.zeros((self.n, self.n))
 
 
 @dataclass(frozen=True)
-class SingleIntegrator:
-    """A point whose velocity is the input, ``ṗ = u``: x = p (2,) [m], u (2,) [m/s]."""
-
-    @property
-    def n(self) -> int:
-        """The number of states."""
-        return 2
-
-    @property
-    def n_u(self) -> int:
-        """The number of inputs."""
-        return 2
-
-    def f(self, x: Array) -> Array:
-        """Return (2,) the drift."""
-        return np.zeros(2)
-
-    def f_jacobian(self, x: Array) -> Array:
-        """Return (2, 2) ∂f/∂x."""
-        return np.zeros((2, 2))
-
-    def g(self, x: Array) -> Array:
-        """Return (2, 2) the input matrix."""
-        return np.eye(2)
-
-    def relative_degree(self, reads_position: bool) -> int:
-        """Return 1: u is the velocity itself."""
-        return 1
-
-
-@dataclass(frozen=True)
-class DoubleIntegrator:
-    """A point whose acceleration is the input, ``p̈ = u``: x = (p, v) (4,), u (2,) [m/s²].
-
-    Source: section IV-A of the paper.
-    """
-
-    @property
-    def n(self) -> int:
-        """The number of states."""
-        return 4
-
-    @property
-    def n_u(self) -> int:
-        """The number of inputs."""
-        return 2
-
-    def f(self, x: Array) -> Array:
-        """Return (4,) the drift (v, 0)."""
-        return np.concatenate([x[2:4], np.zeros(2)])
-
-    def f_jacobian(self, x: Array) -> Array:
-        """Return (4, 4) ∂f/∂x."""
-        return np.eye(4, k=2)
-
-    def g(self, x: Array) -> Array:
-        """Return (4, 2) the input matrix."""
-        return np.vstack([np.zeros((2, 2)), np.eye(2)])
-
-    def relative_degree(self, reads_position: bool) -> int:
-        """Return 2 for a condition on the position, 1 for one on the velocity."""
-        return 2 if reads_position else 1
-
-
-@dataclass(frozen=True)
-class LinearInvertedPendulum:
-    """A mass at constant height over its pivot, ``p̈ = (g/z)(p − u)``: u (2,) is the pivot [m].
+class DoubleIntegrator(ReducedOrderModel):
+    """A point whose acceleration is the input, ``p̈ = u − c ṗ``: x = (p, v), u [m/s²].
 
     Args:
-        height: z of the mass [m], positive.
-        gravity: g [m/s²], positive.
+        n_u: the number of inputs; x is (2 n_u,).
+        drag: c [1/s], at least 0.
 
     Raises:
-        InvalidInputError: if an argument is not positive.
+        InvalidInputError: if `n_u` is not a positive integer or the drag is negative.
+
+    Source: section IV-A of the paper, without drag.
     """
 
-    height: float = 0.27
-    gravity: float = 9.81
-
-    @property
-    def n(self) -> int:
-        """The number of states."""
-        return 4
-
-    @property
-    def n_u(self) -> int:
-        """The number of inputs."""
-        return 2
+    n_u: int = 2
+    drag: float = 0.0
+    n: int = field(init=False, repr=False)
+    velocity_at: int | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        finite_float("height", self.height, minimum=0.0, exclusive=True)
-        finite_float("gravity", self.gravity, minimum=0.0, exclusive=True)
+        object.__setattr__(self, "n", 2 * count("n_u", self.n_u))
+        object.__setattr__(self, "drag", finite_float("drag", self.drag, minimum=0.0))
+        object.__setattr__(self, "velocity_at", 2 if self.n_u == 2 else None)
 
-    def f(self, x: Array) -> Array:
-        """Return (4,) the drift (v, (g/z) p)."""
-        return self.f_jacobian(x) @ x
+    def f(self, x: Any) -> Any:
+        """Return (n,) the drift (v, −c v)."""
+        velocity = x[self.n_u :]
+        return namespace(x).concatenate([velocity, -self.drag * velocity])
+
+    def g(self, x: Any) -> Any:
+        """Return (n, n_u) the input matrix."""
+        return namespace(x).eye(self.n, self.n_u, k=-self.n_u)
 
     def f_jacobian(self, x: Array) -> Array:
-        """Return (4, 4) ∂f/∂x."""
-        return np.eye(4, k=2) + self.gravity / self.height * np.eye(4, k=-2)
-
-    def g(self, x: Array) -> Array:
-        """Return (4, 2) the input matrix."""
-        return np.vstack([np.zeros((2, 2)), -self.gravity / self.height * np.eye(2)])
-
-    def relative_degree(self, reads_position: bool) -> int:
-        """Return 2 for a condition on the position, 1 for one on the velocity."""
-        return 2 if reads_position else 1
+        """Return (n, n) ∂f/∂x."""
+        k = self.n_u
+        jacobian = np.eye(self.n, k=k)
+        jacobian[k:, k:] = -self.drag * np.eye(k)
+        return jacobian
 
 
 @njit(cache=True)

@@ -1,0 +1,167 @@
+"""From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.shapes import Barrier, SpeedLimit
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+Array = NDArray[np.float64]
+
+VANISHED = 1e-9
+"""Below it, relative to ‖∇ψ‖ ‖g‖, L_g ψ counts as zero."""
+
+_SAMPLES = 16
+
+
+class GeneralRows:
+    r"""Rows ``a·u ≥ b`` for any model and any mix of barriers.
+
+    With r the relative degree, :math:`ψ_0 = h − \text{margin}`,
+    :math:`ψ_k = \dot ψ_{k−1} + α_1(ψ_{k−1})` for k < r, and the row asks for
+    :math:`\dot ψ_{r−1}(x, u) ≥ −α_2(ψ_{r−1})`:
+
+    .. math::
+        a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
+
+    r is found by looking at sampled states, once for each class of barrier. It is the least order
+    at which *any* input appears: inputs that would appear later are not in the row, so that the
+    filter leaves them free. Where a row's L_g ψ vanishes at a state, its a is set to 0: no
+    input helps or harms there, and b > 0 then counts as a violation.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        alpha1: α₁, applied to every ψ but the last.
+        alpha2: α₂, applied to the last ψ.
+
+    Source: section II-C of the paper, with the high-order form for L_g h = 0.
+    """
+
+    def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
+        self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
+        self._degrees: dict[type[Barrier], int] = {}
+
+    def __call__(
+        self,
+        barriers: Sequence[Barrier],
+        x: Array,
+        t: float = 0.0,
+        margin: ArrayLike = 0.0,
+        margin_rate: ArrayLike = 0.0,
+    ) -> CbfRows:
+        """Return the rows of one state.
+
+        Args:
+            barriers: m safety conditions.
+            x: (n,) state.
+            t: time [s].
+            margin: what rows keep between h and zero: (m,), or one number for the rows of
+                priority 1 that read the position.
+            margin_rate: (m,) or one number, d margin/dt.
+
+        Raises:
+            InvalidInputError: if no input reaches a barrier by the second derivative, or the model
+                has no velocity for a speed limit.
+        """
+        m = len(barriers)
+        a, b = np.empty((m, self.model.n_u)), np.empty(m)
+        h, alpha2_psi = np.empty(m), np.empty(m)
+        kept = margins(barriers, margin)
+        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), (m,))
+        drift, inputs = self.model.f(x), self.model.g(x)
+        size = float(np.linalg.norm(inputs))
+        for k, barrier in enumerate(barriers):
+            degree, jet = self.relative_degree(barrier), barrier.jet(x, t)
+            h[k] = jet.h
+            psi, gradient, rate = jet.h - kept[k], jet.gradient, jet.rate - rates[k]
+            if degree == 2:
+                slope = self.alpha1.derivative(psi)
+                h_dot = float(gradient @ drift) + rate
+                rate = float(jet.gradient_rate @ drift) + jet.rate_rate + slope * rate
+                gradient = (
+                    jet.hessian @ drift
+                    + self.model.f_jacobian(x).T @ gradient
+                    + jet.gradient_rate
+                    + slope * gradient
+                )
+                psi = h_dot + self.alpha1(psi)
+            a[k] = gradient @ inputs
+            if np.abs(a[k]).max() <= VANISHED * size * np.abs(gradient).max():
+                a[k] = 0.0
+            alpha2_psi[k] = self.alpha2(psi)
+            b[k] = -alpha2_psi[k] - gradient @ drift - rate
+        priority = np.array([barrier.priority for barrier in barriers], dtype=np.int64)
+        return CbfRows(a, b, h, priority, alpha2_psi)
+
+    def relative_degree(self, barrier: Barrier) -> int:
+        """Return how often h must be differentiated until an input appears.
+
+        Raises:
+            InvalidInputError: if none has appeared in the second derivative, or the barrier is a
+                speed limit and the model has no velocity.
+        """
+        if type(barrier) not in self._degrees:
+            self._degrees[type(barrier)] = self._find_degree(barrier)
+        return self._degrees[type(barrier)]
+
+    def _find_degree(self, barrier: Barrier) -> int:
+        model = self.model
+        if isinstance(barrier, SpeedLimit) and model.velocity_at != 2:
+            raise InvalidInputError(
+                f"{barrier.name}: got a speed limit for {model}, expected a model with its velocity"
+                " in x[2:4]"
+            )
+        states = np.random.default_rng(0).normal(size=(_SAMPLES, model.n))
+        for degree in (1, 2):
+            for x in states:
+                jet, inputs = barrier.jet(x, 0.0), model.g(x)
+                gradient = jet.gradient
+                if degree == 2:
+                    gradient = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ gradient
+                    gradient = gradient + jet.gradient_rate
+                size = np.linalg.norm(gradient) * np.linalg.norm(inputs)
+                if np.abs(gradient @ inputs).max() > VANISHED * size:
+                    return degree
+        raise InvalidInputError(
+            f"{barrier.name}: got a barrier that no input of {model} reaches by its second "
+            "derivative, expected relative degree 1 or 2 (barriers.Function finds higher ones)"
+        )
+
+
+def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
+    """Return (m,) what each row keeps between h and zero.
+
+    Args:
+        barriers: m safety conditions.
+        margin: (m,), or one number for the rows of priority 1 that read the position; a speed
+            limit then keeps its own.
+    """
+    given = np.asarray(margin, dtype=np.float64)
+    if given.ndim:
+        return given
+    return np.array(
+        [
+            barrier.margin
+            if isinstance(barrier, SpeedLimit)
+            else float(given) * (barrier.priority == 1 and barrier.reads_position)
+            for barrier in barriers
+        ]
+    )
+
+
+def rows(
+    model: ReducedOrderModel,
+    barriers: Sequence[Barrier],
+    x: Array,
+    t: float,
+    alpha1: ClassK,
+    alpha2: ClassK,
+    margin: ArrayLike = 0.0,
+) -> CbfRows:
+    """Return the rows of one state; a filter keeps a :class:`GeneralRows` instead."""
+    return GeneralRows(model, alpha1, alpha2)(barriers, x, t, margin)

@@ -1,0 +1,91 @@
+"""A user's own model from two functions."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.models.autodiff import compile64, import_jax, is_jax
+from hcbf_gym.models.reduced_order import ReducedOrderModel, count, namespace
+
+Array = NDArray[np.float64]
+
+
+class ControlAffine(ReducedOrderModel):
+    """The model ``ẋ = f(x) + g(x)u`` of two functions, written with NumPy or with jax.numpy.
+
+    Functions that use jax.numpy are compiled, and ∂f/∂x is exact; with NumPy it comes by central
+    differences. `barriers.Function` of a relative degree above 1 needs the functions in jax.numpy.
+
+    Args:
+        f: x (n,) → (n,) the drift.
+        g: x (n,) → (n, n_u) the input matrix.
+        n: the number of states.
+        n_u: the number of inputs.
+        velocity_at: where the planar velocity that a speed limit reads starts in x, if it does.
+
+    Raises:
+        InvalidInputError: if a count is not positive, or a function does not return numbers of its
+            shape.
+
+    Example:
+        >>> import numpy as np
+        >>> from hcbf_gym import models
+        >>> pendulum = models.ControlAffine(
+        ...     f=lambda x: np.array([x[1], 15.0 * np.sin(x[0])]),
+        ...     g=lambda x: np.array([[0.0], [3.0]]),
+        ...     n=2,
+        ...     n_u=1,
+        ... )
+    """
+
+    def __init__(
+        self,
+        f: Callable[[Any], Any],
+        g: Callable[[Any], Any],
+        n: int,
+        n_u: int,
+        velocity_at: int | None = None,
+    ) -> None:
+        self.n, self.n_u, self.velocity_at = count("n", n), count("n_u", n_u), velocity_at
+        self._f, self._g = f, g
+        probe = np.linspace(0.1, 0.9, self.n)
+        drift, inputs = f(probe), g(probe)
+        finite_array("f(x)", drift, (self.n,))
+        finite_array("g(x)", inputs, (self.n, self.n_u))
+        self._jacobian: Callable[..., Any] | None = None
+        self._compiled_f, self._compiled_g = f, g
+        if is_jax(drift):
+            self._compiled_f = compile64(f)
+            self._jacobian = compile64(import_jax("f").jacfwd(f))
+        if is_jax(inputs):
+            self._compiled_g = compile64(g)
+
+    def f(self, x: Any) -> Any:
+        """Return (n,) the drift."""
+        if isinstance(x, np.ndarray):
+            return np.asarray(self._compiled_f(x), dtype=np.float64)
+        return self._traced("f", self._f, x)
+
+    def g(self, x: Any) -> Any:
+        """Return (n, n_u) the input matrix."""
+        if isinstance(x, np.ndarray):
+            return np.asarray(self._compiled_g(x), dtype=np.float64)
+        return self._traced("g", self._g, x)
+
+    def f_jacobian(self, x: Array) -> Array:
+        """Return (n, n) ∂f/∂x."""
+        return super().f_jacobian(x) if self._jacobian is None else np.asarray(self._jacobian(x))
+
+    def _traced(self, name: str, function: Callable[[Any], Any], x: Any) -> Any:
+        """Return the function's value while JAX differentiates through it."""
+        errors = import_jax("Function").errors
+        try:
+            return namespace(x).asarray(function(x))
+        except (errors.TracerArrayConversionError, errors.ConcretizationTypeError) as error:
+            raise InvalidInputError(
+                f"{name}: got NumPy or a branch on the state, expected jax.numpy (and jnp.where), "
+                "as barriers.Function differentiates through the model"
+            ) from error
