@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from hcbf_gym import programs
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.general import GeneralRows, margins
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.usual import cbf_rows
 from hcbf_gym.errors import check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant
@@ -133,6 +133,7 @@ class GeneralCore(FilterCore):
         self.program: programs.Program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
+        self._general_rows = GeneralRows(plant.model, self.alpha1, self.alpha2)
         self._steps = 0
 
     def restart(self, mask: NDArray[np.bool_]) -> None:
@@ -157,17 +158,15 @@ class GeneralCore(FilterCore):
             batch = barriers.rows(x[None], np.array([time]), self.alpha1, self.alpha2, self.margin)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             return rows, self.margin * barriers.keeps_margin[0]
-        rows = cbf_rows(
-            self.plant.model, tuple(barriers), x, time, self.alpha1, self.alpha2, self.margin
-        )
-        return rows, np.where(rows.priority == 1, self.margin, 0.0)
+        margin = margins(barriers, self.margin)
+        return self._general_rows(barriers, x, time, margin), margin
 
 
 def make_core(
     plant: Plant, input_set: InputSet, settings: FilterSettings, count: int
 ) -> FilterCore:
     """Return the core that fits: the compiled one for the planar double integrator."""
-    planar = isinstance(plant.model, DoubleIntegrator) and input_set.n_u == 2
+    planar = plant.model == DoubleIntegrator()
     kind = (
         PlanarCore
         if planar and settings.solver is None and callable(plant.barriers)
