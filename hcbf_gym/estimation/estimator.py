@@ -1,0 +1,176 @@
+"""The estimator: from the true state, through the sensors, to what the robot can know."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from hcbf_gym.compilation import announce_compilation
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.estimation import sensors
+from hcbf_gym.estimation.kalman import AXIS, A, D, S
+from hcbf_gym.estimation.sensing import NOISE, NOISES
+from hcbf_gym.estimation.sensors import Sensors
+from hcbf_gym.estimation.tick import MEMORY, PAST, SETTINGS, SLIPPING, start, tick
+from hcbf_gym.locomotion.dynamics import GRAVITY
+from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.state import STATE_SIZE, Array
+
+SETTLING = 0.01
+"""How long a foot must have touched before its leg shows the trunk's velocity [s]."""
+
+STANDING = 1.0
+"""How long the robot has stood, averaging fixes, when an episode begins [s]."""
+
+_DIAGONAL, _ACROSS = np.arange(4), np.array([2, 3, 0, 1])  # of position against velocity
+
+BLOCK = 64  # ticks whose noise is drawn at once
+
+
+class PlanarEstimate(NamedTuple):
+    """What is known of the trunk in the plane.
+
+    Attributes:
+        x: (4,) position [m] and velocity [m/s].
+        covariance: (4, 4) of x.
+        yaw: heading [rad].
+    """
+
+    x: Array
+    covariance: Array
+    yaw: float
+
+
+class Estimator:
+    """A position fix, fused with accelerometer and leg odometry, its delay bridged by replay.
+
+    Args:
+        legs: lengths of the legs.
+        foot_radius: [m].
+        source: a preset's name ("motion-capture", "lidar", "uwb"), a plain dict of `Sensors`'
+            fields, or `Sensors`.
+        timestep: between two ticks [s].
+
+    Raises:
+        UnknownNameError: on an unknown preset.
+        InvalidInputError: on an unknown field or a number out of range.
+    """
+
+    def __init__(
+        self,
+        legs: LegGeometry,
+        foot_radius: float,
+        source: str | Mapping[str, Any] | Sensors = "lidar",
+        timestep: float = 0.002,
+    ) -> None:
+        self.sensors = sensors.make(source)
+        dt = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
+        announce_compilation()
+        delay = round(self.sensors.delay / dt)
+        settings = _settings(self.sensors, legs, foot_radius, dt, delay)
+        self._settings = np.array([settings], dtype=SETTINGS)
+        self._memory = np.zeros(1, dtype=MEMORY)
+        self._past = np.zeros(delay + 1, dtype=PAST)
+        self._means: Array = self._past["x"]
+        self._covariances: Array = self._past["cov"]
+        self._rng: np.random.Generator | None = None
+        self._noise = np.zeros((0, 1), dtype=NOISE)
+        self._drawn = 0
+
+    def reset(self, truth: Array, rng: np.random.Generator) -> Array:
+        """Begin an episode; return what is known of the robot (41,), as `tick` does.
+
+        Args:
+            truth: (41,) the vector of the true `RobotState`, at rest.
+            rng: from which all the errors of the episode are drawn.
+        """
+        truth = finite_array("truth", truth, (STATE_SIZE,))
+        self._rng = rng
+        self._drawn = len(self._noise)
+        told = np.empty(STATE_SIZE)
+        start(self._settings, self._memory, self._past, truth, self._next_noise(), told)
+        return told
+
+    def tick(self, truth: Array) -> Array:
+        """Move on by one tick; return (41,) the vector of the `RobotState` as it is known.
+
+        Orientation, rates, joints and contacts are as sensed; the trunk's planar position and
+        velocity are the estimate's; its height and vertical velocity are the truth's.
+
+        Args:
+            truth: (41,) the vector of the true `RobotState` after the tick.
+
+        Raises:
+            InvalidInputError: before the first reset.
+        """
+        told = np.empty(STATE_SIZE)
+        tick(self._settings, self._memory, self._past, truth, self._next_noise(), told)
+        return told
+
+    @property
+    def estimate(self) -> PlanarEstimate:
+        """What is known after the latest tick."""
+        memory = self._memory[0]
+        now = int(memory["ticks"]) % len(self._past)
+        mean, (of_axis, mixed) = self._means[now], self._covariances[now, :2, :2]
+        covariance = np.zeros((4, 4))
+        covariance[_DIAGONAL, _DIAGONAL] = of_axis[0], of_axis[0], mixed[1], mixed[1]
+        covariance[_DIAGONAL, _ACROSS] = of_axis[1]
+        return PlanarEstimate(mean[:2].ravel(), covariance, float(memory["yaw"]))
+
+    def _next_noise(self) -> np.ndarray:
+        if self._rng is None:
+            raise InvalidInputError("estimator: got a tick, expected a reset first")
+        if self._drawn >= len(self._noise):
+            numbers = self._rng.standard_normal((BLOCK, NOISES))
+            self._noise = numbers.view(NOISE)
+            self._drawn = 0
+        self._drawn += 1
+        return self._noise[self._drawn - 1]
+
+
+def _settings(
+    chosen: Sensors, legs: LegGeometry, foot_radius: float, dt: float, delay: int
+) -> tuple[Any, ...]:
+    """Return the fields of a `SETTINGS` record."""
+    half_band = 0.5 / dt  # [Hz] that readings at this rate let through
+    keep_drift, keep_rotation, keep_slip = np.exp(
+        -dt / np.array([chosen.drift_time, chosen.orientation_time, chosen.slip_time])
+    ).tolist()
+    keep, variance = np.ones(AXIS), np.zeros(AXIS)
+    keep[[D, A, S]] = keep_drift, keep_rotation, keep_slip
+    variance[[D, A, S]] = (
+        chosen.drift**2,
+        (GRAVITY * chosen.tilt) ** 2,
+        chosen.slip**2 + SLIPPING**2,
+    )
+    model = (dt, keep, variance, chosen.noise**2)
+    errors = (
+        dt,
+        chosen.noise,
+        chosen.drift,
+        keep_drift,
+        [chosen.tilt, chosen.tilt, chosen.yaw],
+        keep_rotation,
+        chosen.slip,
+        keep_slip,
+        chosen.gyroscope * np.sqrt(half_band),
+        chosen.accelerometer * np.sqrt(half_band),
+        chosen.encoder,
+        np.sqrt(2.0) * chosen.encoder / dt,
+        ndtri(1.0 - chosen.contact),
+    )
+    period = max(round(1.0 / (chosen.rate * dt)), 1)
+    settled = max(round(SETTLING / dt), 1)
+    fixes = max(chosen.rate * STANDING, 1.0)
+    return (
+        model,
+        errors,
+        legs,
+        foot_radius,
+        settled,
+        period,
+        delay,
+        chosen.noise**2 / fixes,
+    )

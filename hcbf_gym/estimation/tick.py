@@ -1,0 +1,214 @@
+"""One tick of the estimator: sense, predict, take in the feet, and a fix when it arrives."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
+from hcbf_gym.estimation.leg_odometry import FootVelocities, trunk_velocities
+from hcbf_gym.estimation.sensing import (
+    ERRORS,
+    SLOW,
+    move_slow_errors,
+    planar_acceleration,
+    sense,
+    start_slow_errors,
+)
+from hcbf_gym.locomotion.leg import LEGS
+from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
+from hcbf_gym.locomotion.state import Array, state_views
+
+GATE = 3.5
+"""A foot that disagrees with the estimate by more standard deviations slips or lifts."""
+
+ROLLING = 0.01
+"""Standard deviation of what a standing foot does between two ticks [m/s]."""
+
+SLIPPING = 0.011
+"""Standard deviation of what standing feet slip in the simulation itself, slowly [m/s]."""
+
+SETTINGS = np.dtype(
+    (
+        np.record,
+        [
+            ("model", MODEL),
+            ("errors", ERRORS),
+            ("legs", LEGS),
+            ("foot_radius", "f8"),  # [m]
+            ("settled", "i8"),  # ticks of contact before a foot counts
+            ("period", "i8"),  # ticks between fixes
+            ("delay", "i8"),  # ticks from a fix to its arrival
+            ("start", "f8"),  # variance of the white noise of the first position [m²]
+        ],
+    )
+)
+
+MEMORY = np.dtype(
+    (
+        np.record,
+        [
+            ("ticks", "i8"),  # since the reset
+            ("velocity", "f8", 3),  # true, a tick ago [m/s]
+            ("touching", "i8", 4),  # ticks that each foot has been reported in contact
+            ("slow", SLOW),
+            ("yaw", "f8"),  # [rad]
+        ],
+    )
+)
+
+PAST = np.dtype(
+    (
+        np.record,
+        [
+            ("fix", "f8", 2),  # taken at this instant [m]
+            ("acceleration", "f8", 2),  # that led to it [m/s²]
+            ("var_acceleration", "f8"),
+            ("var_slip", "f8"),
+            ("odometry", "f8", 2),  # [m/s]
+            ("var_odometry", "f8"),  # negative where no foot stood
+            ("x", "f8", (AXIS, 2)),
+            ("cov", "f8", (AXIS, AXIS)),
+        ],
+    )
+)
+"""An instant that a fix still to come may change: what was known then, and what came in."""
+
+Records = NDArray[np.void]
+
+
+@njit(cache=True)
+def instant(past: Records, ticks: int) -> np.record:
+    """Return the entry of an instant, from the ring that `past` is."""
+    return past[ticks % len(past)]
+
+
+@njit(cache=True)
+def start(
+    settings: Records, memory: Records, past: Records, truth: Array, noise: Records, told: Array
+) -> None:
+    """Begin an episode at rest, with a position averaged over fixes.
+
+    Args:
+        settings: (1,) `SETTINGS`.
+        memory: (1,) `MEMORY`, set anew.
+        past: (delay + 1,) `PAST`, set anew.
+        truth: (41,) the vector of a `RobotState`.
+        noise: (1,) `NOISE` of this tick.
+        told: (41,) filled in with what is known of the robot.
+    """
+    known, now, errors = settings[0], memory[0], settings[0].errors
+    now.ticks = 0
+    now.velocity[:] = truth[19:22]
+    now.touching[:] = 0
+    start_slow_errors(errors, now.slow, noise[0])
+    sense(errors, now.slow, noise[0], truth, told)
+    now.yaw = yaw_of(rotation_matrix(told[3:7]))
+    first = past[0]
+    first.x[:] = 0.0
+    first.cov[:] = 0.0
+    for axis in range(2):
+        error = now.slow.drift[axis] + np.sqrt(known.start) * noise[0].fix[axis]
+        first.x[P, axis] = truth[axis] + error
+    for i in range(D, AXIS):
+        first.cov[i, i] = known.model.variance[i]
+    first.cov[P, P] = known.start + known.model.variance[D]
+    first.cov[P, D] = first.cov[D, P] = -known.model.variance[D]
+    tell(first.x, told)
+
+
+@njit(cache=True)
+def tick(
+    settings: Records, memory: Records, past: Records, truth: Array, noise: Records, told: Array
+) -> None:
+    """Move the estimate on by one tick; arguments as in `start`."""
+    known, now, errors = settings[0], memory[0], settings[0].errors
+    before = instant(past, now.ticks)
+    now.ticks += 1
+    entry = instant(past, now.ticks)
+    move_slow_errors(errors, now.slow, noise[0])
+    sense(errors, now.slow, noise[0], truth, told)
+    state, R = state_views(told), rotation_matrix(told[3:7])
+    now.yaw = yaw_of(R)
+
+    # the heading's error turns accelerations and velocities sideways
+    turned = errors.rotation[2] ** 2
+    acceleration = planar_acceleration(errors, noise[0], truth, now.velocity, R)
+    entry.acceleration[:] = acceleration
+    entry.var_acceleration = errors.accelerometer**2 + turned * (acceleration**2).sum()
+    entry.var_slip = turned * (before.x[V] ** 2).sum()
+    entry.fix[:] = truth[:2] + now.slow.drift + errors.fix * noise[0].fix
+    now.velocity[:] = truth[19:22]
+    for foot in range(4):
+        now.touching[foot] = now.touching[foot] + 1 if state.foot_contact[foot] else 0
+
+    _advance(known.model, before, entry)
+    feet = trunk_velocities(known.legs, known.foot_radius, state, R)
+    feet.velocity[:] += now.slow.slip
+    average_feet(known, now.touching, feet, entry)
+    _take_odometry(entry)
+    if now.ticks > known.delay and (now.ticks - known.delay) % known.period == 0:
+        take_fix(known, past, now.ticks - known.delay, now.ticks)
+    tell(entry.x, told)
+
+
+@njit(cache=True)
+def average_feet(
+    known: np.record, touching: NDArray[np.int64], feet: FootVelocities, entry: np.record
+) -> None:
+    """Note the mean over the feet that have settled and agree with the prediction in `entry`."""
+    var_rate = known.errors.rate**2
+    cov, x = entry.cov, entry.x
+    uncertain = cov[V, V] + 2.0 * cov[V, S] + cov[S, S]
+    total, variance, count = np.zeros(2), 0.0, 0
+    for foot in range(4):
+        if touching[foot] < known.settled:
+            continue
+        noise = var_rate * feet.gain[foot] + ROLLING**2
+        gap = feet.velocity[foot] - x[V] - x[S]
+        if (gap**2).sum() <= GATE**2 * (uncertain + noise):
+            total += feet.velocity[foot]
+            variance += noise
+            count += 1
+    entry.var_odometry = -1.0
+    if count:
+        entry.odometry[:] = total / count
+        entry.var_odometry = variance / count**2
+
+
+@njit(cache=True)
+def take_fix(known: np.record, past: Records, taken: int, now: int) -> None:
+    """Take in the fix of tick `taken`, and play again what came in since, up to tick `now`."""
+    entry = instant(past, taken)
+    correct(entry.x, entry.cov, P, D, entry.fix, known.model.fix)
+    for k in range(taken + 1, now + 1):
+        following = instant(past, k)
+        _advance(known.model, entry, following)
+        _take_odometry(following)
+        entry = following
+
+
+@njit(cache=True)
+def _advance(model: np.record, before: np.record, entry: np.record) -> None:
+    entry.x[:] = before.x
+    entry.cov[:] = before.cov
+    predict(
+        model,
+        entry.x,
+        entry.cov,
+        entry.acceleration,
+        entry.var_acceleration,
+        entry.var_slip,
+    )
+
+
+@njit(cache=True)
+def _take_odometry(entry: np.record) -> None:
+    if entry.var_odometry > 0.0:
+        correct(entry.x, entry.cov, V, S, entry.odometry, entry.var_odometry)
+
+
+@njit(cache=True)
+def tell(x: Array, told: Array) -> None:
+    """Write the estimated planar position and velocity into a state's vector (41,)."""
+    told[0:2] = x[P]
+    told[19:21] = x[V]
