@@ -1,0 +1,81 @@
+"""How far a scene reaches: where a field is needed, and how fine its grid is."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import kernels
+
+Array = NDArray[np.float64]
+
+PAD = 1.5
+"""Room around start, goal and regions, for the ways round them [m]."""
+BEHIND_WALL = 0.5
+"""How far the grid goes beyond a strict wall along an axis [m]."""
+CELL = 0.1
+"""Side of a cell [m] where the scene is not too large for that."""
+MAX_CELLS = 10_000
+"""A larger scene gets larger cells, so that a field takes no longer than 5 ms."""
+
+
+@njit(cache=True)
+def scene_extent(
+    kind: NDArray[np.int64],
+    parameters: Array,
+    priority: NDArray[np.int64],
+    start: Array,
+    goal: Array,
+    extent: Array,
+) -> None:
+    """Write ((x_min, y_min), (x_max, y_max)) around start, goal and the bounded regions.
+
+    Strict walls along an axis cut it off `BEHIND_WALL` beyond them.
+
+    Args:
+        kind: (m,) as in `BarrierSet`.
+        parameters: (m, 19) as in `BarrierSet`.
+        priority: (m,) 1 is strict.
+        start: (2,) [m].
+        goal: (2,) [m].
+        extent: (2, 2) to be written [m].
+    """
+    for axis in range(2):
+        extent[0, axis] = min(start[axis], goal[axis])
+        extent[1, axis] = max(start[axis], goal[axis])
+    for k in range(kind.size):
+        c = parameters[k]
+        if kind[k] == kernels.DISC:
+            for axis in range(2):
+                extent[0, axis] = min(extent[0, axis], c[2 + axis] - c[4])
+                extent[1, axis] = max(extent[1, axis], c[2 + axis] + c[4])
+        elif kind[k] == kernels.ELLIPSE:
+            other = 1.0 / np.sqrt(min(c[4] ** 2 + c[5] ** 2, c[6] ** 2 + c[7] ** 2))
+            for axis in range(2):
+                extent[0, axis] = min(extent[0, axis], c[2 + axis] - other)
+                extent[1, axis] = max(extent[1, axis], c[2 + axis] + other)
+        elif kind[k] == kernels.CONVEX_POLYGON:
+            for corner in range(int(c[2])):
+                for axis in range(2):
+                    value = c[3 + 2 * corner + axis]
+                    extent[0, axis] = min(extent[0, axis], value)
+                    extent[1, axis] = max(extent[1, axis], value)
+    extent[0] -= PAD
+    extent[1] += PAD
+    for k in range(kind.size):
+        if kind[k] == kernels.HALF_PLANE and priority[k] == 1:
+            for axis in range(2):
+                along, wall = parameters[k, 2 + axis], parameters[k, 4]
+                if along == 1.0:
+                    extent[0, axis] = max(extent[0, axis], wall - BEHIND_WALL)
+                elif along == -1.0:
+                    extent[1, axis] = min(extent[1, axis], BEHIND_WALL - wall)
+
+
+@njit(cache=True)
+def geometry_of(extent: Array, cell: float, geometry: Array) -> None:
+    """Write (5,) the grid over an extent: x and y of the first cell, its side [m], ny, nx."""
+    width, height = extent[1, 0] - extent[0, 0], extent[1, 1] - extent[0, 1]
+    side = max(cell, np.sqrt(width * height / MAX_CELLS))
+    geometry[0], geometry[1], geometry[2] = extent[0, 0], extent[0, 1], side
+    geometry[3] = max(2.0, np.ceil(height / side) + 1.0)
+    geometry[4] = max(2.0, np.ceil(width / side) + 1.0)

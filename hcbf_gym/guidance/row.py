@@ -1,0 +1,151 @@
+r"""The guidance row: keep moving down the field, as far as every safety row lets you.
+
+With d the unit vector towards the point that lies `look_ahead` further down the field, the row is
+
+.. math::
+    dᵀu ≥ −k\,(dᵀv − β \min(1, r / r_0)),
+
+r the distance from the goal. Where it holds, the speed along d does not fall below β. It has the
+last rank of all, so that no safety row pays for it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.guidance.field import Field, Ranks, cell_of, grid
+
+Array = NDArray[np.float64]
+
+
+class Pull(NamedTuple):
+    """How the guidance row pulls.
+
+    Attributes:
+        gain: k [1/s].
+        speed: β, the least speed along the way [m/s].
+        look_ahead: how far down the field the row aims [m].
+        ease: r₀, the distance from the goal within which β falls to zero [m].
+    """
+
+    gain: float = 3.0
+    speed: float = 0.3
+    look_ahead: float = 0.6
+    ease: float = 0.6
+
+
+@njit(cache=True)
+def descent(
+    field: Field, geometry: Array, goal: Array, x: float, y: float, length: float
+) -> tuple[float, float]:
+    """Return the point that lies `length` further down the field, or the goal if that is nearer.
+
+    The gradient is that of the field's bilinear interpolation; steps are one cell long.
+    """
+    ny, nx = field.shape
+    cell = geometry[2]
+    steps = int(np.ceil(length / cell))
+    for _ in range(steps):
+        gx, gy = goal[0] - x, goal[1] - y
+        if gx * gx + gy * gy <= 2.25 * cell * cell:
+            return goal[0], goal[1]
+        column = min(max((x - geometry[0]) / cell, 0.0), nx - 1.000001)
+        line = min(max((y - geometry[1]) / cell, 0.0), ny - 1.000001)
+        i, j = int(column), int(line)
+        p, q = column - i, line - j
+        t00, t01 = field[j, i], field[j, i + 1]
+        t10, t11 = field[j + 1, i], field[j + 1, i + 1]
+        gx = (1.0 - q) * (t00 - t01) + q * (t10 - t11)
+        gy = (1.0 - p) * (t00 - t10) + p * (t01 - t11)
+        norm = np.sqrt(gx * gx + gy * gy)
+        if norm < 1e-9:
+            break
+        x, y = x + cell * gx / norm, y + cell * gy / norm
+    return x, y
+
+
+@njit(cache=True)
+def row(
+    field: Field, geometry: Array, goal: Array, x: Array, pull: Pull
+) -> tuple[float, float, float]:
+    """Return (a_x, a_y, b) of the row ``a·u ≥ b`` at one state x (4,); a = 0, b = −1 at the goal.
+
+    Args:
+        field: (capacity,) of one scene.
+        geometry: (5,) of its grid.
+        goal: (2,) [m].
+        x: (4,) position [m] and velocity [m/s].
+        pull: gain, speed and ranges.
+    """
+    px, py = x[0], x[1]
+    tx, ty = descent(grid(field, geometry), geometry, goal, px, py, pull.look_ahead)
+    dx, dy = tx - px, ty - py
+    length = np.sqrt(dx * dx + dy * dy)
+    if length < 1e-6:
+        return 0.0, 0.0, -1.0
+    dx, dy = dx / length, dy / length
+    away = np.sqrt((goal[0] - px) ** 2 + (goal[1] - py) ** 2)
+    speed = pull.speed * min(1.0, away / pull.ease)
+    return dx, dy, -pull.gain * (dx * x[2] + dy * x[3] - speed)
+
+
+@njit(cache=True)
+def rows(
+    field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, a: Array, b: Array
+) -> None:
+    """Write a (N, 2) and b (N,) of N states x (N, 4), each in its own field.
+
+    Args:
+        field: (N, capacity).
+        geometry: (N, 5).
+        goal: (N, 2) [m].
+        x: (N, 4) positions [m] and velocities [m/s].
+        pull: gain, speed and ranges.
+        a: (N, 2) to be written.
+        b: (N,) to be written [m/s²].
+    """
+    for n in range(x.shape[0]):
+        a[n, 0], a[n, 1], b[n] = row(field[n], geometry[n], goal[n], x[n], pull)
+
+
+@njit(cache=True)
+def reachable(through: Ranks, geometry: Array, x: float, y: float) -> int:
+    """Return through which rank the goal can be reached from a point; see `field.flood`."""
+    j, i = cell_of(x, y, geometry)
+    return through[j * int(geometry[4]) + i]
+
+
+@njit(cache=True)
+def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.int64]) -> None:
+    """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
+
+    The guidance row comes last of all. Where the goal can be reached only through a rank that the
+    user lets it take, it comes right before the rows of that rank, which then give way to it.
+
+    Args:
+        priority: (m,) of the safety rows, from 1 without a gap.
+        way: through which rank the goal can be reached, as `reachable` returns it.
+        through: the highest rank that gives way to guidance, above 1; 0 for none.
+        out: (m + 1,) to be written.
+    """
+    m = priority.size
+    lowest = priority.max()
+    gives_way = through > 1 and way >= through
+    out[m] = way if gives_way else lowest + 1
+    for k in range(m):
+        out[k] = priority[k] + 1 if gives_way and priority[k] >= way else priority[k]
+
+
+@njit(cache=True)
+def shape(ux: float, uy: float, ax: float, ay: float, b: float) -> tuple[float, float]:
+    """Return the input nearest u* that meets the guidance row.
+
+    What guidance means for programs with weights: they have no last rank, but whatever they
+    guarantee holds for any u*, and so for this one.
+    """
+    lack = b - ax * ux - ay * uy
+    if lack <= 0.0:
+        return ux, uy
+    return ux + lack * ax, uy + lack * ay

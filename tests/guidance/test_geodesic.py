@@ -1,0 +1,288 @@
+"""The geodesic field and its row: the way it shows, what it can promise, and what it refuses."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from hcbf_gym import guidance, programs, scenarios
+from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc, HalfPlane, LinearClassK, LogClassK
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance import field as fields
+from hcbf_gym.guidance import row as guidance_row
+
+FAR = (Disc("far", 1, (50.0, 50.0), 1.0),)
+OPEN = ((-2.0, -3.0), (6.0, 3.0))
+
+
+def way_of(barriers, goal, extent=OPEN, clearance=0.05, **options):
+    way = guidance.Geodesic(**options)
+    way.reset(barriers, goal, extent, clearance)
+    return way
+
+
+def value(way, point):
+    """T at a point, by bilinear interpolation."""
+    view, (x0, y0, cell, *_) = fields.grid(way.field[0], way.geometry[0]), way.geometry[0]
+    column, line = (point[0] - x0) / cell, (point[1] - y0) / cell
+    return float(map_coordinates(view.astype(np.float64), [[line], [column]], order=1)[0])
+
+
+def descend(way, point, steps=400):
+    """The points that the field's own descent passes, a cell apart, until it reaches the goal."""
+    view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
+    points = [np.array(point)]
+    while len(points) < steps and np.linalg.norm(points[-1] - goal) > 1e-9:
+        points.append(
+            np.array(guidance_row.descent(view, geometry, goal, *points[-1], geometry[2]))
+        )
+    return np.array(points)
+
+
+def values_along(scene, points):
+    """h (k, m) at k points."""
+    x = np.hstack([points, np.zeros_like(points)])
+    return BarrierSet([scene.barriers]).along(x, np.zeros(len(x)))
+
+
+def ring(priority, gap=0):
+    """Overlapping discs around (3, 0), all but `gap` of them."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)[: 16 - gap]
+    return [
+        Disc(f"{k}", priority, (3.0 + 1.5 * np.cos(a), 1.5 * np.sin(a)), 0.4)
+        for k, a in enumerate(angles)
+    ]
+
+
+def test_in_the_open_the_field_is_the_distance():
+    way = way_of(FAR, (4.0, 0.0))
+    for point in ((0.0, 0.0), (1.0, 2.0), (5.5, -2.5), (-1.9, -2.9)):
+        distance = np.linalg.norm(np.array(point) - (4.0, 0.0))
+        assert distance - 1e-4 <= value(way, point) <= 1.06 * distance + 0.1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_field_decreases_along_its_own_descent_to_the_goal(seed):
+    scene = scenarios.make("random", np.random.default_rng(seed))
+    way = way_of(scene.barriers, scene.goal, None)
+    points = descend(way, scene.start)
+    np.testing.assert_array_equal(points[-1], scene.goal)
+    along = np.array([value(way, point) for point in points])
+    left = int(np.argmax(values_along(scene, points).min(axis=1) > 0.1))
+    assert (np.diff(along[left:-1]) < 0.0).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_goal_is_the_only_cell_without_a_lower_neighbour(seed):
+    scene = scenarios.make("random", np.random.default_rng(seed))
+    way = way_of(scene.barriers, scene.goal, None)
+    view = fields.grid(way.field[0], way.geometry[0])
+    around = np.pad(view, 1, constant_values=np.inf)
+    lower = np.zeros(view.shape, dtype=np.bool_)
+    for near in (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]):
+        lower |= near < view
+    assert [tuple(cell) for cell in np.argwhere(~lower)] == [
+        fields.cell_of(*scene.goal, way.geometry[0])
+    ]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_way_enters_no_region_that_it_need_not(seed):
+    scene = scenarios.make("random", np.random.default_rng(seed))
+    way = way_of(scene.barriers, scene.goal, None)
+    points = descend(way, scene.start)
+    h = values_along(scene, points)
+    woke_in = h[0] < 0.0
+    assert (h[:, ~woke_in] > 0.0).all()
+    left = np.argmax((h > 0.0).all(axis=1))
+    assert (h[left:] > 0.0).all()  # what it wakes in, it leaves for good
+
+
+@pytest.mark.parametrize(("priorities", "expected"), [((1, 2), 2), ((2, 3), 3), ((1, 3), 3)])
+def test_of_two_walls_across_the_way_the_lower_rank_is_taken(priorities, expected):
+    across = [
+        ConvexPolygon(f"{k}", rank, ((2.0, y), (2.4, y), (2.4, y + 5.0), (2.0, y + 5.0)))
+        for k, (rank, y) in enumerate(zip(priorities, (-5.0, 0.0), strict=True))
+    ]
+    way = way_of(across, (4.0, -1.0))
+    assert way.reachable(np.zeros((1, 4))) == expected
+    crossing = min(descend(way, (0.0, -1.0)), key=lambda p: abs(p[0] - 2.2))
+    assert (crossing[1] > 0.0) == (expected == priorities[1])
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_a_closed_ring_is_found_unreachable_but_through_its_rank_and_one_with_a_gap_is_not(rank):
+    outside, inside = np.zeros((1, 4)), np.array([[2.8, 0.1, 0.0, 0.0]])
+    closed, open_ = way_of(ring(rank), (3.0, 0.0)), way_of(ring(rank, gap=3), (3.0, 0.0))
+    assert closed.reachable(outside) == rank
+    assert closed.reachable(inside) == 0
+    assert open_.reachable(outside) == 0
+
+
+def test_at_a_strict_edge_the_way_from_there_counts():
+    way = way_of([Disc("one", 1, (2.0, 0.0), 1.0)], (4.0, 0.0))
+    for distance in (0.98, 1.01, 1.04, 1.2):  # inside by a hair, and within the clearance
+        assert way.reachable(np.array([[2.0 - distance, 0.0, 0.0, 0.0]])) == 0
+
+
+def test_inside_a_strict_region_the_row_leads_out_by_the_nearest_side():
+    way = way_of([Disc("one", 1, (2.0, 0.0), 1.0)], (4.0, 0.0))
+    for angle in (1.0, 2.0, 3.0, 4.0):
+        out = np.array([np.cos(angle), np.sin(angle)])
+        a, _ = way.row(np.concatenate([np.array([2.0, 0.0]) + 0.9 * out, [0.0, 0.0]]), 0.0)
+        assert a @ out > 0.2
+
+
+def test_the_row_asks_for_speed_along_the_way_and_nothing_at_the_goal():
+    way = way_of(FAR, (4.0, 0.0))
+    a, b = way.row(np.array([0.0, 0.0, 0.0, 0.0]), 0.0)
+    np.testing.assert_allclose(a, [1.0, 0.0], atol=0.02)
+    assert b == pytest.approx(way.pull.gain * way.pull.speed)
+    fast = way.row(np.array([0.0, 0.0, 0.8, 0.0]), 0.0)
+    assert fast[1] < 0.0  # u* may brake
+    near = way.row(np.array([3.8, 0.0, 0.0, 0.0]), 0.0)
+    assert 0.0 < near[1] < b
+    a, b = way.row(np.array([4.0, 0.0, 0.3, 0.0]), 0.0)
+    assert (a == 0.0).all()
+    assert b < 0.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_safety_row_pays_for_the_guidance_row(seed):
+    rng = np.random.default_rng(seed)
+    count = 100
+    scenes = [scenarios.make("random-moving", rng) for _ in range(count)]
+    barriers = BarrierSet([scene.barriers for scene in scenes])
+    x = rng.uniform([-0.5, -1.5, -1.0, -1.0], [10.0, 1.5, 1.0, 1.0], (count, 4))
+    x[: count // 2] = rng.uniform(-0.05, 0.05, (count // 2, 4))  # where conflicts are
+    way = guidance.Geodesic(count)
+    way.reset(barriers, np.array([scene.goal for scene in scenes]))
+    a, b = way.rows(x, np.zeros(count))
+    rows = barriers.rows(x, np.zeros(count), LogClassK(), LinearClassK(2.0))
+    guided = CbfRows(
+        np.concatenate([rows.a, a[:, None]], axis=1),
+        np.concatenate([rows.b, b[:, None]], axis=1),
+        np.concatenate([rows.h, np.ones((count, 1))], axis=1),
+        np.concatenate([rows.priority, np.full((count, 1), 4)], axis=1),
+    )
+    program, u = programs.make_batch("lex-cbf-qp"), rng.uniform(-5.0, 5.0, (count, 2))
+    without, with_row = program(u, rows), program(u, guided)
+    assert (np.linalg.norm(without.u - with_row.u, axis=1) > 1e-3).sum() > 10
+    assert (without.slack > 0.0).any(axis=1).sum() > 10
+    for rank in (1, 2, 3):
+        paid = [np.sum(np.where(rows.priority == rank, slack, 0.0) ** 2, axis=1)
+                for slack in (without.slack, with_row.slack[:, :-1])]  # fmt: skip
+        np.testing.assert_allclose(paid[1], paid[0], atol=1e-6)
+
+
+def test_one_scene_has_the_field_that_it_has_among_many_and_a_seed_decides_it():
+    scenes = [scenarios.make("random", np.random.default_rng(seed)) for seed in range(4)]
+    together = guidance.Geodesic(4)
+    together.reset(BarrierSet([s.barriers for s in scenes]), np.array([s.goal for s in scenes]))
+    for n, scene in enumerate(scenes):
+        for _ in range(2):
+            alone = guidance.Geodesic()
+            alone.reset(scene.barriers, scene.goal)
+            cells = alone.field.shape[1]
+            np.testing.assert_array_equal(alone.geometry[0], together.geometry[n])
+            np.testing.assert_array_equal(alone.field[0], together.field[n, :cells])
+            np.testing.assert_array_equal(alone.through[0], together.through[n, :cells])
+
+
+def test_a_reset_of_one_scene_leaves_the_others_alone():
+    scenes = [scenarios.make("random", np.random.default_rng(seed)) for seed in range(3)]
+    barriers = BarrierSet([scene.barriers for scene in scenes])
+    way, goals = guidance.Geodesic(3), np.array([scene.goal for scene in scenes])
+    way.reset(barriers, goals)
+    before, cells = way.field.copy(), way.field.shape[1]
+    other = scenarios.make("random", np.random.default_rng(9))
+    barriers.set_scene(1, other.barriers)
+    goals[1] = other.goal
+    way.reset(barriers, goals, mask=np.array([False, True, False]))
+    np.testing.assert_array_equal(way.field[[0, 2], :cells], before[[0, 2]])
+    alone = way_of(other.barriers, other.goal, None, 0.0)
+    np.testing.assert_array_equal(alone.field[0], way.field[1, : alone.field.shape[1]])
+
+
+def test_the_field_of_a_moving_region_is_renewed_after_every_period():
+    barriers = [Disc("mover", 2, (2.0, -0.6), 1.0, (0.0, 0.2))]
+    way = way_of(barriers, (4.0, 0.0), period=0.5)
+    x = np.zeros(4)
+    first, _ = way.row(x, 0.0)
+    field = way.field.copy()
+    way.row(x, 0.48)
+    np.testing.assert_array_equal(way.field, field)
+    way.row(x, 0.5)
+    assert not np.array_equal(way.field, field)
+    last, _ = way.row(x, 6.0)
+    assert first[1] > 0.0 > last[1]  # the region has passed to the other side of the line
+
+
+def test_the_guidance_row_comes_last_unless_a_rank_may_give_way():
+    priority = np.array([1, 3, 2, 2, 1])
+    out = np.empty(6, dtype=np.int64)
+
+    def ranks(way, through):
+        guidance_row.insert(priority, way, through, out)
+        return out.tolist()
+
+    last = [1, 3, 2, 2, 1, 4]
+    assert ranks(2, 0) == ranks(0, 2) == ranks(1, 2) == ranks(2, 3) == last
+    assert ranks(2, 2) == [1, 4, 3, 3, 1, 2]
+    assert ranks(3, 2) == ranks(3, 3) == [1, 4, 2, 2, 1, 3]
+
+
+def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        u, angle, b = rng.uniform(-5.0, 5.0, 2), rng.uniform(0.0, 6.3), rng.uniform(-2.0, 2.0)
+        a = np.array([np.cos(angle), np.sin(angle)])
+        shaped = np.array(guidance_row.shape(*u, *a, b))
+        assert a @ shaped >= b - 1e-12
+        if a @ u >= b:
+            np.testing.assert_array_equal(shaped, u)
+        else:
+            np.testing.assert_allclose(a @ shaped, b, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"goal": None}, "goal: got None"),
+        ({"goal": (3.0, 0.1)}, "inside the strict region number 1"),
+        ({"goal": (9.0, 0.0)}, "goal: got .* expected a point within the extent"),
+        ({"goal": (np.nan, 0.0)}, "finite"),
+        ({"start": (0.0, 4.0)}, "start: got .* expected a point within the extent"),
+        ({"extent": ((0.0, 0.0), (-1.0, 1.0))}, "extent"),
+        ({"clearance": -0.1}, "clearance"),
+        ({"clearance": [[0.1, 0.1]]}, "clearance: got shape"),
+    ],
+)
+def test_a_scene_without_a_way_is_refused_and_the_old_one_kept(wrong, match):
+    way = guidance.Geodesic()
+    right = {"barriers": [Disc("one", 1, (3.0, 0.0), 1.0)], "goal": (5.0, 0.0), "extent": OPEN}
+    way.reset(**right)
+    before = way.field.copy()
+    with pytest.raises(InvalidInputError, match=match):
+        way.reset(**(right | wrong))
+    np.testing.assert_array_equal(way.field, before)
+    np.testing.assert_array_equal(way.goal, [[5.0, 0.0]])
+
+
+def test_before_a_reset_there_is_no_row():
+    with pytest.raises(InvalidInputError, match="reset"):
+        guidance.Geodesic().row(np.zeros(4), 0.0)
+    for wrong in ({"count": 0}, {"cell": 0.0}, {"period": -1.0}):
+        with pytest.raises(InvalidInputError, match="got"):
+            guidance.Geodesic(**wrong)
+
+
+def test_the_grid_ends_behind_strict_walls_and_grows_coarser_with_the_scene():
+    walls = [HalfPlane("left", 1, (0.0, -1.0), -2.0), HalfPlane("right", 1, (0.0, 1.0), -2.0)]
+    way = way_of(walls, (8.0, 0.0), None)
+    _, y0, cell, _, _ = way.geometry[0]
+    assert cell == pytest.approx(0.1)
+    assert y0 == pytest.approx(-1.5)  # PAD below start and goal comes before the wall
+    large = way_of([*walls, Disc("far", 2, (300.0, 0.0), 1.0)], (8.0, 0.0), None)
+    assert large.geometry[0, 2] > cell
+    assert large.geometry[0, 3] * large.geometry[0, 4] < 11_000
