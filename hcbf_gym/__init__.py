@@ -2,8 +2,10 @@
 
 import gymnasium as gym
 
+from hcbf_gym import compilation
 from hcbf_gym.envs.headless import prefer_egl
 
+compilation.prepare()  # before anything compiles
 prefer_egl()  # before anything imports MuJoCo
 
 from hcbf_gym import policies, programs, scenarios, wrappers  # noqa: E402

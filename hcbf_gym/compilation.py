@@ -1,14 +1,89 @@
-"""Says so when compiled kernels are made, which takes a while the first time."""
+"""Compiled kernels: none comes stale from the cache, and whoever waits for them is told why."""
 
 import functools
+import hashlib
 import logging
+import re
+from pathlib import Path
+from typing import Any
 
-from numba.core import event
+from numba.core import caching, event
 
 _LOGGER = logging.getLogger("hcbf_gym")
+_PACKAGE = Path(__file__).parent
+_IMPORT = re.compile(r"^\s*(?:from hcbf_gym(\S*) import (\([^)]*\)|.*)|import hcbf_gym(\S*))", re.M)
+
+
+@functools.cache
+def prepare() -> None:
+    """Make Numba key this package's kernels by all their sources, and announce a compilation.
+
+    Numba keys a cached kernel by the file in which it stands. A kernel holds what it calls in
+    other files too, so an edit there would go unseen. Only the key changes: where the cache lies,
+    and whether there is one, stays Numba's and the user's choice. Kernels that were cached under
+    other sources are overwritten.
+    """
+    caching.CacheImpl._locator_classes = [
+        type(locator.__name__, (_KeyedByAllSources, locator), {})
+        for locator in caching.CacheImpl._locator_classes
+    ]
+    event.register("numba:compile", _Announcer())
+
+
+class _KeyedByAllSources:
+    """Adds to a cache locator's stamp of a kernel's own file that of the files it imports."""
+
+    _py_file: str
+
+    def get_source_stamp(self) -> Any:
+        """Return what tells whether the cached kernel is that of the present sources."""
+        stamp = super().get_source_stamp()  # type: ignore[misc]
+        file = Path(self._py_file)
+        return (stamp, sources_hash([file])) if file.is_relative_to(_PACKAGE) else stamp
+
+
+def sources_hash(files: list[Path]) -> str:
+    """Return a hash of files of this package and of all others of it that they import.
+
+    Args:
+        files: below `hcbf_gym/`.
+    """
+    found, waiting = set(), list(files)
+    while waiting:
+        file = waiting.pop()
+        if file not in found:
+            found.add(file)
+            waiting += _imported(file)
+    text = "\n".join(f"{file.relative_to(_PACKAGE)} {_digest(file)}" for file in sorted(found))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.cache
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+@functools.cache
+def _imported(file: Path) -> list[Path]:
+    """Return the files of this package that one of them imports, none for a file of data."""
+    if file.suffix != ".py":
+        return []
+    modules = []
+    for parent, names, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        if module:
+            modules.append(module)
+            continue
+        bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
+        modules += [parent, *(f"{parent}.{name}" for name in bare if name)]
+    places = [_PACKAGE.joinpath(*module.strip(".").split(".")) for module in modules]
+    paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
+    # the package's own __init__ imports every room, and nothing computes with what stands in it
+    return [path for path in paths if path.is_file() and path != _PACKAGE / "__init__.py"]
 
 
 class _Announcer(event.Listener):
+    """Logs one line when a kernel is compiled instead of read from the cache."""
+
     def __init__(self) -> None:
         self._announced = False
 
@@ -23,9 +98,3 @@ class _Announcer(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         pass
-
-
-@functools.cache
-def announce_compilation() -> None:
-    """Log one line when a kernel is compiled instead of read from the cache."""
-    event.register("numba:compile", _Announcer())

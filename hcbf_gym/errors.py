@@ -1,5 +1,6 @@
 """One family of errors; a message says what was got, what was expected and the choices."""
 
+import importlib.util
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -51,6 +52,25 @@ def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:
     if name not in choices:
         raise UnknownNameError(f"unknown {kind}: got {name!r}, expected one of {sorted(choices)}")
     return choices[name]
+
+
+def require(what: str, extra: str, *modules: str) -> None:
+    """Refuse to begin what needs an optional dependency that is not installed.
+
+    Args:
+        what: what needs it, for the message ("hcbf tune", "--video", …).
+        extra: the extra of this package that brings it.
+        modules: the top-level modules that must be found.
+
+    Raises:
+        MissingDependencyError: if one is missing; the message names the extra.
+    """
+    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    if missing:
+        raise MissingDependencyError(
+            f"{what}: got no {', '.join(missing)}, "
+            f"expected the extra: pip install 'hcbf-gym[{extra}]'"
+        )
 
 
 def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> None:

@@ -6,7 +6,6 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.compilation import announce_compilation
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import BodyReference
@@ -78,7 +77,6 @@ class LocomotionController:
         height: float = a1.HOME_HEIGHT,
         formulation: str = "condensed",
     ) -> None:
-        announce_compilation()
         self.model = RobotModel(xml_file)
         chosen_gait = choose("gait", gait, GAITS)
         settings = (

@@ -8,7 +8,7 @@ from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.barriers.held import disc_curvature, hold_rows, reach
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.studies.benchmarks import monte_carlo
+from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
 
 DT, U_MAX = 0.02, 5.0 * np.sqrt(2.0)
 ALPHA2 = LinearClassK(2.0)

@@ -1,15 +1,14 @@
 """The evaluation and its command line."""
 
 import json
-import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tyro
 
+from hcbf_gym import cli
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
 from hcbf_gym.programs import FilterStatus
@@ -69,12 +68,9 @@ def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
     ],
 )
 def test_bad_arguments_are_refused_before_anything_is_written(arguments, message, tmp_path):
-    script = runpy.run_path(str(ROOT / "scripts" / "evaluate.py"))
     output = tmp_path / "out"
-    with pytest.raises(HcbfError, match=message):
-        script["main"](
-            tyro.cli(script["Args"], args=["--env", ROM, "--output", str(output), *arguments])
-        )
+    with pytest.raises(SystemExit, match=message):
+        cli.main(["evaluate", "--env", ROM, "--output", str(output), *arguments])
     assert not output.exists()
 
 

@@ -1,4 +1,4 @@
-import importlib.util
+import importlib
 import json
 import subprocess
 import sys
@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hcbf_gym.cli import COMMANDS
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
@@ -174,14 +175,6 @@ def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
     assert (tmp_path / "settings.json").read_text() == text
 
 
-def load(script):
-    spec = importlib.util.spec_from_file_location(script, ROOT / "scripts" / f"{script}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[script] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize(
     ("script", "arguments", "message"),
     [
@@ -197,7 +190,7 @@ def load(script):
 )
 def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, arguments, message):
     open_folder(tmp_path, {"study": "something else"})
-    module = load(script)
+    module = importlib.import_module(COMMANDS[script].module)
     with pytest.raises(InvalidInputError, match=message):
         module.main(module.Args(output=tmp_path, **arguments))
     assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]

@@ -1,0 +1,98 @@
+"""Put safety filters that know priorities around a policy, and study them.
+
+Each command takes --help.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import tyro
+from threadpoolctl import threadpool_limits
+
+from hcbf_gym.errors import HcbfError, choose, require
+
+
+class Command(NamedTuple):
+    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring.
+
+    Attributes:
+        module: imported when the command is called, not before.
+        does: one line for the list of commands.
+        extra: the extra that brings what it needs, where it needs more than the core.
+        needs: the modules of that extra that must be there.
+    """
+
+    module: str
+    does: str
+    extra: str = ""
+    needs: tuple[str, ...] = ()
+
+
+COMMANDS = {
+    "evaluate": Command(
+        "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
+    ),
+    "reproduce": Command(
+        "hcbf_gym.studies.reproduction.command",
+        "every figure of the paper, and its claims as true or false",
+        "studies",
+        ("optuna",),
+    ),
+    "tune": Command(
+        "hcbf_gym.studies.tuning.command",
+        "the weights (γ₀, Δγ) by sampling",
+        "studies",
+        ("optuna",),
+    ),
+    "train": Command(
+        "hcbf_gym.studies.training.command",
+        "a policy under the filter, by PPO, SAC or TD3",
+        "rl",
+        ("stable_baselines3",),
+    ),
+    "monte-carlo": Command(
+        "hcbf_gym.studies.monte_carlo.command", "every program in random conflicting scenes"
+    ),
+    "benchmark": Command(
+        "hcbf_gym.studies.benchmarks.command",
+        "speed and quality, beside others; the figures of every table",
+    ),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one command; an error that this package raises ends it in one line.
+
+    Args:
+        arguments: the command's name and its own arguments; None for those of the process.
+    """
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(_overview())
+        return
+    name, *rest = arguments
+    # one episode, one core: processes share the work, not threads, unless the user says otherwise
+    threads = None if "OMP_NUM_THREADS" in os.environ else 1
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    try:
+        command = choose("command", name, COMMANDS)
+        require(f"hcbf {name}", command.extra, *command.needs)
+        module = importlib.import_module(command.module)
+        args = tyro.cli(module.Args, prog=f"hcbf {name}", description=module.__doc__, args=rest)
+        with threadpool_limits(threads):
+            module.main(args)
+    except HcbfError as error:
+        sys.exit(f"error: {error}")
+
+
+def _overview() -> str:
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {command.does}" for name, command in COMMANDS.items()]
+    return "\n".join(["usage: hcbf COMMAND [arguments]", "", str(__doc__), *lines])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+"""The paper's course on the A1, as `hcbf evaluate` walks it without arguments."""
+
+from typing import Any
+
+from hcbf_gym import scenarios
+from hcbf_gym.evaluation.command import comparison
+from hcbf_gym.evaluation.rollouts import UNFILTERED, Case, aggregate, evaluate
+from hcbf_gym.evaluation.tables import Table
+
+SCENARIO = "paper-simulation"
+PROGRAMS = (UNFILTERED, "r-cbf-qp", "h-cbf-qp")
+QUICK_PROGRAMS = ("h-cbf-qp",)
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Walk the course under every program; return a row of figures for each.
+
+    Args:
+        quick: under one program only.
+    """
+    programs = QUICK_PROGRAMS if quick else PROGRAMS
+    cases = [Case("HCBF-A1Regions-v0", SCENARIO, "pd", program) for program in programs]
+    episodes = [
+        case.label() | {"seed": seed} | episode.summary()
+        for case, seed, episode in evaluate(cases, [0], workers=len(cases))
+    ]
+    return {"rows": aggregate(episodes)}
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the table of the README."""
+    return {"all": comparison(figures["rows"], scenarios.make(SCENARIO).barriers)}

@@ -1,0 +1,1 @@
+"""Every program in random scenes that start in conflict."""

@@ -1,0 +1,85 @@
+"""The paper's figures 5, 6 and 7, on the reduced-order model and the A1, and its claims.
+
+Writes the pictures and reproduction.json, whose `claims` say for each claim of the paper whether
+the run bears it out. Run it again to resume it: every episode is kept under its settings.
+"""
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import optuna
+import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+from rich.table import Table
+
+import hcbf_gym
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.studies.reproduction import FIGURES, Runs
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to reproduce."""
+
+    figure: tyro.conf.Positional[Literal["fig5", "fig6", "fig7", "all"]] = "all"
+    """Which figure of the paper."""
+    quick: bool = False
+    """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
+    output: Path = Path("results/reproduce")
+    """Folder for the pictures, the episodes and reproduction.json."""
+    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
+        default_factory=lambda: os.cpu_count() or 1
+    )
+    """Processes."""
+    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
+    """How they are started; ray needs the extra `cluster`."""
+
+
+def main(args: Args) -> None:
+    """Draw the figures, check the claims, and write both."""
+    if args.workers < 1:
+        raise InvalidInputError(f"workers: got {args.workers}, expected at least 1")
+    settings = {"study": "reproduction", "quick": args.quick, "version": hcbf_gym.__version__}
+    open_folder(args.output, settings)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    names = list(FIGURES) if args.figure == "all" else [args.figure]
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns) as progress:
+        bars: dict[str, Any] = {}
+
+        def show(title: str, done: int, total: int) -> None:
+            if title not in bars:
+                bars[title] = progress.add_task(title, total=total)
+            progress.update(bars[title], completed=done)
+
+        runs = Runs(args.output / "episodes", args.workers, args.backend, show)
+        for name in names:
+            result = FIGURES[name](runs, args.output, args.quick)
+            write_json(args.output / f"{name}.json", result)
+    results = {
+        name: json.loads(path.read_text(encoding="utf-8"))
+        for name in FIGURES
+        if (path := args.output / f"{name}.json").exists()
+    }
+    claims = {
+        text: holds for result in results.values() for text, holds in result["claims"].items()
+    }
+    write_json(
+        args.output / "reproduction.json",
+        {"settings": settings, "claims": claims, "figures": results},
+    )
+    console = Console()
+    console.print(_table(claims))
+    console.print(f"written to {args.output}")
+
+
+def _table(claims: dict[str, bool]) -> Table:
+    table = Table("claim", "holds", title=f"{sum(claims.values())} of {len(claims)} claims hold")
+    for text, holds in claims.items():
+        table.add_row(text, "[green]yes[/]" if holds else "[red]no[/]")
+    return table

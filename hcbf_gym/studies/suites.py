@@ -1,0 +1,80 @@
+"""Every suite of figures: where it is, what it depends on, how long it takes.
+
+A suite is a module with ``run(quick) -> figures``, figures of JSON types, and, where a page shows
+them, ``tables(figures) -> {name: Table}``. Registering one is a line in `SUITES`.
+"""
+
+import importlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import hcbf_gym
+from hcbf_gym.compilation import sources_hash
+from hcbf_gym.evaluation.tables import Table
+
+_PACKAGE = Path(hcbf_gym.__file__).parent
+
+ROM = ("envs/regions.py", "envs/regions_vector.py")
+"""What the reduced-order environments are made of, and through their imports all below them."""
+A1 = ("envs/a1_regions.py", "robots/a1/a1.xml")
+"""The same of the walking robot."""
+BASELINES = ("policies/baselines/*",)
+"""The policies that come with the package."""
+
+
+class Suite(NamedTuple):
+    """One suite.
+
+    Attributes:
+        module: below `hcbf_gym.studies`.
+        does: one line.
+        minutes: what a full run takes on two cores.
+        also: patterns of files below `hcbf_gym/` that it depends on without importing them.
+        extra: the extra that it needs, if any.
+        needs: the modules of that extra that must be there.
+    """
+
+    module: str
+    does: str
+    minutes: float
+    also: tuple[str, ...] = ()
+    extra: str = ""
+    needs: tuple[str, ...] = ()
+
+    def run(self, quick: bool) -> dict[str, Any]:
+        """Return its figures."""
+        return importlib.import_module(f"hcbf_gym.studies.{self.module}").run(quick)
+
+    def tables(self, figures: dict[str, Any]) -> dict[str, Table]:
+        """Return the tables of its figures by name; none where the suite shows none."""
+        module = importlib.import_module(f"hcbf_gym.studies.{self.module}")
+        return module.tables(figures) if hasattr(module, "tables") else {}
+
+    def sources(self) -> str:
+        """Return the hash of the sources that its figures depend on."""
+        own = _PACKAGE.joinpath("studies", *self.module.split(".")).with_suffix(".py")
+        return sources_hash([own, *(file for p in self.also for file in _PACKAGE.glob(p))])
+
+
+SUITES = {
+    "course": Suite("benchmarks.course", "the paper's course on the A1, the README's table", 1, A1),
+    "programs": Suite("benchmarks.programs", "time of each filter, beside peers", 4),
+    "verify-programs": Suite(
+        "benchmarks.verify_programs", "each filter against exact solutions", 60
+    ),
+    "environments": Suite("benchmarks.environments", "environment steps per second", 3, ROM),
+    "monte-carlo": Suite(
+        "monte_carlo.command", "programs in random conflicting scenes, by priority", 40
+    ),
+    "learned-policies": Suite(
+        "benchmarks.learned_policies",
+        "success and safety of policies under every program",
+        40,
+        (*ROM, *A1, *BASELINES),
+    ),
+    "locomotion": Suite(
+        "benchmarks.locomotion", "quality, robustness and speed of the walk", 15, A1
+    ),
+    "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
+}
+"""name → suite; `hcbf benchmark --suite NAME`, ``docs/results/NAME.json``."""

@@ -1,0 +1,204 @@
+"""Choose the weights (γ₀, Δγ) by sampling: draws, the cost of each, the cheapest pair, the map.
+
+Without arguments it is the paper's section III-C on the reduced-order model: draws from
+N((3, 1.5), I), negative ones rejected. Run it again to resume it, or with more samples to go on;
+run it twice at once and the two share the work.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import optuna
+import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+from rich.table import Table
+
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
+from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
+from hcbf_gym.studies.tuning.journal import journal
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to tune and how to sample."""
+
+    env: Literal["HCBF-Regions-v0", "HCBF-A1Regions-v0"] = "HCBF-Regions-v0"
+    """The reduced-order model, all samples at once, or full physics, one episode each."""
+    scenario: str = "paper-simulation"
+    """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    program: str = "h-cbf-qp"
+    """A program that takes both weights."""
+    sampler: tuple[Literal["normal", "tpe", "cmaes"], ...] = ("normal",)
+    """The paper's plain sampling, or Optuna's TPE and CMA-ES within [0, 5] x [0, 2.5]."""
+    samples: int = 500
+    """Samples of each sampler."""
+    mean: tuple[float, float] = (3.0, 1.5)
+    """µ of (γ₀, Δγ)."""
+    covariance: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
+    """Σ of (γ₀, Δγ), row by row."""
+    w_i: float = 1.0
+    """Weight of the tracking error on the way."""
+    w_f: float = 1000.0
+    """Weight of the tracking error at the end."""
+    w_delta: float = 0.5
+    """Weight of the relaxation."""
+    seed: int = 0
+    """Decides the samples and the episodes."""
+    storage: str | None = None
+    """URL of a database that machines share [default: a journal in the output folder]."""
+    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
+        default_factory=lambda: os.cpu_count() or 1
+    )
+    """Processes, in full physics."""
+    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
+    """How they are started; ray needs the extra `cluster`."""
+    output: Path = Path("results/tune")
+    """Folder for the study, tuning.json and the maps."""
+    compare: int = 0
+    """Run so many samples again in a loop over qpsolvers with OSQP, and print the ratio."""
+
+
+def main(args: Args) -> None:
+    """Sample, and write what came out."""
+    if args.workers < 1 or args.samples < 1 or args.compare < 0:
+        raise InvalidInputError(
+            f"got workers {args.workers}, samples {args.samples} and compare {args.compare}, "
+            "expected >= 1, >= 1 and >= 0"
+        )
+    cost = Cost(args.w_i, args.w_f, args.w_delta)
+    problem = Problem(args.env, args.scenario, args.program, seed=args.seed, cost=cost)
+    normal = Normal(args.mean, args.covariance)
+    settings = {"study": "tuning", "problem": problem.settings(), "seed": args.seed}
+    settings |= {"mean": args.mean, "covariance": args.covariance, "samplers": args.sampler}
+    open_folder(args.output, settings)
+    storage: Any = args.storage or journal(args.output / "study.journal")
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    studies, seconds = {}, {}
+    with Progress(*columns) as progress:
+        for name in args.sampler:
+            bar = progress.add_task(name, total=args.samples)
+            study = TuningStudy(problem, normal, name, args.seed, storage)
+            start = time.perf_counter()
+            studies[name] = (
+                study,
+                study.run(
+                    args.samples,
+                    args.workers,
+                    args.backend,
+                    lambda done, bar=bar: progress.update(bar, completed=done),
+                ),
+            )
+            seconds[name] = time.perf_counter() - start
+    _write(args, settings, studies)
+    console = Console()
+    console.print(_table(args, studies))
+    for name, value in seconds.items():
+        console.print(f"{name}: {args.samples} samples in {value:.1f} s")
+    if args.compare:
+        _compare(problem, studies[args.sampler[0]][1], args.compare, console)
+    console.print(f"written to {args.output}")
+
+
+def _write(
+    args: Args, settings: dict[str, Any], studies: dict[str, tuple[TuningStudy, Samples]]
+) -> None:
+    figures = {
+        name: {
+            "samples": args.samples,
+            "rejected": study.rejected(args.samples),
+            "best": _best(samples),
+            "gamma0": samples.gamma0.tolist(),
+            "delta_gamma": samples.delta_gamma.tolist(),
+            "cost": [_number(cost) for cost in samples.cost.tolist()],
+        }
+        for name, (study, samples) in studies.items()
+    }
+    write_json(args.output / "tuning.json", {"settings": settings, "samplers": figures})
+    for name, (_, samples) in studies.items():
+        if len(inside(samples).cost) >= 4:
+            plot_cost_map(samples).savefig(args.output / f"map-{name}.png")
+    if len(studies) > 1:
+        curves = {name: samples for name, (_, samples) in studies.items()}
+        plot_samplers(curves).savefig(args.output / "samplers.png")
+
+
+def _best(samples: Samples) -> dict[str, float | None]:
+    k = samples.best
+    return {
+        "number": k,
+        "gamma0": float(samples.gamma0[k]),
+        "delta_gamma": float(samples.delta_gamma[k]),
+        "cost": _number(float(samples.cost[k])),
+    }
+
+
+def _number(cost: float) -> float | None:
+    """Return a cost as JSON can hold it: None where the robot fell."""
+    return cost if cost < float("inf") else None
+
+
+def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table:
+    table = Table(title=f"{args.env}, {args.scenario}, {args.program}, {args.samples} samples each")
+    for column in ("sampler", "γ₀", "Δγ", "least r", "at sample", "negative draws rejected"):
+        table.add_column(column, justify="left" if column == "sampler" else "right")
+    for name, (study, samples) in studies.items():
+        best = _best(samples)
+        table.add_row(
+            name,
+            f"{best['gamma0']:.3f}",
+            f"{best['delta_gamma']:.3f}",
+            "fell" if best["cost"] is None else f"{best['cost']:.2f}",
+            f"{best['number']}",
+            f"{study.rejected(args.samples)}" if name == "normal" else "-",
+        )
+    return table
+
+
+def _compare(problem: Problem, samples: Samples, count: int, console: Console) -> None:
+    """Time the batch against a loop over single programs with OSQP, per sample, in one run."""
+    if problem.env != "HCBF-Regions-v0":
+        raise InvalidInputError(f"compare: got {problem.env}, expected HCBF-Regions-v0")
+    start = time.perf_counter()
+    problem.costs(samples.gamma0, samples.delta_gamma)
+    batch = (time.perf_counter() - start) / len(samples.cost)
+    loop = Problem(
+        problem.env,
+        problem.scenario,
+        problem.program,
+        {"solver": "osqp"},
+        problem.seed,
+        problem.cost,
+    )
+    start = time.perf_counter()
+    with _silent():
+        for k in range(min(count, len(samples.cost))):
+            loop.case(float(samples.gamma0[k]), float(samples.delta_gamma[k])).run(problem.seed)
+    single = (time.perf_counter() - start) / min(count, len(samples.cost))
+    console.print(
+        f"a sample takes {1e3 * batch:.2f} ms in a batch of {len(samples.cost)} and "
+        f"{1e3 * single:.0f} ms in a loop over qpsolvers with OSQP: {single / batch:.0f} times"
+    )
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep the process's standard output quiet: OSQP's polishing reports whatever it is told."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)

@@ -1,0 +1,65 @@
+"""Compiled kernels are those of the present sources, and the first use says what takes so long."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import hcbf_gym
+
+PACKAGE = Path(hcbf_gym.__file__).parent
+USE = "import hcbf_gym; from hcbf_gym import outer; print(outer.caller(1.0))"
+
+
+def make_package(folder):
+    """A package of the same name whose kernel calls another file's, which reads a third's."""
+    package = folder / "hcbf_gym"
+    package.mkdir()
+    shutil.copy(PACKAGE / "compilation.py", package)
+    (package / "__init__.py").write_text(
+        "from hcbf_gym import compilation\ncompilation.prepare()\n"
+    )
+    (package / "constants.py").write_text("GAIN = 2.0\n")
+    for name, imports, line in (
+        ("inner", "from hcbf_gym.constants import GAIN", "def callee(x):\n    return GAIN * x\n"),
+        (
+            "outer",
+            "from hcbf_gym import inner",
+            "def caller(x):\n    return inner.callee(x) + 1.0\n",
+        ),
+    ):
+        text = f"from numba import njit\n{imports}\n@njit(cache=True)\n{line}"
+        (package / f"{name}.py").write_text(text)
+    return package
+
+
+def run(folder, **environment):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", USE],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder), **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return float(done.stdout), "compiling" in done.stderr
+
+
+def test_an_edited_kernel_that_another_file_calls_is_recompiled(tmp_path):
+    package = make_package(tmp_path)
+    assert run(tmp_path) == (3.0, True)
+    assert run(tmp_path) == (3.0, False)  # from the cache, without a word
+    (package / "inner.py").write_text((package / "inner.py").read_text().replace("* x", "- x"))
+    assert run(tmp_path) == (2.0, True)
+    (package / "constants.py").write_text("GAIN = 5.0\n")
+    assert run(tmp_path) == (5.0, True)
+
+
+def test_the_users_own_cache_folder_is_kept_and_kernels_run_uncompiled(tmp_path):
+    package = make_package(tmp_path)
+    cache = tmp_path / "cache"
+    assert run(tmp_path, NUMBA_CACHE_DIR=str(cache)) == (3.0, True)
+    assert list(cache.rglob("*.nbi"))
+    assert not list(package.rglob("*.nbi"))
+    assert run(tmp_path, NUMBA_DISABLE_JIT="1") == (3.0, False)
