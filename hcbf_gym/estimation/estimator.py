@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from hcbf_gym.compilation import announce_compilation
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.kalman import AXIS, A, D, S
@@ -66,7 +65,6 @@ class Estimator:
     ) -> None:
         self.sensors = sensors.make(source)
         dt = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
-        announce_compilation()
         delay = round(self.sensors.delay / dt)
         settings = _settings(self.sensors, legs, foot_radius, dt, delay)
         self._settings = np.array([settings], dtype=SETTINGS)
