@@ -49,7 +49,7 @@ def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:
     Raises:
         UnknownNameError: if `name` is not registered; the message lists the names that are.
     """
-    if name not in choices:
+    if not isinstance(name, str) or name not in choices:
         raise UnknownNameError(f"unknown {kind}: got {name!r}, expected one of {sorted(choices)}")
     return choices[name]
 

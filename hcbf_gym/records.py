@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,7 +73,19 @@ def check_mapping(what: str, data: Any) -> None:
 
 
 def plain(value: Any) -> Any:
-    """Return `value` with tuples and arrays turned into lists and NumPy scalars into numbers."""
+    """Return `value` in JSON's terms.
+
+    Tuples and arrays become lists, NumPy scalars numbers, paths text, enumerations their values,
+    and a record with a `to_dict` what that returns.
+    """
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "to_dict"):
+        return plain(value.to_dict())
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, tuple | list):

@@ -11,13 +11,14 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from hcbf_gym import scenarios
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.physics import BASE, Physics
+from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
+from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
@@ -45,7 +46,7 @@ _FEEDBACK = {
 }
 
 
-class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
+class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
     """A Unitree A1 walks through dangerous regions that are ranked by priority.
 
     ## Description
@@ -130,10 +131,11 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
         choose("feedback", feedback, _FEEDBACK)
         self.render_mode = render_mode
         self.feedback = feedback
-        self._source = scenario
+        self._scenes = SceneSource(scenario)
+        self._started = False
         self._diagnostics = diagnostics
         self._ticks: Array = np.arange(1, _substeps(timestep) + 1) * np.float64(timestep)
-        self.scenario = scenarios.make(scenario, np.random.default_rng(0))
+        self.scenario = self._scenes.own
         robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
         self.simulation = Physics(
             robot,
@@ -190,27 +192,38 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Start a new episode; a seed decides everything that follows."""
+        """Start a new episode; a seed decides everything that follows.
+
+        Args:
+            seed: of the scenes and the randomisation; None goes on.
+            options: "scenario" and "start" (2,) [m] of this episode alone.
+
+        Raises:
+            InvalidInputError: if an option is unknown, or the scene is of another kind.
+        """
+        given = self._scenes.check(options)
         super().reset(seed=seed)
-        if scenarios.is_random(self._source):
-            self._take_scene(scenarios.make(self._source, self.np_random))
-        self._steps = 0
+        scene = self._scenes.next(self.np_random, given)
+        if scene is not self.scenario:
+            self._take_scene(scene)
+        self._steps, self._started = 0, True
         yaw = _initial_yaw(self.scenario)
         self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
         self.controller.reset(self.simulation.state())
         self._measured = self.simulation.base_state
         self.artist.restart()
         h = self.barrier_set.along(self._measured[None], np.zeros(1))
-        info = task.first(task.step_info(h, h.copy(), self._error()))
+        info = task.first(task.reset_info(self.scenario.task, h, self._error()))
         return self._observe(), info | {
-            "fallen": 0.0,
-            "qp_failures": 0.0,
+            "fallen": np.float64(0.0),
+            "qp_failures": np.float64(0.0),
             "obstacle_force": np.zeros(len(self.scenario.obstacles)),
         }
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         u = task.check_action(action, (2,)).clip(*self._bounds)
+        task.check_started(self._started)
         distance_before = self._error()
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
         for _ in self._ticks:
@@ -227,13 +240,15 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
         self.artist.walk(self._measured[:2])
 
         distance = self._error()
-        near = (distance <= self.scenario.goal_radius) & (self.scenario.task == "reach")
-        reached = near & (not fallen)
+        at_end = self._steps >= len(self._references) - 1
+        success = (distance <= self.scenario.goal_radius) & (at_end and not fallen)
+        reached = success & (self.scenario.task == "reach")
         terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
-        info = task.first(task.step_info(h[-1:], h.min(axis=0, keepdims=True), distance) | terms)
+        least = h.min(axis=0, keepdims=True)
+        info = task.first(task.step_info(h[-1:], least, distance, success) | terms)
         info |= {
-            "fallen": float(fallen),
-            "qp_failures": float(self.controller.failed),
+            "fallen": np.float64(fallen),
+            "qp_failures": np.float64(self.controller.failed),
             "obstacle_force": np.maximum.reduce(forces),
         }
         if self._diagnostics:
@@ -258,6 +273,24 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
             return self._renderer.frame(simulation.data, self.artist, self.scenario, self.time)
         self._renderer.show(self.artist, self.scenario, self.time)
         return None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes an equal environment anew: before the first reset, nothing else counts.
+
+        Raises:
+            InvalidInputError: after it, as a copy would stand at the start of another episode.
+        """
+        if self._started:
+            raise InvalidInputError(
+                f"copy: got an environment {self.time:.2f} s into an episode, expected one before "
+                "its first reset; make another and repeat seed and actions instead"
+            )
+        return EzPickle.__getstate__(self) | {"_spec": self._spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment anew from its arguments."""
+        EzPickle.__setstate__(self, state)
+        self._spec = state["_spec"]
 
     def close(self) -> None:
         """Release the renderer; safe to call twice."""
@@ -288,9 +321,9 @@ class A1RegionsEnv(gym.Env[Array, Array], EzPickle):
 
 
 def _plain(diagnostics: Diagnostics) -> dict[str, Any]:
-    """Return the controller's record as floats and float arrays, as infos carry them."""
+    """Return the controller's record as NumPy's float64, as infos carry them."""
     return {
-        name: np.asarray(value, dtype=np.float64) if np.ndim(value) else float(value)
+        name: np.asarray(value, dtype=np.float64) if np.ndim(value) else np.float64(value)
         for name, value in diagnostics._asdict().items()
     }
 

@@ -9,12 +9,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hcbf_gym import scenarios
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
+from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
@@ -23,7 +24,7 @@ from hcbf_gym.scenarios import Scenario
 Array = NDArray[np.float64]
 
 
-class RegionsEnv(gym.Env[Array, Array]):
+class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
     """The reduced-order robot walks through dangerous regions that are ranked by priority.
 
     ## Description
@@ -58,7 +59,8 @@ class RegionsEnv(gym.Env[Array, Array]):
 
     ## Starting State
     At rest at the scenario's start. `scenario="random"` (or "random-moving") draws another scene
-    at every reset.
+    at every reset. ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the
+    same kind, or another start, for one episode.
 
     ## Episode End
     Terminated when a "reach" task's goal is within the scenario's `goal_radius`; truncated after
@@ -66,8 +68,10 @@ class RegionsEnv(gym.Env[Array, Array]):
 
     ## Infos
     `h` (m,) at the step's end, `min_h` (m,) the least over its ten substeps, `violation` (m,)
-    max(0, −h), `cost` their sum, `tracking_error` ‖p_ref − p‖ [m], and the reward's terms. A speed
-    limit that the scenario sets comes after its own barriers.
+    max(0, −h), `cost` their sum, `tracking_error` ‖p_ref − p‖ [m], `is_success` (1 where the robot
+    stands within `goal_radius` of the goal and the reference has ended), and the reward's terms. A
+    speed limit that the scenario sets comes after its own barriers. A reset reports the same, with
+    `is_success` and the terms zero.
 
     ## Arguments
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
@@ -91,13 +95,14 @@ class RegionsEnv(gym.Env[Array, Array]):
                 f"{self.metadata['render_modes']}"
             )
         self.render_mode = render_mode
-        self._source = scenario
-        self.scenario = scenarios.make(scenario, np.random.default_rng(0))
+        self._scenes = SceneSource(scenario)
+        self.scenario = self._scenes.own
         self._batch = RegionsBatch([self.scenario])
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._view: TopDownView | None = None
         self._path: list[Array] = []
+        self._started = False
 
     @property
     def rom_state(self) -> Array:
@@ -137,19 +142,35 @@ class RegionsEnv(gym.Env[Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Start a new episode; a seed decides everything that follows."""
+        """Start a new episode; a seed decides everything that follows.
+
+        Args:
+            seed: of the scenes; None goes on.
+            options: "scenario" and "start" (2,) [m] of this episode alone.
+
+        Raises:
+            InvalidInputError: if an option is unknown, or the scene is of another kind.
+        """
+        given = self._scenes.check(options)
         super().reset(seed=seed)
-        if scenarios.is_random(self._source):
-            self.scenario = scenarios.make(self._source, self.np_random)
-            self._batch.set_scene(0, self.scenario)
+        scene = self._scenes.next(self.np_random, given)
+        if scene is not self.scenario:
+            self.scenario = scene
+            self._batch.set_scene(0, scene)
         self._batch.restart(np.ones(1, dtype=np.bool_))
         self._path = [self.rom_state[:2]]
-        observation, h, error = self._batch.look()
-        return observation[0], task.first(task.step_info(h, h.copy(), error))
+        self._started = True
+        observation, info = self._batch.reset_infos()
+        return observation[0], task.first(info)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold the acceleration u (2,) [m/s²] for one control step."""
+        """Hold the acceleration u (2,) [m/s²] for one control step.
+
+        Raises:
+            InvalidInputError: if the action is no pair of finite numbers, or there was no reset.
+        """
         u = task.check_action(action, (2,))
+        task.check_started(self._started)
         step = self._batch.step(u[None])
         self._path.append(self.rom_state[:2])
         info = task.first(step.info) | task.first(step.reward_terms)

@@ -15,6 +15,7 @@ from hcbf_gym.envs.task import (
     barriers_of,
     observe,
     reference_table,
+    reset_info,
     reward_terms,
     step_info,
 )
@@ -31,7 +32,7 @@ class BatchStep(NamedTuple):
         observation: (N, 8 + 4 m).
         reward_terms: name → (N,), which sum to the reward.
         reached: (N,) bool, whether a "reach" task's goal is reached.
-        info: name → (N, …).
+        info: name → (N, …), the reward's terms excepted.
     """
 
     observation: Array
@@ -45,8 +46,8 @@ class RegionsBatch:
 
     Args:
         scenes: N scenarios of one task and one number of barriers.
-        own_references: whether each keeps a reference table of its own, so that `set_scene` may
-            change it; False where all scenes are the same for good.
+        own_references: whether each keeps a reference table of its own, as `set_scene` needs it;
+            False where all scenes are the same until `separate` is called.
 
     Attributes:
         x: (N, 4) positions [m] and velocities [m/s].
@@ -67,13 +68,18 @@ class RegionsBatch:
         owners = scenes if own_references else scenes[:1]
         self._tables = np.stack([reference_table(scene) for scene in owners])
         self._table_of = np.arange(len(scenes)) % len(owners)
+        self._last = np.full(len(scenes), self._tables.shape[1] - 1)
         self._start = np.array([s.start for s in scenes])
         self.restart(np.ones(len(scenes), dtype=np.bool_))
 
     def set_scene(self, i: int, scene: Scenario) -> None:
-        """Put another scene into environment `i`, which must own its reference table."""
+        """Put another scene of the same kind into environment `i`, which must own its reference."""
         self.barrier_set.set_scene(i, barriers_of(scene, scene.v_max))
-        self._tables[i] = reference_table(scene)
+        table = reference_table(scene)
+        longer = max(0, len(table) - self._tables.shape[1])
+        self._tables = np.pad(self._tables, ((0, 0), (0, longer), (0, 0)))
+        self._tables[i, : len(table)] = table
+        self._last[i] = len(table) - 1
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
@@ -85,6 +91,11 @@ class RegionsBatch:
         kind, parameters = self.barrier_set.kind[i], self.barrier_set.parameters[i]
         random_scenes.write(layout.half_width, layout.regions, kind, parameters)
         self._tables[i, 0, :2] = layout.goal
+
+    def separate(self) -> None:
+        """Give each environment a reference table of its own."""
+        self._tables = self._tables[self._table_of]
+        self._table_of = np.arange(len(self.x))
 
     def restart(self, mask: NDArray[np.bool_]) -> None:
         """Put the masked environments (N,) at rest at their starts, time zero."""
@@ -100,12 +111,11 @@ class RegionsBatch:
     @property
     def goal(self) -> Array:
         """(N, 2) where the references end [m]."""
-        return self._tables[self._table_of, -1, :2]
+        return self._tables[self._table_of, self._last, :2]
 
     def reference(self) -> Array:
         """Return (N, 6) position, velocity and acceleration of the references now."""
-        last = self._tables.shape[1] - 1
-        return self._tables[self._table_of, np.minimum(self.steps, last)]
+        return self._tables[self._table_of, np.minimum(self.steps, self._last)]
 
     def look(self) -> tuple[Array, Array, Array]:
         """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
@@ -113,6 +123,11 @@ class RegionsBatch:
         h, sensed = self.barrier_set.sense(self.x, self.time)
         error = np.hypot(reference[:, 0] - self.x[:, 0], reference[:, 1] - self.x[:, 1])
         return observe(self.x, reference, sensed[:, : self.n_barriers]), h, error
+
+    def reset_infos(self) -> tuple[Array, dict[str, Array]]:
+        """Return the observation (N, 8 + 4 m) and the infos of a reset."""
+        observation, h, error = self.look()
+        return observation, reset_info(self.task, h, error)
 
     def step(self, action: Array, restarting: NDArray[np.bool_] | None = None) -> BatchStep:
         """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
@@ -139,14 +154,16 @@ class RegionsBatch:
         if restarting is not None:
             self.restart(restarting)
         observation, h, error = self.look()
-        reached = (error <= self._goal_radius) & (self.task == "reach")
+        success = (error <= self._goal_radius) & (self.steps >= self._last)
+        if restarting is not None:
+            success[restarting] = False
+        reached = success & (self.task == "reach")
         terms = reward_terms(self.task, distance_before, error, reached, u)
         if restarting is not None:
             min_h[restarting] = h[restarting]
-            reached[restarting] = False
             for term in terms.values():
                 term[restarting] = 0.0
-        return BatchStep(observation, terms, reached, step_info(h, min_h, error))
+        return BatchStep(observation, terms, reached, step_info(h, min_h, error, success))
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 """HCBF-Regions-v0 as a native vector environment: N robots stepped by one compiled call."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,13 @@ from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs import task
+from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.envs.scene_source import SceneSource
+from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario, random_scenes
@@ -22,17 +27,22 @@ from hcbf_gym.scenarios import Scenario, random_scenes
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+FRAME = 240
+"""Side of the picture of one environment [pixels]."""
 
-class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
-    """N copies of `RegionsEnv`, with the same trajectories as N single environments.
 
-    Environment i is seeded with ``seed + i``, as in Gymnasium's own vector environments.
+class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
+    """N copies of `RegionsEnv`, with the trajectories and infos of N single environments.
+
+    Environment i is seeded with ``seed + i``, as in Gymnasium's own vector environments. With mode
+    "Disabled" an environment that has ended steps on until it is reset.
 
     Args:
         num_envs: N.
         scenario: as `RegionsEnv` takes it.
-        max_episode_steps: after which an episode is truncated.
+        max_episode_steps: after which an episode is truncated; -1 for never.
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled".
+        render_mode: None, or "rgb_array": a picture of each environment.
 
     Raises:
         InvalidInputError: if an argument is out of range.
@@ -44,11 +54,12 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
         max_episode_steps: int = task.MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ):
-        if num_envs < 1 or max_episode_steps < 1:
+        if num_envs < 1 or (max_episode_steps < 1 and max_episode_steps != -1):
             raise InvalidInputError(
-                f"got num_envs {num_envs} and max_episode_steps {max_episode_steps}, expected >= 1"
+                f"got num_envs {num_envs} and max_episode_steps {max_episode_steps}, "
+                "expected >= 1 (max_episode_steps -1 for no limit)"
             )
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -57,19 +68,29 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             raise InvalidInputError(
                 f"autoreset_mode: got {autoreset_mode!r}, expected one of {choices}"
             ) from error
-        if render_mode is not None:
-            raise InvalidInputError(f"render_mode: got {render_mode!r}, expected None")
-        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.render_mode = None
+        if render_mode not in (None, "rgb_array"):
+            raise InvalidInputError(
+                f"render_mode: got {render_mode!r}, expected None or 'rgb_array'"
+            )
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": 50,
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.render_mode = render_mode
         self.num_envs = num_envs
         self.max_episode_steps = max_episode_steps
-        self._random = scenarios.is_random(scenario)
-        self._source = scenario
-        self._rngs = [np.random.default_rng() for _ in range(num_envs)] if self._random else []
-        self.scenario = scenarios.make(scenario, np.random.default_rng(0))
-        self._layouts: list[random_scenes.Layout | None] = [None] * num_envs
-        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._random)
+        self._limit = np.inf if max_episode_steps == -1 else max_episode_steps
+        self._source = SceneSource(scenario)
+        self.scenario = self._source.own
+        self._rngs = [np.random.default_rng() for _ in range(num_envs)]
+        self._scenes: list[random_scenes.Layout | Scenario] = [self.scenario] * num_envs
+        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
+        self._given = np.zeros(num_envs, dtype=np.bool_)
         self._done = np.zeros(num_envs, dtype=np.bool_)
+        self._started = False
+        self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
+        self._view: TopDownView | None = None
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(len(self.scenario.barriers))
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -79,9 +100,13 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
         return [
-            self.scenario if layout is None else random_scenes.scenario(str(self._source), layout)
-            for layout in self._layouts
+            scene if isinstance(scene, Scenario) else random_scenes.scenario(self._name, scene)
+            for scene in self._scenes
         ]
+
+    @property
+    def _name(self) -> str:
+        return str(self._source.source)
 
     @property
     def rom_state(self) -> Array:
@@ -113,60 +138,111 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         """(N,) since each environment's reset [s]."""
         return self._batch.time
 
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return what each single environment's attribute would be, as Gymnasium's own do."""
+        if name == "scenario":
+            return tuple(self.scenes)
+        value = getattr(self, name)
+        return tuple(value) if name in ("rom_state", "time") else (value,) * self.num_envs
+
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Start new episodes in all environments, or in those of ``options["reset_mask"]``."""
-        mask = np.ones(self.num_envs, dtype=np.bool_)
-        if options is not None and "reset_mask" in options:
-            mask = np.asarray(options["reset_mask"])
-            if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-                raise InvalidInputError(
-                    f"reset_mask: got shape {mask.shape} of {mask.dtype}, "
-                    f"expected ({self.num_envs},) of bool with a True"
-                )
+        """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
+
+        Args:
+            seed: of environment 0, the others follow; or one for each.
+            options: "reset_mask" (N,), and what `RegionsEnv.reset` takes.
+
+        Raises:
+            InvalidInputError: if an option is unknown or malformed, or the seeds are not N.
+        """
+        given = dict(options or {})
+        mask = self._check_mask(given.pop("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
+        given = self._source.check(given)
         self._seed(seed)
-        self._draw_scenes(mask)
+        self._draw_scenes(mask, given)
         self._batch.restart(mask)
         self._done[mask] = False
-        observation, h, error = self._batch.look()
-        return observation, self._infos(task.step_info(h, h.copy(), error))
+        self._started = True
+        if mask.all():
+            self._trace.clear()
+        elif self._trace:
+            self._trace.pop()
+        self._remember()
+        observation, info = self._batch.reset_infos()
+        return observation, vector_infos.only(self._report(info), mask)
 
     def step(self, actions: Array) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
-        """Hold the accelerations (N, 2) [m/s²] for one control step."""
+        """Hold the accelerations (N, 2) [m/s²] for one control step.
+
+        Raises:
+            InvalidInputError: if the actions are not N pairs of finite numbers, or before the first
+                reset.
+        """
         u = task.check_action(actions, (self.num_envs, 2))
+        task.check_started(self._started)
         restarting = self._done.copy() if self.autoreset_mode is AutoresetMode.NEXT_STEP else None
         if restarting is not None and restarting.any():
-            self._draw_scenes(restarting)
+            self._draw_scenes(restarting, {})
         step = self._batch.step(u, restarting)
         reward = np.sum(list(step.reward_terms.values()), axis=0)
         terminated = step.reached
-        truncated = (self._batch.steps >= self.max_episode_steps) & ~terminated
+        truncated = self._batch.steps >= self._limit
         self._done = terminated | truncated
-        infos = self._infos(step.info | step.reward_terms)
-        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
-            return step.observation, reward, terminated, truncated, infos
-        return self._start_over(step.observation, infos), reward, terminated, truncated, infos
+        infos = self._report(step.info | step.reward_terms)
+        observation = step.observation
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any():
+            done, self._done = self._done, np.zeros(self.num_envs, dtype=np.bool_)
+            self._draw_scenes(done, {})
+            self._batch.restart(done)
+            observation, fresh = self._batch.reset_infos()
+            vector_infos.start_over(infos, done, step.observation, fresh)
+        self._remember()
+        return observation, reward, terminated, truncated, infos
 
-    def _start_over(self, observation: Array, infos: dict[str, Any]) -> Array:
-        """Restart what has ended within the same step; the last observation goes into infos."""
-        done = self._done.copy()
-        final_info = {key: value.copy() for key, value in infos.items()}
-        infos["final_obs"], infos["_final_obs"] = observation, done
-        infos["final_info"], infos["_final_info"] = final_info, done.copy()
-        self._draw_scenes(done)
-        self._batch.restart(done)
-        self._done[:] = False
-        restarted, h, error = self._batch.look()
-        for key, value in task.step_info(h, h.copy(), error).items():
-            infos[key][done] = value[done]
-        return restarted
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return an (h, w, 3) top-down picture of each environment, or None without a render mode.
+
+        `gymnasium.wrappers.vector.RecordVideo` puts them into a grid.
+        """
+        if self.render_mode is None:
+            return None
+        if self._view is None:
+            self._view = TopDownView(FRAME)
+        trace = np.array(self._trace)
+        return tuple(
+            self._view.draw(scene, float(t), trace[-1 - steps :, i])
+            for i, (scene, t, steps) in enumerate(
+                zip(self.scenes, self.time, self._batch.steps, strict=True)
+            )
+        )
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Release the picture's memory."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    def _remember(self) -> None:
+        """Keep the positions, of which a picture shows the last ``steps + 1``."""
+        if self.render_mode is not None:
+            self._trace.append(self._batch.x[:, :2].copy())
+
+    def _check_mask(self, mask: Any) -> Mask:
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise InvalidInputError(
+                f"reset_mask: got shape {mask.shape} of {mask.dtype}, "
+                f"expected ({self.num_envs},) of bool with a True"
+            )
+        return mask
 
     def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        if seed is None or not self._random:
+        if seed is None:
             return
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         if len(seeds) != self.num_envs:
@@ -175,16 +251,19 @@ class RegionsVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             if one is not None:
                 self._rngs[i], _ = seeding.np_random(one)
 
-    def _draw_scenes(self, mask: Mask) -> None:
-        if not self._random:
-            return
-        moving = scenarios.RANDOM[str(self._source)]
-        for i in np.flatnonzero(mask):
-            layout = random_scenes.draw(self._rngs[i], moving)
-            self._layouts[i] = layout
-            self._batch.set_layout(int(i), layout)
+    def _draw_scenes(self, mask: Mask, given: Mapping[str, Any]) -> None:
+        """Put the next scenes into the masked environments: those asked for, or their own."""
+        if given and not self._source.random and not self._given.any():
+            self._batch.separate()
+        for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):
+            scene = self._source.next(self._rngs[i], given) if given else self.scenario
+            self._scenes[i], self._given[i] = scene, bool(given)
+            self._batch.set_scene(i, scene)
+        if self._source.random and not given:
+            moving = scenarios.RANDOM[self._name]
+            for i in map(int, np.flatnonzero(mask)):
+                self._scenes[i] = layout = random_scenes.draw(self._rngs[i], moving)
+                self._batch.set_layout(i, layout)
 
-    def _infos(self, info: dict[str, Array]) -> dict[str, Any]:
-        """Return Gymnasium's vector form: each entry with a mask of who reports it."""
-        masks = {f"_{key}": np.ones(self.num_envs, dtype=np.bool_) for key in info}
-        return info | masks
+    def _report(self, info: dict[str, Array]) -> dict[str, Any]:
+        return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

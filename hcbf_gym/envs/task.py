@@ -22,6 +22,11 @@ MAX_EPISODE_STEPS = 1000
 
 EFFORT_WEIGHT = 1e-3
 GOAL_REWARD = 10.0
+REWARD_TERMS = {
+    "track": ("reward_tracking", "reward_effort"),
+    "reach": ("reward_progress", "reward_goal", "reward_effort"),
+}
+"""What sums to the reward, by task."""
 
 
 def action_space(input_set: InputSet) -> spaces.Box:
@@ -94,21 +99,23 @@ def reward_terms(
     """
     effort = -EFFORT_WEIGHT * (u * u).sum(axis=1)
     if task == "track":
-        return {"reward_tracking": -distance_after, "reward_effort": effort}
-    return {
-        "reward_progress": distance_before - distance_after,
-        "reward_goal": GOAL_REWARD * reached.astype(np.float64),
-        "reward_effort": effort,
-    }
+        terms = (-distance_after, effort)
+    else:
+        bonus = GOAL_REWARD * reached.astype(np.float64)
+        terms = (distance_before - distance_after, bonus, effort)
+    return dict(zip(REWARD_TERMS[task], terms, strict=True))
 
 
-def step_info(h: Array, min_h: Array, tracking_error: Array) -> dict[str, Array]:
+def step_info(
+    h: Array, min_h: Array, tracking_error: Array, success: NDArray[np.bool_]
+) -> dict[str, Array]:
     """Return the infos that every step carries, each with a leading axis N.
 
     Args:
         h: (N, m) barrier values at the step's end.
         min_h: (N, m) their least values over its physics steps.
         tracking_error: (N,) ‖p_ref − p‖ [m].
+        success: (N,) whether the robot stands at the goal and the reference has ended.
     """
     violation = np.maximum(-h, 0.0)
     return {
@@ -117,25 +124,53 @@ def step_info(h: Array, min_h: Array, tracking_error: Array) -> dict[str, Array]
         "violation": violation,
         "cost": violation.sum(axis=1),
         "tracking_error": tracking_error,
+        "is_success": success.astype(np.float64),
     }
+
+
+def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
+    """Return the infos of a reset: those of a step that moved nothing and earned nothing.
+
+    Args:
+        task: "track" or "reach".
+        h: (N, m) barrier values.
+        tracking_error: (N,) ‖p_ref − p‖ [m].
+    """
+    info = step_info(h, h.copy(), tracking_error, np.zeros(len(h), dtype=np.bool_))
+    return info | {term: np.zeros(len(h)) for term in REWARD_TERMS[task]}
 
 
 def first(info: dict[str, Array]) -> dict[str, Any]:
-    """Return the infos of environment 0: arrays as copies, numbers as floats."""
-    return {
-        key: value[0].copy() if value.ndim > 1 else float(value[0]) for key, value in info.items()
-    }
+    """Return the infos of environment 0: arrays as copies, numbers as NumPy's float64."""
+    return {key: value[0].copy() for key, value in info.items()}
 
 
 def check_action(action: Any, shape: tuple[int, ...]) -> Array:
     """Return the action as float64.
 
     Raises:
-        InvalidInputError: if it has another shape, or an entry is NaN or infinite.
+        InvalidInputError: if it is no array of real numbers, has another shape, or an entry is NaN
+            or infinite.
     """
-    array = np.asarray(action, dtype=np.float64)
+    try:
+        array = np.asarray(action)
+    except ValueError as error:  # a ragged list
+        raise InvalidInputError(f"action: got {action!r}, expected shape {shape}") from error
+    if array.dtype.kind not in "fiu":
+        raise InvalidInputError(f"action: got {action!r}, expected an array of real numbers")
+    array = array.astype(np.float64, copy=False)
     if array.shape != shape:
         raise InvalidInputError(f"action: got shape {array.shape}, expected {shape}")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
     return array
+
+
+def check_started(started: bool) -> None:
+    """Refuse a step before the first reset.
+
+    Raises:
+        InvalidInputError: if there was no reset.
+    """
+    if not started:
+        raise InvalidInputError("step: got no reset before it, expected env.reset(seed=…) first")

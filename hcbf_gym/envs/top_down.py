@@ -10,14 +10,18 @@ from hcbf_gym.scenarios import Scenario
 
 
 class TopDownView:
-    """Draws the scene and the path walked so far, 480 × 480 pixels, without a display."""
+    """Draws the scene and the path walked so far, without a display.
 
-    def __init__(self) -> None:
-        self._figure = Figure(figsize=(4.8, 4.8), dpi=100, layout="constrained")
+    Args:
+        side: of the picture [pixels].
+    """
+
+    def __init__(self, side: int = 480) -> None:
+        self._figure = Figure(figsize=(4.8, 4.8), dpi=side / 4.8, layout="constrained")
         self._canvas = FigureCanvasAgg(self._figure)
 
     def draw(self, scenario: Scenario, t: float, path: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Return the picture (480, 480, 3).
+        """Return the picture (side, side, 3).
 
         Args:
             scenario: the scene.

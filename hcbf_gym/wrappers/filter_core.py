@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym import programs
+from hcbf_gym import programs, records
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.general import GeneralRows, margins
@@ -42,6 +42,15 @@ class FilterSettings(NamedTuple):
     options: dict[str, Any]
 
 
+def plain_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options in JSON's terms, class-K functions as dicts, for a wrapper's spec."""
+    kinds = class_k.KINDS
+    return {
+        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
+        for key, value in options.items()
+    }
+
+
 class FilterCore:
     """What both cores share: the settings, read once at the door.
 
@@ -73,11 +82,13 @@ class FilterCore:
     def restart(self, mask: NDArray[np.bool_]) -> None:
         """Forget what was known of the masked plants (N,)."""
 
-    def first_report(self, barriers: Any, estimate: Estimate) -> dict[str, Any]:
-        """Return what the infos of a reset say."""
-        many = np.ndim(estimate.x) == 2
-        shape = (self.count, self.input_set.n_u) if many else (self.input_set.n_u,)
-        return self.step(np.zeros(shape), barriers, estimate)[1]
+    def empty_report(self, barriers: Any, estimate: Estimate) -> dict[str, Any]:
+        """Return what the infos of a reset say: zeros, in the shapes of a step's report."""
+        n, n_u = np.shape(estimate.x)[:-1], self.input_set.n_u
+        m = barriers.kind.shape[-1] if isinstance(barriers, BarrierSet) else len(barriers)
+        u, row, one = np.zeros((*n, n_u)), np.zeros((*n, m)), np.zeros(n)[()]
+        nothing = programs.FilterResult(u=u, slack=row, delta=row, status=one, fallbacks=one)
+        return self._report(u, nothing, row.copy())
 
     def step(
         self, u_nominal: Array, barriers: Any, estimate: Estimate

@@ -5,9 +5,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
+from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.wrappers.safety_filter import SafetyFilter, VectorSafetyFilter
 
@@ -44,6 +45,14 @@ class InterventionPenalty(gym.Wrapper, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, weight=weight)
         gym.Wrapper.__init__(self, env)
 
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reset the filtered environment; a reset charges nothing."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        info["reward_intervention"] = np.float64(0.0)
+        return observation, info
+
     def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Step the filtered environment and charge the intervention."""
         observation, reward, terminated, truncated, info = self.env.step(action)
@@ -68,11 +77,30 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
         self.weight = finite_float("weight", weight, minimum=0.0)
         RecordConstructorArgs.__init__(self, weight=weight)
         VectorWrapper.__init__(self, env)
+        self._fresh = np.zeros(env.num_envs)
+        self._reporter = Reporter(env, "reward_intervention")
+
+    @property
+    def autoreset_mode(self) -> AutoresetMode:
+        """When the environments reset themselves."""
+        return self.metadata["autoreset_mode"]
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reset the filtered environments; a reset charges nothing."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._reporter.at_reset(info, self._fresh, options)
+        return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step the filtered environments and charge the interventions."""
         observation, reward, terminated, truncated, info = self.env.step(actions)
-        penalty = -self.weight * info["safety_filter"]["intervention"]
-        info["reward_intervention"] = penalty
-        info["_reward_intervention"] = np.ones(self.num_envs, dtype=np.bool_)
-        return observation, reward + penalty, terminated, truncated, info
+        intervention = info["safety_filter"]["intervention"]
+        if "final_info" in info:  # what belongs to the step, where the environment was reset in it
+            of_step = info["final_info"]["safety_filter"]["intervention"]
+            intervention = np.where(info["_final_info"], of_step, intervention)
+        penalty = -self.weight * intervention
+        reward = reward + penalty
+        self._reporter.at_step(info, penalty, self._fresh, terminated | truncated)
+        return observation, reward, terminated, truncated, info

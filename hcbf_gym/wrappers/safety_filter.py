@@ -9,11 +9,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
+from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.task import check_action
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Estimate, Plant, read
-from hcbf_gym.wrappers.filter_core import FilterSettings, PlanarCore, make_core
+from hcbf_gym.wrappers.filter_core import FilterSettings, PlanarCore, make_core, plain_options
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     violation, `delta` (m,) the program's own relaxation, `status` (a
     `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
     row keeps between h and zero, `model_error` how far the plant's response is from the chosen
-    input [unit of u], and `reachable`. `reset` reports the same keys.
+    input [unit of u], and `reachable`. `reset` reports zeros under the same
+    keys, as nothing was filtered.
 
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
@@ -69,7 +71,13 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
-            self, program=program, plant=plant, rows=rows, margin=margin, solver=solver, **options
+            self,
+            program=program,
+            plant=plant,
+            rows=rows,
+            margin=margin,
+            solver=solver,
+            **plain_options(options),
         )
         gym.Wrapper.__init__(self, env)
         inner = env.unwrapped
@@ -84,11 +92,11 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode, and report on its first state."""
+        """Start a new episode; its report is empty, as nothing was filtered."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._observation, self._info = observation, info
         self._core.restart(np.ones(1, dtype=np.bool_))
-        info["safety_filter"] = self._core.first_report(*self._sense())
+        info["safety_filter"] = self._core.empty_report(*self._sense())
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -135,7 +143,9 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         margin: float | None = None,
         **options: Any,
     ):
-        RecordConstructorArgs.__init__(self, program=program, rows=rows, margin=margin, **options)
+        RecordConstructorArgs.__init__(
+            self, program=program, rows=rows, margin=margin, **plain_options(options)
+        )
         VectorWrapper.__init__(self, env)
         inner: Any = env.unwrapped
         if not hasattr(inner, "plant"):
@@ -149,6 +159,8 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         input_set = _input_set(self.plant, inner.single_action_space)
         settings = FilterSettings(program, rows, margin, None, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
+        self._reporter = Reporter(env, "safety_filter")
+        self._empty: dict[str, Any] = {}
 
     @property
     def autoreset_mode(self) -> Any:
@@ -161,14 +173,14 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Start new episodes and report on their first states."""
+        """Start new episodes; their reports are empty, as nothing was filtered."""
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"])
         self._core.restart(mask)
-        info["safety_filter"] = self._core.first_report(*self._sense())
-        info["_safety_filter"] = mask.copy()
+        self._empty = self._core.empty_report(*self._sense())
+        self._reporter.at_reset(info, self._empty, options)
         return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -176,8 +188,8 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         u_nominal = check_action(actions, (self.num_envs, 2))
         u, report = self._core.step(u_nominal, *self._sense())
         observation, reward, terminated, truncated, info = self.env.step(u)
-        info["safety_filter"] = report
-        info["_safety_filter"] = np.ones(self.num_envs, dtype=np.bool_)
+        ended = terminated | truncated
+        self._core.restart(self._reporter.at_step(info, report, self._empty, ended))
         return observation, reward, terminated, truncated, info
 
     def _sense(self) -> tuple[Any, Estimate]:

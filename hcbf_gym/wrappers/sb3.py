@@ -92,7 +92,7 @@ class Sb3VecEnv(VecEnv):
         for i in np.flatnonzero(done):
             infos[i] = {
                 "terminal_observation": last[i],
-                "TimeLimit.truncated": bool(truncated[i]),
+                "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
                 "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": 0.0},
                 "is_success": bool(terminated[i]),
             }

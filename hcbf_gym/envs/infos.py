@@ -1,0 +1,114 @@
+"""Infos of N environments as Gymnasium's vector environments give them, in every autoreset mode.
+
+Beside each entry ``key``, with a leading axis N, stands ``_key``: which environments report it.
+"""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Infos = dict[str, Any]
+
+
+def with_masks(info: Infos, reported: Mask) -> Infos:
+    """Return the entries, those of nested infos too, each with its mask."""
+    infos: Infos = {}
+    for key, value in info.items():
+        infos[key] = with_masks(value, reported) if isinstance(value, dict) else value
+        infos[f"_{key}"] = reported.copy()
+    return infos
+
+
+def only(infos: Infos, mask: Mask) -> Infos:
+    """Return a copy in which the masked environments (N,) alone report; zero elsewhere."""
+    kept: Infos = {}
+    for key, value in infos.items():
+        if isinstance(value, dict):
+            kept[key] = only(value, mask)
+        else:
+            kept[key] = np.zeros_like(value)
+            kept[key][mask] = value[mask]
+    return kept
+
+
+def put(infos: Infos, mask: Mask, fresh: Infos) -> None:
+    """Replace the masked environments' entries in place by those of `fresh`."""
+    for key, value in fresh.items():
+        if isinstance(value, dict):
+            put(infos[key], mask, value)
+        else:
+            infos[key][mask] = value[mask]
+
+
+def start_over(infos: Infos, done: Mask, last: Array, fresh: Infos) -> None:
+    """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
+
+    Args:
+        infos: of the step.
+        done: (N,) whose episodes ended.
+        last: (N, …) the observations at the step's end.
+        fresh: infos of the reset.
+    """
+    final_obs = np.full(len(done), None, dtype=object)
+    for i in np.flatnonzero(done):
+        final_obs[i] = last[i].copy()
+    final_info = only(infos, done)
+    put(infos, done, fresh)
+    infos |= {"final_obs": final_obs, "_final_obs": done.copy()}
+    infos |= {"final_info": final_info, "_final_info": done.copy()}
+
+
+class Reporter:
+    """Adds one entry to a vector environment's infos.
+
+    What happened in a step must not be said of an environment that was reset in it: there stands
+    what a reset reports, and with mode SameStep the step's own part goes to ``final_info``.
+
+    Args:
+        env: whose infos are added to.
+        key: of the entry.
+    """
+
+    def __init__(self, env: VectorEnv, key: str):
+        self._mode = env.metadata["autoreset_mode"]
+        self._key = key
+        self._ended = np.zeros(env.num_envs, dtype=np.bool_)
+
+    def at_reset(self, infos: Infos, fresh: Any, options: dict[str, Any] | None) -> None:
+        """Add what a reset reports, for those of ``options["reset_mask"]`` or for all.
+
+        Args:
+            infos: of the reset; added to in place.
+            fresh: (N, …) the entry after a reset, or a dict of such arrays.
+            options: of the reset, as they were given.
+        """
+        everyone = np.ones_like(self._ended)
+        mask = everyone if options is None else options.get("reset_mask", everyone)
+        self._ended[mask] = False
+        infos |= only(with_masks({self._key: fresh}, everyone), mask)
+
+    def at_step(self, infos: Infos, entry: Any, fresh: Any, ended: Mask) -> Mask:
+        """Add what a step reports, and return (N,) which environments were reset in it.
+
+        Args:
+            infos: of the step; added to in place.
+            entry: (N, …) the entry, or a dict of such arrays; may be written to.
+            fresh: as in `at_reset`.
+            ended: (N,) whose episodes ended in this step.
+        """
+        added, everyone, restarted = {self._key: entry}, np.ones_like(ended), np.zeros_like(ended)
+        if self._mode is AutoresetMode.NEXT_STEP:
+            restarted = self._ended
+        elif self._mode is AutoresetMode.SAME_STEP:
+            restarted = ended
+        if self._mode is AutoresetMode.SAME_STEP and ended.any():
+            infos["final_info"] |= only(with_masks(added, everyone), ended)
+        if restarted.any():
+            put(added, restarted, {self._key: fresh})
+        infos |= with_masks(added, everyone)
+        self._ended = ended
+        return restarted

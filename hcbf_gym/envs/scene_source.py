@@ -1,0 +1,75 @@
+"""Which scene an environment's next episode takes place in."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import records, scenarios
+from hcbf_gym.errors import InvalidInputError, check_options
+from hcbf_gym.scenarios import Scenario
+
+OPTIONS = ("scenario", "start")
+"""What ``reset(options=…)`` takes: another scene, and where to start in it, for one episode."""
+
+
+class SceneSource:
+    """An environment's own scene, another random one for each episode, or what a reset asks for.
+
+    Args:
+        source: the environment's argument `scenario`.
+
+    Raises:
+        InvalidInputError: if it is no scenario.
+
+    Attributes:
+        own: the scene that fixes task, inputs, boxes and number of barriers for good.
+        random: whether each episode has another scene.
+    """
+
+    def __init__(self, source: str | Path | Mapping[str, Any] | Scenario):
+        self.source = source
+        self.random = scenarios.is_random(source)
+        self.own = scenarios.make(source, np.random.default_rng(0))
+
+    def check(self, options: Mapping[str, Any] | None) -> Mapping[str, Any]:
+        """Return the options of a reset, as a mapping.
+
+        Raises:
+            InvalidInputError: if an option is unknown or malformed, or the scene does not fit the
+                environment; the message says what it has to be like.
+        """
+        options = {} if options is None else options
+        records.check_mapping("reset: options", options)
+        check_options("reset: options", options, OPTIONS)
+        got, own = _alike(self.next(np.random.default_rng(0), options)), _alike(self.own)
+        if got != own:
+            raise InvalidInputError(
+                f"reset: options: scenario: got {got}, expected the environment's {own}"
+            )
+        return options
+
+    def next(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Scenario:
+        """Return the scene of the next episode.
+
+        Args:
+            rng: decides a random one.
+            options: as `check` returned them.
+        """
+        scene = self.own
+        if "scenario" in options or self.random:
+            scene = scenarios.make(options.get("scenario", self.source), rng)
+        return replace(scene, start=options["start"]) if "start" in options else scene
+
+
+def _alike(scene: Scenario) -> dict[str, Any]:
+    """Return what spaces, filter and physics were made for."""
+    return {
+        "task": scene.task,
+        "input_set": scene.input_set.to_dict(),
+        "barriers": len(scene.barriers),
+        "v_max": scene.v_max,
+        "obstacles": list(scene.obstacles),
+    }
