@@ -1,5 +1,5 @@
 # The verbs of CI, for hands.
-.PHONY: install test lint types check docs
+.PHONY: install test lint types imports check docs quick
 
 install:
 	pip install -c constraints.txt -e ".[test]"
@@ -14,8 +14,15 @@ lint:
 types:
 	basedpyright
 
-check: lint types test
+imports:
+	lint-imports
+
+check: lint types imports test
 
 docs:
 	pip install -c constraints.txt -e ".[docs]"
-	mkdocs build --strict
+	hcbf benchmark --check
+	zensical build --strict
+
+quick:
+	hcbf benchmark --suite all --quick

@@ -181,8 +181,9 @@ def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table
     ):
         cells.append((title, *(format(row[key], form) for row in rows)))
     for status in ("VIOLATED", "OUTSIDE", "BACKUP"):
-        counts = [row["status_counts"].get(status) for row in rows]
-        cells.append((f"steps {status}", *("" if n is None else str(n) for n in counts)))
+        if status in rows[0]["status_counts"]:
+            counts = (str(row["status_counts"][status]) for row in rows)
+            cells.append((f"steps {status}", *counts))
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {rows[0]['episodes']} episode(s) each"
     return Table(title, ("", *header), cells)
 

@@ -38,14 +38,14 @@ class Geodesic:
         geometry: (N, 5) of the grids.
         goal: (N, 2) [m].
 
-    Example:
+    Examples:
         >>> from hcbf_gym import guidance, scenarios
         >>> scene = scenarios.make("random")
         >>> way = guidance.Geodesic()
         >>> way.reset(scene.barriers, scene.goal, start=scene.start)
         >>> a, b = way.row(np.zeros(4), 0.0)
         >>> a.shape, way.reachable(np.zeros((1, 4))).tolist()
-        ((2,), [0])
+        ((2,), [3])
     """
 
     def __init__(

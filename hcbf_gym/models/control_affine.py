@@ -30,7 +30,7 @@ class ControlAffine(ReducedOrderModel):
         InvalidInputError: if a count is not positive, or a function does not return numbers of its
             shape.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from hcbf_gym import models
         >>> pendulum = models.ControlAffine(

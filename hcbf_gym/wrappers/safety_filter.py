@@ -49,7 +49,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         InvalidInputError: if an option is unknown or out of range, the environment has no plant,
             or a wrapper inside changes the actions.
 
-    Example:
+    Examples:
         >>> import gymnasium as gym, hcbf_gym
         >>> env = gym.make("HCBF-Regions-v0", scenario="paper-simulation")
         >>> env = hcbf_gym.wrappers.SafetyFilter(env, program="h-cbf-qp", gamma0=5.0)
@@ -57,7 +57,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         >>> obs, info = env.reset(seed=0)
         >>> obs, reward, terminated, truncated, info = env.step(policy(obs, info))
         >>> info["safety_filter"]["status"]
-        np.float64(0.0)
+        np.float64(2.0)
     """
 
     def __init__(

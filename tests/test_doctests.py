@@ -1,0 +1,21 @@
+"""What docstrings show is run as it stands there."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import pytest
+
+import hcbf_gym
+
+PACKAGE = Path(hcbf_gym.__file__).parent
+SHOWN = sorted(file for file in PACKAGE.rglob("*.py") if ">>>" in file.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("file", SHOWN, ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_the_examples_of_a_docstring_do_what_they_show(file):
+    names = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    module = importlib.import_module(".".join(names).removesuffix(".__init__"))
+    result = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    assert result.attempted > 0
+    assert result.failed == 0

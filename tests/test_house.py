@@ -1,0 +1,31 @@
+"""The house: what stands at its root, which way its imports go, and how fast its door opens."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from importlinter import cli
+
+import hcbf_gym
+from hcbf_gym.cli import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_imports_go_one_way(capsys):
+    code = cli.lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
+    assert code == cli.EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def test_nothing_stands_loose_at_the_root():
+    loose = {path.stem for path in Path(hcbf_gym.__file__).parent.glob("*.py")}
+    assert loose == {"__init__", "cli", "compilation", "errors", "records"}
+
+
+def test_the_list_of_commands_imports_none_of_them():
+    code = "import sys; from hcbf_gym import cli; cli.main(['--help']); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    overview, modules = done.stdout.rsplit("\n", 2)[0], done.stdout.splitlines()[-1].split()
+    assert all(name in overview for name in COMMANDS)
+    assert not {command.module for command in COMMANDS.values()} & set(modules)
+    assert not {"optuna", "torch", "matplotlib"} & set(modules)
