@@ -9,6 +9,8 @@ import pytest
 
 from hcbf_gym import scenarios
 from hcbf_gym.programs import FilterStatus
+from hcbf_gym.studies import publishing
+from hcbf_gym.studies.suites import SUITES
 from hcbf_gym.wrappers import SafetyFilter
 
 ROOT = Path(__file__).parent.parent
@@ -51,3 +53,9 @@ def test_every_link_of_the_pages_leads_somewhere():
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_table_is_that_of_its_results_and_every_result_is_known():
+    assert not [str(page) for page, _ in publishing.differing(ROOT)]
+    assert {path.stem for path in (ROOT / "docs" / "results").glob("*.json")} <= set(SUITES)
+    assert "<!-- results: course/all -->" in (ROOT / "README.md").read_text(encoding="utf-8")

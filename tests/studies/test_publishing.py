@@ -1,0 +1,90 @@
+"""Published figures: what is kept with them, and how the pages follow them."""
+
+import json
+
+import pytest
+
+from hcbf_gym import cli
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.studies import publishing
+from hcbf_gym.studies.suites import SUITES
+
+PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
+ROW = {
+    "env": "HCBF-A1Regions-v0",
+    "scenario": "paper-simulation",
+    "policy": "pd",
+    "program": "none",
+    "episodes": 1,
+    "min_h": [0.125, 1.0, 1.0, -1.0],
+    "violation_seconds": [0.0, 0.0, 0.0, 2.0],
+    "tracking_rms": 0.0,
+    "final_error": 0.0,
+    "intervention_rms": 0.0,
+    "fell": 0.0,
+    "reached": 1.0,
+    "status_counts": {"VIOLATED": 0, "BACKUP": 0},
+}
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for folder in ("docs/results", "hcbf_gym"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "README.md").write_text(PAGE)
+    (tmp_path / "docs" / "page.md").write_text("no table\n")
+    return tmp_path
+
+
+def test_a_page_is_filled_from_its_results_and_differs_when_they_change(checkout):
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    assert publishing.fill(checkout) == [checkout / "README.md"]
+    text = (checkout / "README.md").read_text()
+    assert text.startswith("before\n<!-- results: course/all -->\n")
+    assert text.endswith("<!-- end of results -->\nafter\n")
+    assert "| +0.125 |" in text
+    assert "old" not in text
+    assert publishing.fill(checkout) == []
+    publishing.publish(checkout, "course", {"rows": [ROW | {"min_h": [0.25, 1.0, 1.0, 1.0]}]})
+    assert [page for page, _ in publishing.differing(checkout)] == [checkout / "README.md"]
+    with pytest.raises(SystemExit, match=r"README\.md"):
+        cli.main(["benchmark", "--check", "--root", str(checkout)])
+
+
+def test_results_say_what_they_came_from_and_are_listed_when_their_sources_change(checkout):
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    path = checkout / "docs" / "results" / "course.json"
+    record = json.loads(path.read_text())
+    assert record["command"] == "hcbf benchmark --suite course --publish"
+    assert {"commit", "date", "machine", "sources", "figures"} <= set(record)
+    assert publishing.stale(checkout) == []
+    path.write_text(json.dumps(record | {"sources": "those of last year"}))
+    assert publishing.stale(checkout) == ["course"]
+
+
+def test_a_page_that_names_what_is_not_there_is_refused_and_no_page_changes(checkout):
+    with pytest.raises(InvalidInputError, match=r"course\.json"):
+        publishing.fill(checkout)
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    (checkout / "docs" / "page.md").write_text(PAGE.replace("course/all", "course/none"))
+    with pytest.raises(UnknownNameError, match="all"):
+        publishing.fill(checkout)
+    assert (checkout / "README.md").read_text() == PAGE
+
+
+def test_only_full_figures_of_known_suites_in_a_checkout_are_published(tmp_path):
+    for arguments, message in (
+        (["--suite", "course", "--publish", "--quick"], "full run"),
+        (["--suite", "course", "--publish", "--root", str(tmp_path)], "checkout"),
+        (["--suite", "speed"], "programs"),
+    ):
+        with pytest.raises(SystemExit, match=message):
+            cli.main(["benchmark", *arguments, "--output", str(tmp_path / "out")])
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_sources_of_a_suite_are_those_it_imports_and_those_it_loads_by_name():
+    hashes = {name: suite.sources() for name, suite in SUITES.items()}
+    assert len(set(hashes.values())) == len(hashes)
+    course = SUITES["course"]
+    assert course.sources() != course._replace(also=()).sources()
