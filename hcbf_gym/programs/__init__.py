@@ -5,14 +5,11 @@ from typing import Any
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import check_options, choose
 from hcbf_gym.models.input_sets import Box, InputSet
-from hcbf_gym.programs.cbf import CbfQp
+from hcbf_gym.programs.cascades import CASCADES, Cascade
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
-from hcbf_gym.programs.explicit import ExplicitHierarchicalCbfQp
-from hcbf_gym.programs.hierarchical import HierarchicalCbfQp
-from hcbf_gym.programs.lexicographic import LexicographicCbfQp
-from hcbf_gym.programs.planar.batch import BatchProgram
+from hcbf_gym.programs.general.program import GeneralProgram
+from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
 from hcbf_gym.programs.program import Program
-from hcbf_gym.programs.relaxed import RelaxedCbfQp
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
 __all__ = [
@@ -30,19 +27,10 @@ __all__ = [
     "options",
 ]
 
-_PROGRAMS: dict[str, type[Program]] = {
-    "cbf-qp": CbfQp,
-    "r-cbf-qp": RelaxedCbfQp,
-    "h-cbf-qp": HierarchicalCbfQp,
-    "ih-cbf-qp": HierarchicalCbfQp,
-    "eh-cbf-qp": ExplicitHierarchicalCbfQp,
-    "lex-cbf-qp": LexicographicCbfQp,
-}
-
 
 def names() -> list[str]:
     """Return the names of the programs."""
-    return list(_PROGRAMS)
+    return list(CASCADES)
 
 
 def options(name: str) -> tuple[str, ...]:
@@ -51,27 +39,33 @@ def options(name: str) -> tuple[str, ...]:
     Raises:
         UnknownNameError: if there is no such program.
     """
-    return choose("program", name, _PROGRAMS).options
+    return choose("program", name, CASCADES).options
 
 
 def make(
-    name: str, *, input_set: InputSet | None = None, solver: str = "daqp", **program_options: Any
+    name: str,
+    *,
+    input_set: InputSet | None = None,
+    solver: str | None = None,
+    **program_options: Any,
 ) -> Program:
     """Return the program of that name.
 
     Args:
         name: one of :func:`names`.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
-        solver: "daqp", "clarabel", or any solver that qpsolvers finds installed.
+        solver: "daqp", "clarabel", or any solver that qpsolvers finds installed. Without a name,
+            two inputs need no solver (`planar`), any other number takes DAQP.
         program_options: among :func:`options`.
 
     Raises:
         UnknownNameError: on an unknown program or solver; the message lists the choices.
         InvalidInputError: on an unknown option or a value that the program refuses.
     """
-    kind = choose("program", name, _PROGRAMS)
-    check_options(f"program {name}", program_options, kind.options)
-    return kind(Box.symmetric(5.0) if input_set is None else input_set, solver, **program_options)
+    cascade, inputs = _cascade(name, program_options), _input_set(input_set)
+    if solver is None and inputs.n_u == 2:
+        return PlanarProgram(cascade, inputs)
+    return GeneralProgram(cascade, inputs, solver or "daqp")
 
 
 def make_batch(
@@ -89,4 +83,14 @@ def make_batch(
         InvalidInputError: on an unknown option, a value that the program refuses, or an input set
             that is not planar.
     """
-    return BatchProgram(make(name, input_set=input_set, **program_options))
+    return BatchProgram(_cascade(name, program_options), _input_set(input_set))
+
+
+def _cascade(name: str, program_options: dict[str, Any]) -> Cascade:
+    kind = choose("program", name, CASCADES)
+    check_options(f"program {name}", program_options, kind.options)
+    return kind(**program_options)
+
+
+def _input_set(input_set: InputSet | None) -> InputSet:
+    return Box.symmetric(5.0) if input_set is None else input_set

@@ -1,5 +1,6 @@
 """Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,10 +9,11 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.general.polyhedron import SolverInputs
 from hcbf_gym.programs.general.qp import Solver
-from hcbf_gym.programs.general.stage import ZERO_GRADIENT, FeasibleSet, nearest
 from hcbf_gym.programs.program import check_rows
 from hcbf_gym.programs.result import FilterResult
+from hcbf_gym.programs.tolerances import ZERO_GRADIENT
 
 
 class ConflictReport(NamedTuple):
@@ -48,32 +50,30 @@ def conflict_report(
         InvalidInputError: on malformed rows.
     """
     check_rows(rows, input_set.n_u)
-    judge, admissible = Solver(solver), FeasibleSet.of_input_set(input_set)
+    admissible = SolverInputs.of(input_set, np.zeros(input_set.n_u), Solver(solver))
     kept = np.argsort(rows.priority, kind="stable")
-    if _feasible(rows, kept, admissible, judge):
+    if _feasible(rows, kept, admissible):
         return None
     for row in kept[::-1]:
         rest = kept[kept != row]
-        if not _feasible(rows, rest, admissible, judge):
+        if not _feasible(rows, rest, admissible):
             kept = rest
-    unbounded = admissible._replace(a=admissible.a[:0], b=admissible.b[:0])
+    unbounded = replace(admissible, a=admissible.a[:0], b=admissible.b[:0])
     paid = {
         int(priority): float(result.slack[rows.priority == priority].max())
         for priority in np.unique(rows.priority[result.slack > 0.0])
     }
     return ConflictReport(
-        tuple(sorted(int(row) for row in kept)), _feasible(rows, kept, unbounded, judge), paid
+        tuple(sorted(int(row) for row in kept)), _feasible(rows, kept, unbounded), paid
     )
 
 
-def _feasible(
-    rows: CbfRows, kept: NDArray[np.int64], admissible: FeasibleSet, judge: Solver
-) -> bool:
+def _feasible(rows: CbfRows, kept: NDArray[np.int64], admissible: SolverInputs) -> bool:
     a, b = rows.a[kept], rows.b[kept]
     constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2
     if (b[constant] > 0.0).any():
         return False
-    return nearest(admissible.intersect(a, b), np.zeros(a.shape[1]), judge) is not None
+    return admissible.intersect(a, b).attempt() is not None
 
 
 def equivalent_offset(alpha2: ClassK, psi: float, delta: float) -> float:

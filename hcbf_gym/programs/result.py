@@ -7,26 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.rows import CbfRows
-
-# Relative to ‖a_k‖ max‖u‖ + |b_k|: below it a row counts as met, and its slack is given as 0.
-SLACK_TOLERANCE = 1e-8
-# |u − u*| below it counts as u = u*, relative to 1 + max‖u‖.
-NOMINAL_TOLERANCE = 1e-9
+from hcbf_gym.programs.tolerances import NOMINAL, SLACK
 
 
 class FilterStatus(IntEnum):
-    """How the input relates to the nominal one and to the rows; the first that applies, from last.
+    """How the input relates to the nominal one, to the rows and to the state.
 
-    NOMINAL: u = u*, every row met.  SAFE: u ≠ u*, every row met.  RELAXED: a row of priority 2 or
-    lower is violated.  VIOLATED: a row of priority 1 is violated (for ``cbf-qp``: any row), the
-    violation is the least there is.  BACKUP: every solver failed and u is the braking action 0.
+    Of several that apply, the status is the one named last. NOMINAL: u = u*, every row met.
+    SAFE: u ≠ u*, every row met. RELAXED: a row of priority 2 or lower is violated. VIOLATED: a row
+    of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is.
+    OUTSIDE: a barrier of priority 1 is below zero already; the wrapper says so, programs never do.
+    BACKUP: every solver failed and u is the braking action 0.
     """
 
     NOMINAL = 0
     SAFE = 1
     RELAXED = 2
     VIOLATED = 3
-    BACKUP = 4
+    OUTSIDE = 4
+    BACKUP = 5
 
 
 class FilterResult(NamedTuple):
@@ -60,7 +59,7 @@ def violation(rows: CbfRows, u: NDArray[np.float64], radius: float) -> NDArray[n
     """
     lack = rows.b - rows.a @ u
     scale = np.sqrt(np.einsum("ij,ij->i", rows.a, rows.a)) * radius + np.abs(rows.b)
-    return np.where(lack > SLACK_TOLERANCE * scale, lack, 0.0)
+    return np.where(lack > SLACK * scale, lack, 0.0)
 
 
 def classify(
@@ -81,5 +80,5 @@ def classify(
     """
     if slack.any():
         return FilterStatus.VIOLATED if slack[strict].any() else FilterStatus.RELAXED
-    moved = np.abs(u - u_nominal).max() > NOMINAL_TOLERANCE * (1.0 + radius)
+    moved = np.abs(u - u_nominal).max() > NOMINAL * (1.0 + radius)
     return FilterStatus.SAFE if moved else FilterStatus.NOMINAL

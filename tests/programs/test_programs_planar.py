@@ -13,6 +13,7 @@ from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus
 from hcbf_gym.programs.exact import rational
 from hcbf_gym.programs.planar import polygon
+from hcbf_gym.programs.planar.records import Line, make_workspace
 from hcbf_gym.studies.benchmarks import exact, verify_programs
 
 NAMES = programs.names()
@@ -104,8 +105,9 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
         vertices = single.input_set.vertices()
         for i in range(40):
             row = CbfRows(*(field[i] for field in rows if field is not None))
-            weight, least = single.weight(row), single.least_slack(row)
-            problem = exact.Exact.of(vertices, u_nominal[i], row, weight, least, single.lambda_u)
+            cascade = single.cascade
+            weight, least = cascade.weights.of(row.priority, row.h), cascade.least_slack(row)
+            problem = exact.Exact.of(vertices, u_nominal[i], row, weight, least, cascade.lambda_u)
             wanted = np.array(problem.solve(name), dtype=float)
             np.testing.assert_allclose(single(u_nominal[i], row).u, wanted, atol=1e-8)
             np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
@@ -178,6 +180,10 @@ def test_rational_minimisers_meet_the_optimality_conditions_exactly(seed, rank):
 # ------------------------------------------------------------------ polygons
 
 
+def workspace(radius):
+    return make_workspace(radius, 32, 4)
+
+
 def random_polygon(rng):
     corners = Ball(float(rng.uniform(1.0, 6.0)), sides=int(rng.integers(3, 9))).vertices()
     buffer = np.zeros((32, 2))
@@ -200,7 +206,7 @@ def test_a_cut_keeps_what_rational_arithmetic_keeps(seed):
             highest = max(rational.dot(normal, u) for u in reference)
             cut = rational.at(reference, normal, highest)
         reference = cut
-        count = polygon.cut(buffer, count, nx, ny, d, 6.0, np.zeros((32, 2)))
+        count = polygon.cut(buffer, count, Line(nx, ny, d), workspace(6.0))
         wanted = np.array(reference, dtype=float)
         for corners, others in ((buffer[:count], wanted), (wanted, buffer[:count])):
             gaps = np.linalg.norm(corners[:, None] - others[None], axis=-1)
@@ -214,11 +220,10 @@ def test_the_minimum_on_a_polygon_meets_the_kkt_conditions(seed, share):
     buffer, count = random_polygon(rng)
     rows, targets = rng.normal(0.0, 1.0, (2, 2)), rng.normal(0.0, 5.0, 2)
     rows[1] = rows[0] + share * rows[1]
-    factor = (0.0, 0.0, 0.0, 0.0, 0.0)
+    problem = polygon.LeastSquares(0.0, 0.0, 0.0, 0.0, 0.0)
     for row, target in zip(rows, targets, strict=True):
-        factor = polygon.add_row(factor, row[0], row[1], target)
-    scratch = np.zeros((2, 32, 2))
-    u = np.array(polygon.minimise(buffer, count, factor, 0.3, 0.4, 6.0, *scratch))
+        problem = polygon.add_row(problem, row[0], row[1], target)
+    u = np.array(polygon.minimise(buffer, count, problem, 0.3, 0.4, workspace(6.0)))
     gradient = 2.0 * rows.T @ (rows @ u - targets)
     # no corner, and so no point of the polygon, lies in a direction of descent
     assert ((buffer[:count] - u) @ gradient).min() > -1e-7 * (1.0 + np.abs(targets).max())
@@ -228,6 +233,7 @@ def test_the_kernels_run_uncompiled_too():
     buffer = np.zeros((8, 2))
     buffer[:4] = Box.symmetric(5.0).vertices()
     compiled = buffer.copy()
-    count = polygon.cut.py_func(buffer, 4, 0.6, 0.8, 3.0, 8.0, np.zeros((8, 2)))
-    assert count == polygon.cut(compiled, 4, 0.6, 0.8, 3.0, 8.0, np.zeros((8, 2)))
+    line, space = Line(0.6, 0.8, 3.0), workspace(8.0)
+    count = polygon.cut.py_func(buffer, 4, line, space)
+    assert count == polygon.cut(compiled, 4, line, space)
     np.testing.assert_array_equal(buffer[:count], compiled[:count])

@@ -19,9 +19,21 @@ try:  # ten times faster, the same numbers
 except ImportError:
     rational = Fraction
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Point = tuple[Any, Any]
 Polygon = list[Point]
+
+
+def to_rational(x: NDArray[np.float64]) -> Array:
+    """Return doubles as the rational numbers that they are, in an array of objects."""
+    exact = np.empty(x.size, dtype=object)
+    exact[:] = [rational(value) for value in x.ravel().tolist()]
+    return exact.reshape(x.shape)
+
+
+def to_doubles(x: Array) -> NDArray[np.float64]:
+    """Return rational numbers (k,) correctly rounded."""
+    return np.array([int(value.numerator) / int(value.denominator) for value in x], dtype=float)
 
 
 class Penalty(NamedTuple):
@@ -119,43 +131,6 @@ def minimisers(polygon: Polygon, cost: Quadratic) -> Polygon:
         if 0 < t < 1:
             candidates.append((u[0] + t * d[0], u[1] + t * d[1]))
     return [min(candidates, key=cost)]
-
-
-def least_cost(
-    a: Array,
-    target: Array,
-    least: Array | None,
-    weight: Array,
-    rows: Array,
-    lower: Array,
-    radius: float,
-) -> Array:
-    """Return a minimiser of ``Σ w_k δ_k²`` over ``rows z ≥ lower``, rounded to doubles.
-
-    Args: as :func:`hcbf_gym.programs.planar.stages.least_cost`.
-    """
-    free = a.shape[1]
-    size = rational(4.0 * radius)
-    if free == 1:
-        polygon: Polygon = [(-size, rational(0)), (size, rational(0))]
-        a, rows = (np.pad(matrix, ((0, 0), (0, 1))) for matrix in (a, rows))
-    else:
-        polygon = [(-size, -size), (size, -size), (size, size), (-size, size)]
-    for normal, d in zip(rows.tolist(), lower.tolist(), strict=True):
-        n = (rational(normal[0]), rational(normal[1]))
-        polygon = cut(polygon, n, rational(d)) or _face(polygon, n)
-    floor = [None] * len(target) if least is None else [rational(m) for m in least.tolist()]
-    penalties = [
-        Penalty((rational(x), rational(y)), rational(t), rational(w), m)
-        for (x, y), t, w, m in zip(a.tolist(), target.tolist(), weight.tolist(), floor, strict=True)
-    ]
-    u = soft_minimum(polygon, penalties)
-    return np.array([int(x.numerator) / int(x.denominator) for x in u[:free]])  # rounds correctly
-
-
-def _face(polygon: Polygon, n: Point) -> Polygon:
-    """Return where n·u is greatest: what rounding alone has made unreachable is met the most."""
-    return at(polygon, n, max(dot(n, u) for u in polygon))
 
 
 def soft_minimum(polygon: Polygon, penalties: Sequence[Penalty]) -> Point:

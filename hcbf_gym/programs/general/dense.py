@@ -98,31 +98,3 @@ def back_substitute(factor: Array, y: Array) -> Array:
             z[i] -= factor[i, j] * z[j]
         z[i] /= factor[i, i]
     return z
-
-
-@njit(cache=True)
-def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bool:
-    """Tell whether rows are finite, with priorities 1, 2, … without a gap; see `check_rows`.
-
-    Args:
-        a: (N, m, n) gradients.
-        b: (N, m) bounds.
-        h: (N, m) barrier values.
-        priority: (N, m).
-    """
-    m = b.shape[1]
-    if not (np.isfinite(a).all() and np.isfinite(b).all() and np.isfinite(h).all()):
-        return False
-    present = np.empty(m, dtype=np.bool_)
-    for i in range(b.shape[0]):
-        present[:] = False
-        levels = 0
-        for k in range(m):
-            if not 1 <= priority[i, k] <= m:
-                return False
-            present[priority[i, k] - 1] = True
-            levels = max(levels, priority[i, k])
-        for p in range(levels):
-            if not present[p]:
-                return False
-    return True

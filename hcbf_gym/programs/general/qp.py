@@ -21,11 +21,9 @@ from clarabel import (
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError, choose
+from hcbf_gym.programs.tolerances import PRIMAL
 
 Array = NDArray[np.float64]
-
-# Distance by which a returned point may miss a row (of norm 1/2 to 1), relative to 1 + |x|.
-PRIMAL_TOLERANCE = 1e-7
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
 # of 1e5 leave no digits for its usual tolerance.
@@ -101,13 +99,13 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
         solver: one of :func:`solver_names`.
 
     Returns:
-        The solution. A point that misses a row by more than `PRIMAL_TOLERANCE` has status FAILED.
+        The solution. A point that misses a row by more than `PRIMAL` has status FAILED.
     """
     x, status = _backend(solver)(problem)
     if x is None or status is not QpStatus.OPTIMAL:
         return QpSolution(None, status, solver)
     miss = (problem.lower - problem.a @ x).max(initial=0.0)
-    if not miss <= PRIMAL_TOLERANCE * (1.0 + np.abs(x).max(initial=0.0)):  # NaN fails, too
+    if not miss <= PRIMAL * (1.0 + np.abs(x).max(initial=0.0)):  # NaN fails, too
         return QpSolution(None, QpStatus.FAILED, solver)
     return QpSolution(x, status, solver)
 

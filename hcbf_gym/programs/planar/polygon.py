@@ -1,51 +1,59 @@
-"""Convex polygons as lists of corners: cut by a half-plane, and searched for a minimum.
+"""Convex polygons as lists of corners: cut by a line, and searched for a minimum.
 
 A polygon is an array (capacity, 2) of which the first `count` corners count, counter-clockwise;
 two corners are a segment, one is a point. It never becomes empty: a cut that would leave nothing
 leaves the face that violates the cut least, so that no rounding can make a stage infeasible.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hcbf_gym.programs.planar.records import Array, Line, Point, Workspace
+from hcbf_gym.programs.tolerances import RANK_ONE, SAME_CORNER, THIN, ZERO_GRADIENT
 
-# Lengths below it, relative to the size of U, are rounding.
-THIN = 1e-10
-# Below it the flat direction of a least-squares problem is rounding, and u* decides.
-RANK_ONE = 1e-12
-# A row with a smaller gradient is a constant: no input changes its violation.
-ZERO_GRADIENT = 1e-12
+
+class LeastSquares(NamedTuple):
+    """``‖R u − z‖²`` with R = [[r11, r12], [0, r22]]."""
+
+    r11: float
+    r12: float
+    r22: float
+    z1: float
+    z2: float
 
 
 @njit(cache=True)
-def cut(
-    corners: Array, count: int, nx: float, ny: float, d: float, radius: float, scratch: Array
-) -> int:
+def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float]:
+    """Return the least and the greatest n·u on a polygon."""
+    low, high = np.inf, -np.inf
+    for i in range(count):
+        value = nx * corners[i, 0] + ny * corners[i, 1]
+        low, high = min(low, value), max(high, value)
+    return low, high
+
+
+@njit(cache=True)
+def cut(corners: Array, count: int, line: Line, w: Workspace) -> int:
     """Cut a polygon in place to ``n·u ≥ d``; to its face of greatest n·u where that is empty.
 
     Args:
         corners: (capacity, 2) the polygon.
         count: its number of corners, at least 1.
-        nx: x component of the unit normal n.
-        ny: y component.
-        d: the bound.
-        radius: the largest norm of an input.
-        scratch: (capacity, 2) working space.
+        line: where to cut, and the side to keep.
+        w: the working space; `scratch` is written to.
 
     Returns:
         The new number of corners.
     """
-    thin = THIN * radius
-    lowest, highest = np.inf, -np.inf
-    for i in range(count):
-        value = nx * corners[i, 0] + ny * corners[i, 1]
-        lowest, highest = min(lowest, value), max(highest, value)
+    nx, ny, d = line
+    thin, same, scratch = THIN * w.radius, SAME_CORNER * w.radius, w.scratch
+    lowest, highest = span(corners, count, nx, ny)
     if lowest >= d:
         return count
     if highest <= d + thin:  # compared before d is subtracted, which may be huge
-        return _face(corners, count, nx, ny, highest - thin, thin)
+        return _face(corners, count, nx, ny, highest - thin, same)
     new = 0
     previous_x, previous_y = corners[count - 1]
     previous = nx * previous_x + ny * previous_y - d
@@ -56,23 +64,21 @@ def cut(
             t = previous / (previous - height)
             crossing_x = previous_x + t * (x - previous_x)
             crossing_y = previous_y + t * (y - previous_y)
-            new = _append(scratch, new, crossing_x, crossing_y, 1e-4 * thin)
+            new = _append(scratch, new, crossing_x, crossing_y, same)
         if height >= 0.0:
-            new = _append(scratch, new, x, y, 1e-4 * thin)
+            new = _append(scratch, new, x, y, same)
         previous_x, previous_y, previous = x, y, height
-    while new > 1 and _near(scratch[0], scratch[new - 1, 0], scratch[new - 1, 1], 1e-4 * thin):
+    while new > 1 and _near(scratch[0], scratch[new - 1, 0], scratch[new - 1, 1], same):
         new -= 1
     corners[:new] = scratch[:new]
     return new
 
 
 @njit(cache=True)
-def slice_at(
-    corners: Array, count: int, nx: float, ny: float, d: float, radius: float, scratch: Array
-) -> int:
+def slice_at(corners: Array, count: int, line: Line, w: Workspace) -> int:
     """Cut a polygon in place to ``n·u = d``, a value that it attains; return the new count."""
-    count = cut(corners, count, nx, ny, d, radius, scratch)
-    return cut(corners, count, -nx, -ny, -d, radius, scratch)
+    count = cut(corners, count, line, w)
+    return cut(corners, count, Line(-line.nx, -line.ny, -line.d), w)
 
 
 @njit(cache=True)
@@ -89,7 +95,7 @@ def _append(corners: Array, count: int, x: float, y: float, distance: float) -> 
 
 
 @njit(cache=True)
-def _face(corners: Array, count: int, nx: float, ny: float, level: float, thin: float) -> int:
+def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: float) -> int:
     """Keep, of the corners with n·u ≥ level, the two that lie farthest apart."""
     low, high = np.inf, -np.inf
     low_x = low_y = high_x = high_y = 0.0
@@ -102,25 +108,23 @@ def _face(corners: Array, count: int, nx: float, ny: float, level: float, thin: 
             if along > high:
                 high, high_x, high_y = along, x, y
     corners[0, 0], corners[0, 1] = low_x, low_y
-    if high - low <= 1e-4 * thin:
+    if high - low <= same:
         return 1
     corners[1, 0], corners[1, 1] = high_x, high_y
     return 2
 
 
 @njit(cache=True)
-def add_row(
-    factor: tuple[float, float, float, float, float], ax: float, ay: float, t: float
-) -> tuple[float, float, float, float, float]:
-    """Add ``(a·u − t)²`` to the least-squares problem ``‖R u − z‖²`` by two Givens rotations.
+def distance(weight: float, ux: float, uy: float) -> LeastSquares:
+    """Return ``w ‖u − u*‖²``."""
+    root = np.sqrt(weight)
+    return LeastSquares(root, 0.0, root, root * ux, root * uy)
 
-    Args:
-        factor: R₁₁, R₁₂, R₂₂ of the upper triangular R, and z₁, z₂.
-        ax: x component of a.
-        ay: y component of a.
-        t: the target.
-    """
-    r11, r12, r22, z1, z2 = factor
+
+@njit(cache=True)
+def add_row(problem: LeastSquares, ax: float, ay: float, t: float) -> LeastSquares:
+    """Add ``(a·u − t)²`` to ``‖R u − z‖²`` by two Givens rotations: no square is formed."""
+    r11, r12, r22, z1, z2 = problem
     if ax != 0.0:
         length = np.hypot(r11, ax)
         c, s = r11 / length, ax / length
@@ -132,80 +136,67 @@ def add_row(
         c, s = r22 / length, ay / length
         r22 = length
         z2 = c * z2 + s * t
-    return r11, r12, r22, z1, z2
+    return LeastSquares(r11, r12, r22, z1, z2)
 
 
 @njit(cache=True)
 def minimise(
-    corners: Array,
-    count: int,
-    factor: tuple[float, float, float, float, float],
-    ux: float,
-    uy: float,
-    radius: float,
-    scratch: Array,
-    scratch_cut: Array,
-) -> tuple[float, float]:
+    corners: Array, count: int, problem: LeastSquares, ux: float, uy: float, w: Workspace
+) -> Point:
     """Return the point of a polygon that minimises ``‖R u − z‖²``; of several, the nearest to u*.
 
     Args:
         corners: (capacity, 2) the polygon, left as it is.
         count: its number of corners.
-        factor: R and z as :func:`add_row` builds them.
+        problem: R and z.
         ux: x component of u*.
         uy: y component of u*.
-        radius: the largest norm of an input.
-        scratch: (capacity, 2) working space.
-        scratch_cut: (capacity, 2) working space.
+        w: the working space; `copy` and `scratch` are written to.
     """
-    r11, r12, r22, z1, z2 = factor
+    r11, r12, r22, z1, z2 = problem
+    nearest = LeastSquares(1.0, 0.0, 1.0, ux, uy)
     size = np.sqrt(r11 * r11 + r12 * r12 + r22 * r22)
     if size <= ZERO_GRADIENT:
-        return _descend(corners, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
+        return _descend(corners, count, nearest, ux, uy)
     if abs(r11 * r22) > RANK_ONE * size * size:
         y = z2 / r22
-        return _descend(corners, count, factor, (z1 - r12 * y) / r11, y)
+        return _descend(corners, count, problem, (z1 - r12 * y) / r11, y)
     # R = σ p nᵀ: n·u is decided, and u* decides the rest
     angle = 0.5 * np.arctan2(2.0 * r11 * r12, r11 * r11 - r12 * r12 - r22 * r22)
     nx, ny = np.cos(angle), np.sin(angle)
     p1, p2 = r11 * nx + r12 * ny, r22 * ny
-    target = (p1 * z1 + p2 * z2) / (p1 * p1 + p2 * p2)
-    low, high = np.inf, -np.inf
-    for i in range(count):
-        value = nx * corners[i, 0] + ny * corners[i, 1]
-        low, high = min(low, value), max(high, value)
-    target = min(max(target, low), high)
-    scratch[:count] = corners[:count]
-    count = slice_at(scratch, count, nx, ny, target, radius, scratch_cut)
-    return _descend(scratch, count, (1.0, 0.0, 1.0, ux, uy), ux, uy)
+    low, high = span(corners, count, nx, ny)
+    target = min(max((p1 * z1 + p2 * z2) / (p1 * p1 + p2 * p2), low), high)
+    w.copy[:count] = corners[:count]
+    count = slice_at(w.copy, count, Line(nx, ny, target), w)
+    return _descend(w.copy, count, nearest, ux, uy)
 
 
 @njit(cache=True)
-def _descend(
-    corners: Array,
-    count: int,
-    factor: tuple[float, float, float, float, float],
-    cx: float,
-    cy: float,
-) -> tuple[float, float]:
-    """Return the minimiser over a polygon of a quadratic of full rank with its centre at c.
+def contains(corners: Array, count: int, x: float, y: float) -> bool:
+    """Tell whether a point lies in a polygon of three corners or more, without any tolerance."""
+    previous_x, previous_y = corners[count - 1]
+    for i in range(count):
+        corner_x, corner_y = corners[i]
+        across = (corner_x - previous_x) * (y - previous_y)
+        if across < (corner_y - previous_y) * (x - previous_x):
+            return False
+        previous_x, previous_y = corner_x, corner_y
+    return True
+
+
+@njit(cache=True)
+def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: float) -> Point:
+    """Return the minimiser over a polygon of a problem of full rank with its centre at c.
 
     The point is chosen by the signs of the gradient, not by comparing costs, whose differences
     drown in rounding where the weights are large.
     """
-    r11, r12, r22, z1, z2 = factor
+    r11, r12, r22, z1, z2 = problem
     if count == 1:
         return corners[0, 0], corners[0, 1]
-    if count > 2:
-        inside = True
-        for i in range(count):
-            x, y = corners[i]
-            j = i + 1 if i + 1 < count else 0
-            if (corners[j, 0] - x) * (cy - y) < (corners[j, 1] - y) * (cx - x):
-                inside = False
-                break
-        if inside:
-            return cx, cy
+    if count > 2 and contains(corners, count, cx, cy):
+        return cx, cy
     best, best_x, best_y = np.inf, corners[0, 0], corners[0, 1]
     last = count - 1
     dx, dy = corners[0, 0] - corners[last, 0], corners[0, 1] - corners[last, 1]

@@ -157,8 +157,9 @@ def verify_group(name: str, seed: list[int]) -> dict[str, Tally]:
     for i in range(GROUP):
         row = CbfRows(*(field[i] for field in rows if field is not None))
         problem = Exact.of(
-            input_set.vertices(), u_nominal[i], row, one.weight(row), one.least_slack(row),
-            one.lambda_u,
+            input_set.vertices(), u_nominal[i], row,
+            one.cascade.weights.of(row.priority, row.h), one.cascade.least_slack(row),
+            one.cascade.lambda_u,
         )  # fmt: skip
         choices = problem.choices(name)
         answer = FilterResult(*(field[i] for field in together))

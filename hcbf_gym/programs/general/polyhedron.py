@@ -1,0 +1,159 @@
+"""The inputs that the stages so far leave, for any number of inputs: each stage is a projection.
+
+They are kept as a point, an orthonormal basis of the directions that are still free, and
+inequalities. A stage that pins a row removes a direction from the basis instead of adding an
+equality, so that no later stage can be infeasible through rounding.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.cascades import StageRows
+from hcbf_gym.programs.general.dense import level_rows, unit_rows
+from hcbf_gym.programs.general.qp import QpProblem, Solver
+from hcbf_gym.programs.general.soft import SoftRows, least_cost, trade
+from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SolverInputs:
+    """``{u : u = point + basis z, a u ≥ b}``, never empty; see `cascades.Inputs`.
+
+    Attributes:
+        u_nominal: (n_u,) u*.
+        solver: who answers.
+        point: (n_u,) a point of the affine subspace; a member of the set once rows are pinned.
+        basis: (n_u, r) orthonormal free directions.
+        a: (k, n_u) rows of norms from 1/2 to 1.
+        b: (k,) their lower bounds.
+        radius: the largest norm of an input in U.
+        known: (n_u,) the member nearest u*, where it is known already.
+    """
+
+    u_nominal: Array
+    solver: Solver
+    point: Array
+    basis: Array
+    a: Array
+    b: Array
+    radius: float
+    known: Array | None = None
+
+    @classmethod
+    def of(cls, input_set: InputSet, u_nominal: Array, solver: Solver) -> "SolverInputs":
+        """Return U."""
+        n_u, (a, b) = input_set.n_u, input_set.halfspaces()
+        return cls(u_nominal, solver, np.zeros(n_u), np.eye(n_u), a, b, input_set.radius)
+
+    def nearest(self) -> Array:
+        """Return ``argmin ‖u − u*‖²``.
+
+        Raises:
+            SolverError: if nobody finds it.
+        """
+        if self.known is not None:
+            return self.known
+        rows, lower = self.reduced()
+        z = self.solver.must(QpProblem(self.centre(), rows, lower))
+        return self.point + self.basis @ z
+
+    def meet(self, rows: StageRows) -> "SolverInputs":
+        """Keep those that meet the rows or, where none does, violate them least (min Σ δ_k²)."""
+        met = self.intersect(rows.a, rows.b)
+        u = met.attempt()
+        if u is not None:
+            return replace(met, known=u)
+        steer = np.einsum("ij,ij->i", rows.a, rows.a) > ZERO_GRADIENT**2
+        a, b = rows.a[steer], rows.b[steer]
+        soft = SoftRows(a, b, np.ones(b.size), np.zeros(b.size))
+        return self._lock(a, b, least_cost(self, soft))
+
+    def relax(self, rows: StageRows, lambda_u: float) -> Array:
+        """Return ``argmin λ_u ‖u − u*‖² + Σ λ_δk max(δ_min, b_k − a_k u)²``."""
+        paid = rows.weight > 0.0
+        if not paid.any():
+            return self.nearest()
+        a, b, weight, least = rows.a[paid], rows.b[paid], rows.weight[paid], rows.least[paid]
+        if lambda_u > 0.0:
+            return trade(self, SoftRows(a, b, weight / lambda_u, least))
+        u, root = least_cost(self, SoftRows(a, b, weight, least)), np.sqrt(weight)
+        return self._lock(root[:, None] * a, root * (b - least), u).nearest()
+
+    def draw(self, rows: StageRows, target: Array, lambda_u: float) -> Array:
+        """Return ``argmin λ_u ‖u − u*‖² + Σ λ_δk (t_k − a_k u)²``."""
+        paid = rows.weight > 0.0
+        if not paid.any():
+            return self.nearest()
+        a, t, weight = rows.a[paid], target[paid], rows.weight[paid]
+        if lambda_u > 0.0:
+            return trade(self, SoftRows(a, t, weight / lambda_u, None))
+        return self._pin(a, least_cost(self, SoftRows(a, t, weight, None))).nearest()
+
+    def pin(self, rows: StageRows, u: Array) -> "SolverInputs":
+        """Keep those at which each row has the value that it has at u, one of them."""
+        return self._pin(rows.a, u)
+
+    def bound(self, rows: StageRows, u: Array) -> "SolverInputs":
+        """Keep those at which no row is violated more than at u, one of them."""
+        return self.intersect(rows.a, np.minimum(rows.b, rows.a @ u))
+
+    def centre(self) -> Array:
+        """Return u* in the coordinates z of the free directions."""
+        return self.basis.T @ (self.u_nominal - self.point)
+
+    def reduced(self) -> tuple[Array, Array]:
+        """Return the inequalities in the coordinates z of the free directions.
+
+        A row that none of those directions changes is a constant and left out.
+        """
+        n_u, free = self.basis.shape
+        if free == n_u:  # nothing is pinned yet: z = u
+            return self.a, self.b
+        lower = self.b - self.a @ self.point
+        return unit_rows(self.a @ self.basis, lower, DEPENDENT)
+
+    def attempt(self) -> Array | None:
+        """Return the member nearest u*, or None where there is none."""
+        if not self.basis.shape[1]:
+            return self.point if (self.a @ self.point >= self.b - MET).all() else None
+        rows, lower = self.reduced()
+        z = self.solver.attempt(QpProblem(self.centre(), rows, lower))
+        return None if z is None else self.point + self.basis @ z
+
+    def intersect(self, a: Array, b: Array) -> "SolverInputs":
+        """Keep those that meet ``a u ≥ b``, rows of any length; there may be none."""
+        level, bound = level_rows(a, b, ZERO_GRADIENT)
+        rows, bounds = np.concatenate((self.a, level)), np.concatenate((self.b, bound))
+        return replace(self, a=rows, b=bounds, known=None)
+
+    def _pin(self, a: Array, u: Array) -> "SolverInputs":
+        """Keep the inputs on which the rows a (s, n_u) have their value at u.
+
+        u is a member: rounding must not take it out, so no bound stays above its value at u.
+        """
+        unit, _ = unit_rows(a, np.zeros(len(a)), ZERO_GRADIENT)
+        pinned, _ = unit_rows(unit @ self.basis, np.zeros(len(unit)), DEPENDENT)
+        kept = replace(self, b=np.minimum(self.b, self.a @ u), known=None)
+        if not len(pinned):
+            return kept
+        _, singular, orthogonal = np.linalg.svd(pinned)
+        directions = orthogonal[int(np.sum(singular > DEPENDENT)) :].T
+        basis = self.basis @ directions
+        return replace(kept, point=u, basis=basis, known=None if basis.size else u)
+
+    def _lock(self, a: Array, b: Array, u: Array) -> "SolverInputs":
+        """Keep the minimisers of a stage of which u is one, ``min Σ max(0, b_k − a_k u)²``.
+
+        Each violated row has one value on all of them: it is pinned; the others are met.
+        """
+        norm = np.maximum(np.sqrt(np.einsum("ij,ij->i", a, a)), ZERO_GRADIENT)
+        lack = b - a @ u
+        violated = lack > MET * (1.0 + np.abs(u).max()) * norm
+        violated &= lack > NEGLIGIBLE * np.linalg.norm(lack[violated])
+        met = ~violated
+        return self.intersect(a[met], np.minimum(b, a @ u)[met])._pin(a[violated], u)

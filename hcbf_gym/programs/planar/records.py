@@ -1,0 +1,113 @@
+"""The records that the compiled cascade passes on: settings, rows, the cost of a stage, space."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[Any]
+Point = tuple[float, float]
+
+CBF, RELAXED, HIERARCHICAL, EXPLICIT, LEXICOGRAPHIC = range(5)
+
+ROW = np.dtype(
+    (
+        np.record,
+        [
+            ("index", np.int64),  # where the row stood before rows were sorted by priority
+            ("ax", np.float64),  # gradient
+            ("ay", np.float64),
+            ("norm", np.float64),  # ‖a‖
+            ("b", np.float64),  # bound, a·u ≥ b
+            ("strict", np.bool_),  # whether the stage meets the row, instead of paying for it
+            ("weight", np.float64),  # λ_δ(h); 1 for a strict row
+            ("least", np.float64),  # δ_min; 0 for a strict row
+            ("target", np.float64),  # a·û
+            ("state", np.int64),  # working space of `soft`
+        ],
+    )
+)
+"""A row as the stages read it."""
+
+
+class Settings(NamedTuple):
+    """A program in the form that the kernels read.
+
+    Attributes:
+        kind: `CBF`, `RELAXED`, `HIERARCHICAL`, `EXPLICIT` or `LEXICOGRAPHIC`.
+        radius: the largest norm of an input in U.
+        lambda_u: λ_u.
+        known_offset: whether δ_min comes from α₂(ψ) (``epsilon="known"``); 0 if not.
+        vertices: (V, 2) the corners of U, counter-clockwise.
+        weights: (K, 1 + L) Δγ and γ₀ of the priorities from 2 on, the last one repeated; infinity
+            is a strict level. K is 1, or N for N states with weights of their own.
+    """
+
+    kind: int
+    radius: float
+    lambda_u: float
+    known_offset: bool
+    vertices: Array
+    weights: Array
+
+
+class Line(NamedTuple):
+    """The line ``n·u = d`` with a unit normal; a cut keeps the side ``n·u ≥ d``."""
+
+    nx: float
+    ny: float
+    d: float
+
+
+class Cost(NamedTuple):
+    """``λ_u ‖u − u*‖² + Σ w_k max(m_k, b_k − a_k·u)²`` over the rows of one stage."""
+
+    rows: Rows
+    lambda_u: float
+    ux: float
+    uy: float
+
+
+class Workspace(NamedTuple):
+    """What the kernels write to; made once for a whole batch.
+
+    Attributes:
+        radius: the largest norm of an input, which sets the scale of rounding.
+        feasible: (capacity, 2) corners of the inputs that the stages so far leave.
+        trial: (capacity, 2) a copy that may be thrown away.
+        cell: (capacity, 2) what `soft_minimum` cuts down.
+        copy: (capacity, 2) what `minimise` cuts.
+        scratch: (capacity, 2) for every cut.
+        rows: (m,) `ROW`, sorted by priority.
+        start: (m + 2,) where each priority's rows start.
+        graded: (1,) set where a stage's least squares are beyond doubles.
+    """
+
+    radius: float
+    feasible: Array
+    trial: Array
+    cell: Array
+    copy: Array
+    scratch: Array
+    rows: Rows
+    start: NDArray[np.int64]
+    graded: NDArray[np.bool_]
+
+
+@njit(cache=True)
+def make_workspace(radius: float, corners: int, m: int) -> Workspace:
+    """Return the working space for a U with so many corners, and m rows."""
+    space = np.empty((5, corners + m + 4, 2))
+    rows = np.zeros(m, dtype=ROW)
+    start, graded = np.empty(m + 2, dtype=np.int64), np.zeros(1, dtype=np.bool_)
+    return Workspace(
+        radius, space[0], space[1], space[2], space[3], space[4], rows, start, graded
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def row_line(row: Any, bound: float) -> Line:
+    """Return the line ``a·u = bound`` of a row whose gradient does not vanish."""
+    return Line(row.ax / row.norm, row.ay / row.norm, bound / row.norm)
