@@ -1,18 +1,13 @@
 """Safety conditions h(x, t) ≥ 0 with their ranks, and the rows a·u ≥ b that they become."""
 
+from hcbf_gym.barriers.barrier import Barrier, Core, Jet, PlanarBarrier
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.barriers.held import held_rows
+from hcbf_gym.barriers.registry import from_dict, register, to_dict
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.shapes import (
-    Barrier,
-    ConvexPolygon,
-    Disc,
-    Ellipse,
-    HalfPlane,
-    Jet,
-    PlanarBarrier,
-    SpeedLimit,
-)
+from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
 
 __all__ = [
     "Barrier",
@@ -20,12 +15,19 @@ __all__ = [
     "CbfRows",
     "ClassK",
     "ConvexPolygon",
+    "Core",
     "Disc",
     "Ellipse",
+    "GeneralRows",
     "HalfPlane",
     "Jet",
     "LinearClassK",
     "LogClassK",
     "PlanarBarrier",
+    "RowSettings",
     "SpeedLimit",
+    "from_dict",
+    "held_rows",
+    "register",
+    "to_dict",
 ]

@@ -1,37 +1,78 @@
-"""Extended class-K functions α: strictly increasing, α(0) = 0, with derivative and inverse."""
+"""Extended class-K functions α: strictly increasing, α(0) = 0, with derivative and inverse.
 
+Each exists once, compiled: `value`, `slope` and `inverse` read a function's four numbers, and the
+objects that users hold call them.
+"""
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_float
 
+Array = NDArray[np.float64]
 
-class ClassK(Protocol):
-    """What a barrier condition needs of α."""
+LINEAR, LOG = 0.0, 1.0
+"""The first of the four numbers says which function it is; the others are its parameters."""
 
-    def __call__(self, h: float) -> float:
-        """Return α(h)."""
-        ...
 
-    def derivative(self, h: float) -> float:
-        """Return dα/dh."""
-        ...
+@njit(cache=True)
+def value(c: Array, h: float) -> float:
+    """Return α(h) of the function with the numbers c (4,)."""
+    if c[0] == LINEAR:
+        return c[1] * h
+    return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
 
-    def inverse(self, value: float) -> float:
-        """Return α⁻¹(value)."""
-        ...
 
-    def parameters(self) -> NDArray[np.float64]:
-        """Return (4,) the kind and its parameters, as the compiled kernels read them."""
-        ...
+@njit(cache=True)
+def slope(c: Array, h: float) -> float:
+    """Return dα/dh; it is largest at h = 0 and does not grow with |h|."""
+    if c[0] == LINEAR:
+        return c[1]
+    return c[1] * c[2] / (c[2] * abs(h) + c[3])
+
+
+@njit(cache=True)
+def inverse(c: Array, y: float) -> float:
+    """Return α⁻¹(y)."""
+    if c[0] == LINEAR:
+        return y / c[1]
+    return np.sign(y) * c[3] / c[2] * np.expm1(abs(y) / c[1])
 
 
 @dataclass(frozen=True)
-class LinearClassK:
+class ClassK(ABC):
+    """A class-K function; there is a linear and a logarithmic one."""
+
+    @abstractmethod
+    def parameters(self) -> Array:
+        """Return (4,) the kind and its parameters, as the compiled functions read them."""
+
+    @cached_property
+    def _numbers(self) -> Array:
+        return self.parameters()
+
+    def __call__(self, h: float) -> float:
+        """Return α(h)."""
+        return value(self._numbers, h)
+
+    def derivative(self, h: float) -> float:
+        """Return dα/dh."""
+        return slope(self._numbers, h)
+
+    def inverse(self, value: float) -> float:
+        """Return α⁻¹(value)."""
+        return inverse(self._numbers, value)
+
+
+@dataclass(frozen=True)
+class LinearClassK(ClassK):
     """The linear function ``α(h) = gain · h``.
 
     Args:
@@ -48,25 +89,13 @@ class LinearClassK:
             self, "gain", finite_float("gain", self.gain, minimum=0.0, exclusive=True)
         )
 
-    def __call__(self, h: float) -> float:
-        """Return α(h)."""
-        return self.gain * h
-
-    def derivative(self, h: float) -> float:
-        """Return dα/dh."""
-        return self.gain
-
-    def inverse(self, value: float) -> float:
-        """Return α⁻¹(value)."""
-        return value / self.gain
-
-    def parameters(self) -> NDArray[np.float64]:
-        """Return (4,) the kind and its parameters, as the compiled kernels read them."""
-        return np.array([0.0, self.gain, 0.0, 0.0])
+    def parameters(self) -> Array:
+        """Return (4,) the kind and its parameters, as the compiled functions read them."""
+        return np.array([LINEAR, self.gain, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
-class LogClassK:
+class LogClassK(ClassK):
     """The paper's logarithmic function, an extended class-K∞ function of slope φ₁φ₂/(φ₂|h|+φ₃).
 
     ``α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃)``
@@ -88,24 +117,12 @@ class LogClassK:
 
     def __post_init__(self) -> None:
         for name in ("phi1", "phi2", "phi3"):
-            value = finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
-            object.__setattr__(self, name, value)
+            number = finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
+            object.__setattr__(self, name, number)
 
-    def __call__(self, h: float) -> float:
-        """Return α(h)."""
-        return float(np.sign(h) * self.phi1 * np.log1p(self.phi2 * abs(h) / self.phi3))
-
-    def derivative(self, h: float) -> float:
-        """Return dα/dh."""
-        return self.phi1 * self.phi2 / (self.phi2 * abs(h) + self.phi3)
-
-    def inverse(self, value: float) -> float:
-        """Return α⁻¹(value)."""
-        return float(np.sign(value) * self.phi3 / self.phi2 * np.expm1(abs(value) / self.phi1))
-
-    def parameters(self) -> NDArray[np.float64]:
-        """Return (4,) the kind and its parameters, as the compiled kernels read them."""
-        return np.array([1.0, self.phi1, self.phi2, self.phi3])
+    def parameters(self) -> Array:
+        """Return (4,) the kind and its parameters, as the compiled functions read them."""
+        return np.array([LOG, self.phi1, self.phi2, self.phi3])
 
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK}

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.barriers.shapes import Barrier, SpeedLimit
+from hcbf_gym.barriers.shapes import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -152,16 +153,3 @@ def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
             for barrier in barriers
         ]
     )
-
-
-def rows(
-    model: ReducedOrderModel,
-    barriers: Sequence[Barrier],
-    x: Array,
-    t: float,
-    alpha1: ClassK,
-    alpha2: ClassK,
-    margin: ArrayLike = 0.0,
-) -> CbfRows:
-    """Return the rows of one state; a filter keeps a :class:`GeneralRows` instead."""
-    return GeneralRows(model, alpha1, alpha2)(barriers, x, t, margin)

@@ -1,56 +1,59 @@
-"""The built-in barriers compiled: values, gradients and rows of N states at once.
+"""The built-in barriers compiled: values and derivatives of N states at once.
 
-Each function transcribes the class of the same name in `barriers`, which is the readable form and
-the reference of the tests. Points, gradients and Hessians travel as scalars, so that nothing is
-allocated per state.
+Each function transcribes the class of the same name in `shapes`, which is the readable form and
+the reference of the tests. Points and gradients travel as scalars, so that nothing is allocated
+per state. A user's own barrier (`layout.CUSTOM`) is passed over: `BarrierSet` fills it in.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.layout import CONVEX_POLYGON, CUSTOM, DISC, ELLIPSE, HALF_PLANE, SPEED_LIMIT
+
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 PlanarJet = tuple[float, float, float, float, float, float]
 
-HALF_PLANE, DISC, ELLIPSE, CONVEX_POLYGON, SPEED_LIMIT = 0, 1, 2, 3, 4
 TINY = 1e-9
+"""Below this distance [m] from a region's centre its gradient is taken along +x."""
 
 
 @njit(cache=True)
-def norm_jet(x: float, y: float) -> PlanarJet:
-    """Return ‖r‖, its gradient and its Hessian (xx, xy, yy)."""
+def _point_jet(x: float, y: float) -> PlanarJet:
+    """Return ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent."""
     distance = np.sqrt(x * x + y * y)
     if distance < TINY:
-        return distance, 1.0, 0.0, 0.0, 0.0, 0.0
+        return distance, 1.0, 0.0, np.inf, 0.0, 1.0
     nx, ny = x / distance, y / distance
-    return distance, nx, ny, ny * ny / distance, -nx * ny / distance, nx * nx / distance
+    return distance, nx, ny, distance, -ny, nx
 
 
 @njit(cache=True)
-def ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H, ∇H and ∇²H of an ellipse."""
-    dx, dy, scale = x - c[2], y - c[3], c[8]
-    n, zx, zy, cxx, cxy, cyy = norm_jet(c[4] * dx + c[5] * dy, c[6] * dx + c[7] * dy)
+def _ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
+    dx, dy, scale = x - c[layout.CENTER_X], y - c[layout.CENTER_Y], c[layout.SHORTER_AXIS]
+    xx, xy = scale * c[layout.MAP_XX], scale * c[layout.MAP_XY]
+    yx, yy = scale * c[layout.MAP_YX], scale * c[layout.MAP_YY]
+    n, nx, ny, distance, tx, ty = _point_jet(xx * dx + xy * dy, yx * dx + yy * dy)
     return (
-        scale * (n - 1.0),
-        scale * (c[4] * zx + c[6] * zy),
-        scale * (c[5] * zx + c[7] * zy),
-        scale * (c[4] * (c[4] * cxx + c[6] * cxy) + c[6] * (c[4] * cxy + c[6] * cyy)),
-        scale * (c[5] * (c[4] * cxx + c[6] * cxy) + c[7] * (c[4] * cxy + c[6] * cyy)),
-        scale * (c[5] * (c[5] * cxx + c[7] * cxy) + c[7] * (c[5] * cxy + c[7] * cyy)),
+        n - scale,
+        xx * nx + yx * ny,
+        xy * nx + yy * ny,
+        distance,
+        xx * tx + yx * ty,
+        xy * tx + yy * ty,
     )
 
 
 @njit(cache=True)
-def polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H, ∇H and ∇²H of a convex polygon."""
-    corners = int(c[2])
+def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
+    corners = int(c[layout.VERTEX_COUNT])
     height, height_nx, height_ny = -np.inf, 0.0, 0.0
-    nearest, offset_x, offset_y, on_edge = np.inf, 0.0, 0.0, False
+    nearest, offset_x, offset_y = np.inf, 0.0, 0.0
+    on_edge, edge_nx, edge_ny = False, 0.0, 0.0
     for i in range(corners):
-        j = (i + 1) % corners
-        ax, ay = c[3 + 2 * i], c[4 + 2 * i]
-        ex, ey = c[3 + 2 * j] - ax, c[4 + 2 * j] - ay
+        ax, ay, ex, ey = polygon_edge(c, i)
         length2 = ex * ex + ey * ey
         length = np.sqrt(length2)
         nx, ny = ey / length, -ex / length
@@ -61,43 +64,68 @@ def polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
         ox, oy = x - (ax + along * ex), y - (ay + along * ey)
         distance = np.sqrt(ox * ox + oy * oy)
         if distance < nearest:
-            nearest, offset_x, offset_y, on_edge = distance, ox, oy, 0.0 < along < 1.0
-    if height <= 0.0:
-        return height, height_nx, height_ny, 0.0, 0.0, 0.0
-    distance, nx, ny, hxx, hxy, hyy = norm_jet(offset_x, offset_y)
+            nearest, offset_x, offset_y = distance, ox, oy
+            on_edge, edge_nx, edge_ny = 0.0 < along < 1.0, nx, ny
+    if height <= 0.0 or nearest < TINY:
+        return height, height_nx, height_ny, np.inf, -height_ny, height_nx
     if on_edge:
-        return distance, nx, ny, 0.0, 0.0, 0.0
-    return distance, nx, ny, hxx, hxy, hyy
+        return nearest, edge_nx, edge_ny, np.inf, -edge_ny, edge_nx
+    return _point_jet(offset_x, offset_y)
+
+
+@njit(cache=True)
+def polygon_edge(c: Array, i: int) -> tuple[float, float, float, float]:
+    """Return the start (x, y) and the vector (x, y) of edge i of a polygon [m]."""
+    first, j = layout.FIRST_VERTEX, i + 1
+    if j == int(c[layout.VERTEX_COUNT]):
+        j = 0
+    ax, ay = c[first + 2 * i], c[first + 1 + 2 * i]
+    return ax, ay, c[first + 2 * j] - ax, c[first + 1 + 2 * j] - ay
 
 
 @njit(cache=True)
 def planar_jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
-    """Return H, ∇H (x, y) and ∇²H (xx, xy, yy) of a planar barrier in its own frame."""
+    """Return a planar barrier and its derivatives at the point (x, y) of its own frame.
+
+    Every built-in Hessian has rank one, ``∇²H = t tᵀ / d``: d is the distance from the region's
+    core (a disc's centre, a polygon's corner), and infinite where H is flat.
+
+    Returns:
+        H, ∇H (x, y), d, t (x, y).
+    """
     if kind == HALF_PLANE:
-        return c[2] * x + c[3] * y - c[4], c[2], c[3], 0.0, 0.0, 0.0
+        nx, ny = c[layout.NORMAL_X], c[layout.NORMAL_Y]
+        return nx * x + ny * y - c[layout.OFFSET], nx, ny, np.inf, -ny, nx
     if kind == DISC:
-        distance, nx, ny, hxx, hxy, hyy = norm_jet(x - c[2], y - c[3])
-        return distance - c[4], nx, ny, hxx, hxy, hyy
+        n, nx, ny, distance, tx, ty = _point_jet(x - c[layout.CENTER_X], y - c[layout.CENTER_Y])
+        return n - c[layout.RADIUS], nx, ny, distance, tx, ty
     if kind == ELLIPSE:
-        return ellipse_jet(c, x, y)
-    return polygon_jet(c, x, y)
+        return _ellipse_jet(c, x, y)
+    return _polygon_jet(c, x, y)
 
 
 @njit(cache=True)
 def planar_value(kind: int, c: Array, x: float, y: float) -> float:
-    """Return H alone: a batch looks at its barriers ten times a step."""
+    """Return H alone: a batch looks at its barriers ten times a step; infinity for a user's own."""
     if kind == HALF_PLANE:
-        return c[2] * x + c[3] * y - c[4]
-    dx, dy = x - c[2], y - c[3]
+        return c[layout.NORMAL_X] * x + c[layout.NORMAL_Y] * y - c[layout.OFFSET]
+    dx, dy = x - c[layout.CENTER_X], y - c[layout.CENTER_Y]
     if kind == DISC:
-        return np.sqrt(dx * dx + dy * dy) - c[4]
+        return np.sqrt(dx * dx + dy * dy) - c[layout.RADIUS]
     if kind == ELLIPSE:
-        zx, zy = c[4] * dx + c[5] * dy, c[6] * dx + c[7] * dy
-        return c[8] * (np.sqrt(zx * zx + zy * zy) - 1.0)
-    nearest2, outside, corners = np.inf, False, int(c[2])
-    ax, ay = c[1 + 2 * corners], c[2 + 2 * corners]
+        zx = c[layout.MAP_XX] * dx + c[layout.MAP_XY] * dy
+        zy = c[layout.MAP_YX] * dx + c[layout.MAP_YY] * dy
+        return c[layout.SHORTER_AXIS] * (np.sqrt(zx * zx + zy * zy) - 1.0)
+    return _polygon_value(c, x, y) if kind == CONVEX_POLYGON else np.inf
+
+
+@njit(cache=True)
+def _polygon_value(c: Array, x: float, y: float) -> float:
+    nearest2, outside = np.inf, False
+    corners, first = int(c[layout.VERTEX_COUNT]), layout.FIRST_VERTEX
+    ax, ay = c[first + 2 * corners - 2], c[first + 2 * corners - 1]
     for i in range(corners):
-        bx, by = c[3 + 2 * i], c[4 + 2 * i]
+        bx, by = c[first + 2 * i], c[first + 1 + 2 * i]
         ex, ey, ox, oy = bx - ax, by - ay, x - ax, y - ay
         outside |= ey * ox - ex * oy > 0.0
         along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
@@ -110,35 +138,21 @@ def planar_value(kind: int, c: Array, x: float, y: float) -> float:
 @njit(cache=True)
 def speed_limit(c: Array, vx: float, vy: float) -> float:
     """Return h of a speed limit."""
-    return (c[2] * c[2] - vx * vx - vy * vy) / (2.0 * c[2])
-
-
-@njit(cache=True)
-def class_k(c: Array, h: float) -> float:
-    """Return α(h)."""
-    if c[0] == 0.0:
-        return c[1] * h
-    return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
-
-
-@njit(cache=True)
-def class_k_derivative(c: Array, h: float) -> float:
-    """Return dα/dh."""
-    if c[0] == 0.0:
-        return c[1]
-    return c[1] * c[2] / (c[2] * abs(h) + c[3])
+    v_max = c[layout.V_MAX]
+    return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max)
 
 
 @njit(cache=True)
 def value(kind: int, c: Array, x: Array, t: float) -> float:
-    """Return h of one barrier at the state x (4,) and time t."""
+    """Return h of one barrier at the state x (4,) and time t; infinity for a user's own."""
     if kind == SPEED_LIMIT:
         return speed_limit(c, x[2], x[3])
-    return planar_value(kind, c, x[0] - c[0] * t, x[1] - c[1] * t)
+    vx, vy = c[layout.VELOCITY_X], c[layout.VELOCITY_Y]
+    return planar_value(kind, c, x[0] - vx * t, x[1] - vy * t)
 
 
 @njit(cache=True)
-def values(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Array) -> None:
+def values(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> None:
     """Write h (N, m) of N states x (N, 4) at the times t (N,)."""
     for i in range(x.shape[0]):
         for k in range(kind.shape[1]):
@@ -146,7 +160,7 @@ def values(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Ar
 
 
 @njit(cache=True)
-def along(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Array) -> None:
+def along(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> None:
     """Write h (k, m) of one scene, kind (m,), at k states x (k, 4) and times t (k,)."""
     for i in range(x.shape[0]):
         for k in range(kind.shape[0]):
@@ -154,63 +168,22 @@ def along(kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Arr
 
 
 @njit(cache=True)
-def sense(
-    kind: NDArray[np.int64], parameters: Array, x: Array, t: Array, h: Array, sensed: Array
-) -> None:
+def sense(kind: Integers, parameters: Array, x: Array, t: Array, h: Array, sensed: Array) -> None:
     """Write h (N, m) and what a policy sees of each barrier, (N, m, 4): h, unit ∇h, ∂h/∂t."""
     for i in range(x.shape[0]):
         for k in range(kind.shape[1]):
             c = parameters[i, k]
-            if kind[i, k] == SPEED_LIMIT:
-                h[i, k] = speed_limit(c, x[i, 2], x[i, 3])
+            if kind[i, k] in (SPEED_LIMIT, CUSTOM):
+                h[i, k] = value(kind[i, k], c, x[i], t[i])
                 sensed[i, k, 0] = h[i, k]
                 sensed[i, k, 1:] = 0.0
                 continue
-            qx, qy = x[i, 0] - c[0] * t[i], x[i, 1] - c[1] * t[i]
-            h[i, k], gx, gy, _, _, _ = planar_jet(kind[i, k], c, qx, qy)
+            vx, vy = c[layout.VELOCITY_X], c[layout.VELOCITY_Y]
+            h[i, k], gx, gy, _, _, _ = planar_jet(
+                kind[i, k], c, x[i, 0] - vx * t[i], x[i, 1] - vy * t[i]
+            )
             norm = np.sqrt(gx * gx + gy * gy)
             sensed[i, k, 0] = h[i, k]
             sensed[i, k, 1] = gx / norm
             sensed[i, k, 2] = gy / norm
-            sensed[i, k, 3] = -(gx * c[0] + gy * c[1])
-
-
-@njit(cache=True)
-def rows(
-    kind: NDArray[np.int64],
-    parameters: Array,
-    margin: Array,
-    x: Array,
-    t: Array,
-    alpha1: Array,
-    alpha2: Array,
-    a: Array,
-    b: Array,
-    h: Array,
-    alpha2_psi: Array,
-) -> None:
-    """Write the double integrator's rows of N states; see `general.GeneralRows`.
-
-    With r = v − w the velocity seen from the barrier's frame,
-    ``a = ∇H`` and ``b = −α₂(ψ) − rᵀ∇²H r − α₁'(h) ∇H·r``, ``ψ = ∇H·r + α₁(h)``.
-    """
-    for i in range(x.shape[0]):
-        for k in range(kind.shape[1]):
-            c = parameters[i, k]
-            if kind[i, k] == SPEED_LIMIT:
-                h[i, k] = speed_limit(c, x[i, 2], x[i, 3])
-                a[i, k, 0] = -x[i, 2] / c[2]
-                a[i, k, 1] = -x[i, 3] / c[2]
-                alpha2_psi[i, k] = class_k(alpha2, h[i, k] - c[3])
-                b[i, k] = -alpha2_psi[i, k]
-                continue
-            qx, qy = x[i, 0] - c[0] * t[i], x[i, 1] - c[1] * t[i]
-            rx, ry = x[i, 2] - c[0], x[i, 3] - c[1]
-            h[i, k], gx, gy, hxx, hxy, hyy = planar_jet(kind[i, k], c, qx, qy)
-            kept = h[i, k] - margin[i, k]
-            h_dot = gx * rx + gy * ry
-            curving = rx * rx * hxx + 2.0 * rx * ry * hxy + ry * ry * hyy
-            a[i, k, 0] = gx
-            a[i, k, 1] = gy
-            alpha2_psi[i, k] = class_k(alpha2, h_dot + class_k(alpha1, kept))
-            b[i, k] = -alpha2_psi[i, k] - curving - class_k_derivative(alpha1, kept) * h_dot
+            sensed[i, k, 3] = -(gx * vx + gy * vy)

@@ -1,9 +1,17 @@
-"""The record between barriers and programs: linear rows in the input, ``a·u ≥ b``."""
+"""The record between barriers and programs, ``a·u ≥ b``, and how barriers become rows."""
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.errors import InvalidInputError, finite_float
+
+ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11
+"""Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, and 1 for held rows."""
 
 
 class CbfRows(NamedTuple):
@@ -25,3 +33,55 @@ class CbfRows(NamedTuple):
     h: NDArray[np.float64]
     priority: NDArray[np.int64]
     alpha2_psi: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class RowSettings:
+    """How barriers become rows: α₁, α₂, and for how long an input is held.
+
+    Args:
+        alpha1: α₁, applied to h at relative degree 2; the paper's logarithm unless given.
+        alpha2: α₂, applied to ψ; linear with gain 2 unless given.
+        period: T, how long u is held [s]: rows then keep h ≥ 0 in between two samples, too.
+            None makes the usual rows, which look at the sample alone.
+        u_max: the largest norm of an input [m/s²]; a held row needs it.
+
+    Raises:
+        InvalidInputError: if a number is not positive and finite, if `u_max` is missing, or if T
+            is longer than 1/α'(0) of either function (0.2 s by default).
+    """
+
+    alpha1: ClassK = field(default_factory=LogClassK)
+    alpha2: ClassK = field(default_factory=LinearClassK)
+    period: float | None = None
+    u_max: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.period is None:
+            return
+        period = finite_float("period", self.period, minimum=0.0, exclusive=True)
+        if self.u_max is None:
+            raise InvalidInputError("u_max: got None, expected a number for rows of a held input")
+        finite_float("u_max", self.u_max, minimum=0.0, exclusive=True)
+        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        if steepest * period > 1.0:
+            raise InvalidInputError(
+                f"period: got {period} s with class-K slopes up to {steepest:g} 1/s, expected at "
+                f"most {1.0 / steepest:g} s: sample faster, take flatter functions or usual rows"
+            )
+
+    @property
+    def held(self) -> bool:
+        """Whether rows are made for a held input."""
+        return self.period is not None
+
+    @cached_property
+    def packed(self) -> NDArray[np.float64]:
+        """(11,) the same numbers as the compiled kernel reads them."""
+        packed = np.zeros(SETTINGS_WIDTH)
+        packed[ALPHA1 : ALPHA1 + 4] = self.alpha1.parameters()
+        packed[ALPHA2 : ALPHA2 + 4] = self.alpha2.parameters()
+        if self.period is not None and self.u_max is not None:
+            packed[PERIOD], packed[U_MAX], packed[HELD] = self.period, self.u_max, 1.0
+        packed.flags.writeable = False
+        return packed

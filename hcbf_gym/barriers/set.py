@@ -1,36 +1,49 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels
-from hcbf_gym.barriers.class_k import ClassK
-from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.barriers.shapes import KINDS, MAX_VERTICES, Barrier
+from hcbf_gym.barriers import kernels, layout, row_kernels
+from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.held import held_rows, usual_rows
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 
 Array = NDArray[np.float64]
 
-_PARAMETERS = 3 + 2 * MAX_VERTICES
+_WRITERS: dict[type[Barrier], Callable[[Any, Array], int]] = {
+    HalfPlane: lambda b, c: layout.half_plane(c, b.normal, b.offset),
+    Disc: lambda b, c: layout.disc(c, b.velocity, b.center, b.radius),
+    Ellipse: lambda b, c: layout.ellipse(c, b.velocity, b.center, b.semi_axes, b.angle),
+    ConvexPolygon: lambda b, c: layout.convex_polygon(c, b.velocity, np.array(b.vertices)),
+    SpeedLimit: lambda b, c: layout.speed_limit(c, b.v_max),
+}
 
 
 class BarrierSet:
     """m barriers in each of N scenes, evaluated for N states of the double integrator at once.
 
+    Built-in shapes are evaluated compiled. A user's own `Barrier` is evaluated in Python, by one
+    call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
+
     Args:
-        scenes: N sequences of m built-in barriers.
+        scenes: N sequences of m barriers.
 
     Raises:
-        InvalidInputError: if a scene is empty, the scenes differ in length, or a barrier is not
-            one of the built-in kinds.
+        InvalidInputError: if a scene is empty, the scenes differ in length, or an entry is no
+            `Barrier`.
 
     Attributes:
-        kind: (N, m) which kernel evaluates the barrier.
-        parameters: (N, m, 19) what that kernel reads.
+        kind: (N, m) which kernel evaluates the barrier, see `layout`.
+        parameters: (N, m, 19) what that kernel reads, see `layout`.
         priority: (N, m) 1 is the highest and strict.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
+        own_margin: (N, m) what a speed limit keeps by itself [m/s], 0 for the others.
+        own: (scene, place) → a user's own barrier; empty where all are built in.
     """
 
     def __init__(self, scenes: Sequence[Sequence[Barrier]]):
@@ -41,9 +54,11 @@ class BarrierSet:
             )
         shape = (len(scenes), lengths.pop())
         self.kind = np.zeros(shape, dtype=np.int64)
-        self.parameters = np.zeros((*shape, _PARAMETERS))
+        self.parameters = np.zeros((*shape, layout.WIDTH))
         self.priority = np.zeros(shape, dtype=np.int64)
         self.keeps_margin = np.zeros(shape)
+        self.own_margin = np.zeros(shape)
+        self.own: dict[tuple[int, int], Barrier] = {}
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
@@ -51,70 +66,155 @@ class BarrierSet:
         """Replace the barriers of scene `i`.
 
         Raises:
-            InvalidInputError: if a barrier is not one of the built-in kinds.
+            InvalidInputError: if there are not m of them, or an entry is no `Barrier`.
         """
+        if len(scene) != self.kind.shape[1]:
+            raise InvalidInputError(
+                f"barrier set: got a scene of {len(scene)} barriers, expected {self.kind.shape[1]}"
+            )
         for barrier in scene:
-            if type(barrier) not in KINDS.values():
+            if not isinstance(barrier, Barrier):
                 raise InvalidInputError(
-                    f"barrier {barrier.name!r}: got {type(barrier).__name__}, "
-                    f"expected one of {sorted(KINDS)}"
+                    f"barrier set: got {barrier!r}, expected an object of a class derived from "
+                    "hcbf_gym.barriers.Barrier"
                 )
-        self.parameters[i] = 0.0
         for k, barrier in enumerate(scene):
-            numbers = barrier.parameters()
-            self.kind[i, k] = barrier.kind
-            self.parameters[i, k, : len(numbers)] = numbers
+            write = _WRITERS.get(type(barrier))
+            self.own.pop((i, k), None)
+            if write is None:
+                self.own[i, k] = barrier
+                self.kind[i, k] = layout.CUSTOM
+            else:
+                self.kind[i, k] = write(barrier, self.parameters[i, k])
             self.priority[i, k] = barrier.priority
             self.keeps_margin[i, k] = barrier.priority == 1 and barrier.reads_position
+            self.own_margin[i, k] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
+
+    def check(self, settings: RowSettings) -> None:
+        """Refuse settings under which a built-in row of a held input cannot be kept.
+
+        Raises:
+            InvalidInputError: if an input can pass a speed limit from rest within one period.
+        """
+        if settings.period is None or settings.u_max is None:
+            return
+        gained = settings.u_max * settings.period
+        capped = self.kind == layout.SPEED_LIMIT
+        v_max, margin = self.parameters[capped, layout.V_MAX], self.own_margin[capped]
+        least = np.sqrt(np.maximum(v_max**2 - 2.0 * v_max * margin, 0.0)).min(initial=np.inf)
+        if least <= gained:
+            raise InvalidInputError(
+                f"speed limit: got {least:g} m/s after its margin, expected above {gained:g} m/s, "
+                "which an input reaches within one period: sample faster or allow smaller inputs"
+            )
 
     def values(self, x: Array, t: Array) -> Array:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""
         h = np.empty(self.kind.shape)
         kernels.values(self.kind, self.parameters, x, t, h)
+        for scenes, k, barrier in self._shared():
+            h[scenes, k] = barrier.batch(x[scenes], t[scenes]).h
         return h
 
     def along(self, x: Array, t: Array) -> Array:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
         h = np.empty((len(x), self.kind.shape[1]))
         kernels.along(self.kind[0], self.parameters[0], x, t, h)
+        for (i, k), barrier in self.own.items():
+            if i == 0:
+                h[:, k] = barrier.batch(x, t).h
         return h
 
     def sense(self, x: Array, t: Array) -> tuple[Array, Array]:
-        """Return h (N, m) and (N, m, 4) what a policy sees: h, unit gradient, ∂h/∂t."""
+        """Return h (N, m) and (N, m, 4) what a policy sees: h, unit gradient, ∂h/∂t.
+
+        The gradient is that in the position; where there is none, three zeros follow h.
+        """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
         kernels.sense(self.kind, self.parameters, x, t, h, sensed)
+        for scenes, k, barrier in self._shared():
+            jet = barrier.batch(x[scenes], t[scenes])
+            h[scenes, k] = jet.h
+            sensed[scenes, k] = _seen(jet)
         return h, sensed
 
+    def margins(self, margin: Array | float) -> Array:
+        """Return (N, m) what each row keeps between h and zero.
+
+        Args:
+            margin: (N, m); or one number [m] for strict rows on the position, while a speed limit
+                keeps its own.
+        """
+        given = np.asarray(margin, dtype=np.float64)
+        return given if given.ndim else self.keeps_margin * given + self.own_margin
+
     def rows(
-        self, x: Array, t: Array, alpha1: ClassK, alpha2: ClassK, margin: float = 0.0
+        self,
+        x: Array,
+        t: Array,
+        settings: RowSettings,
+        margin: Array | float = 0.0,
+        margin_rate: Array | float = 0.0,
     ) -> CbfRows:
-        """Return the rows of N states, each field with a leading axis N; see `general.GeneralRows`.
+        """Return the rows of N states, each field with a leading axis N.
 
         Args:
             x: (N, 4) positions [m] and velocities [m/s].
             t: (N,) times [s].
-            alpha1: α₁, applied to h at relative degree 2.
-            alpha2: α₂, applied to ψ.
-            margin: what strict rows on the position keep between h and zero [m].
+            settings: α₁, α₂, and whether u is held.
+            margin: (N, m) what each row keeps between h and zero; or one number, see `margins`.
+            margin_rate: (N, m) its rate of change, as far as it is known.
         """
         shape = self.kind.shape
-        a, b, h, alpha2_psi = (
-            np.empty((*shape, 2)),
-            np.empty(shape),
-            np.empty(shape),
-            np.empty(shape),
-        )
-        kernels.rows(
-            self.kind,
-            self.parameters,
-            self.keeps_margin * margin,
-            x,
-            t,
-            alpha1.parameters(),
-            alpha2.parameters(),
+        margins = np.empty((2, *shape))
+        margins[0] = self.margins(margin)
+        margins[1] = margin_rate
+        a, out = np.empty((*shape, 2)), np.empty((4, *shape))
+        row_kernels.rows(self.kind, self.parameters, margins, x, t, settings.packed, a, out)
+        for (i, k), barrier in self.own.items():
+            self._write_own(i, k, barrier, x[i], float(t[i]), settings, margins, a, out)
+        return CbfRows(
             a,
-            b,
-            h,
-            alpha2_psi,
+            out[row_kernels.B],
+            out[row_kernels.H],
+            self.priority,
+            out[row_kernels.ALPHA2_PSI],
         )
-        return CbfRows(a, b, h, self.priority, alpha2_psi)
+
+    def _write_own(
+        self,
+        i: int,
+        k: int,
+        barrier: Barrier,
+        x: Array,
+        t: float,
+        settings: RowSettings,
+        margins: Array,
+        a: Array,
+        out: Array,
+    ) -> None:
+        """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
+        kept, rate = margins[0, i, k : k + 1], margins[1, i, k : k + 1]
+        if settings.held:
+            row = held_rows([barrier], x, t, settings, kept, rate)
+        else:
+            row = usual_rows(settings)([barrier], x, t, kept, rate)
+        assert row.alpha2_psi is not None
+        a[i, k], out[row_kernels.B, i, k], out[row_kernels.H, i, k] = row.a[0], row.b[0], row.h[0]
+        out[row_kernels.ALPHA2_PSI, i, k] = row.alpha2_psi[0]
+        out[row_kernels.PSI, i, k] = settings.alpha2.inverse(float(row.alpha2_psi[0]))
+
+    def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
+        """Yield each user's own barrier with its place and the scenes that share the object."""
+        groups: dict[tuple[int, int], tuple[list[int], int, Barrier]] = {}
+        for (i, k), barrier in self.own.items():
+            groups.setdefault((id(barrier), k), ([], k, barrier))[0].append(i)
+        yield from groups.values()
+
+
+def _seen(jet: Jet) -> Array:
+    """Return (N, 4) h, the unit gradient in the position, ∂h/∂t."""
+    gradient = jet.gradient[:, :2]
+    norm = np.linalg.norm(gradient, axis=1)[:, None]
+    unit = np.divide(gradient, norm, out=np.zeros_like(gradient), where=norm > 0.0)
+    return np.column_stack([jet.h, unit, np.where(norm[:, 0] > 0.0, jet.rate, 0.0)])

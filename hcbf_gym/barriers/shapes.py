@@ -1,128 +1,21 @@
-"""Barrier functions h(x, t) ≥ 0: the ranked safety conditions, with their derivatives.
+"""The built-in barriers: half-plane, disc, ellipse, convex polygon, speed limit.
 
-Every planar barrier is a function H of the position seen from its own, possibly moving, frame,
-``h(x, t) = H(p − w t)``; a built-in one also exists as a compiled kernel in `barrier_kernels`,
-tested against the readable form here.
+Each is a function H of the position seen from its own, possibly moving, frame, and also exists
+compiled in `kernels`, tested against the readable form here.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.barrier import Barrier, Core, Jet, Pair, PlanarBarrier
+from hcbf_gym.barriers.kernels import TINY
+from hcbf_gym.barriers.layout import MAX_VERTICES
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 Array = NDArray[np.float64]
-Pair = tuple[float, float]
-
-MAX_VERTICES = 8
-"""Most corners of a polygon; fixes the size of the compiled kernels' parameter block."""
-
-_TINY = 1e-9
-"""Below this distance [m] from a region's centre its gradient is taken along +x."""
-
-
-class Jet(NamedTuple):
-    """A barrier and its derivatives at one state and time.
-
-    Attributes:
-        h: value [m], or [m/s] for a speed limit.
-        gradient: (n,) ∂h/∂x.
-        hessian: (n, n) ∂²h/∂x².
-        rate: ∂h/∂t.
-        gradient_rate: (n,) ∂²h/∂x∂t.
-        rate_rate: ∂²h/∂t².
-    """
-
-    h: float
-    gradient: Array
-    hessian: Array
-    rate: float
-    gradient_rate: Array
-    rate_rate: float
-
-
-@dataclass(frozen=True)
-class Barrier(ABC):
-    """A named, ranked safety condition ``h(x, t) ≥ 0``.
-
-    Args:
-        name: what tables and figures call it.
-        priority: 1 is the highest and strict; larger numbers give way first.
-
-    Raises:
-        InvalidInputError: if the name is empty or the priority is not a positive integer.
-    """
-
-    name: str
-    priority: int
-    kind: ClassVar[int]
-    reads_position: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"barrier name: got {self.name!r}, expected non-empty text")
-        if isinstance(self.priority, bool) or not isinstance(self.priority, int | np.integer):
-            raise InvalidInputError(f"{self.name}: priority: got {self.priority!r}, expected int")
-        if self.priority < 1:
-            raise InvalidInputError(f"{self.name}: priority: got {self.priority}, expected >= 1")
-
-    @abstractmethod
-    def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its derivatives.
-
-        Args:
-            x: (n,) state of the reduced-order model, position first.
-            t: time [s].
-        """
-
-    def h(self, x: Array, t: float = 0.0) -> float:
-        """Return the barrier's value at the state x (n,) and time t [s]."""
-        return self.jet(x, t).h
-
-    @abstractmethod
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-
-
-@dataclass(frozen=True)
-class PlanarBarrier(Barrier):
-    """A condition on the position alone, in a frame that may move at constant velocity.
-
-    ``h(x, t) = H(q)`` with ``q = p − w t``, so that ∂h/∂t = −∇H·w.
-    """
-
-    @property
-    def frame_velocity(self) -> Array:
-        """(2,) the velocity w of the barrier's frame [m/s]."""
-        return np.asarray(getattr(self, "velocity", (0.0, 0.0)))
-
-    @abstractmethod
-    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
-        """Return H, ∇H (2,) and ∇²H (2, 2) at the position q (2,) in the barrier's frame."""
-
-    def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its derivatives."""
-        w = self.frame_velocity
-        value, planar_gradient, planar_hessian = self.planar_jet(x[:2] - w * t)
-        gradient, hessian, gradient_rate = (
-            np.zeros(len(x)),
-            np.zeros((len(x),) * 2),
-            np.zeros(len(x)),
-        )
-        gradient[:2] = planar_gradient
-        hessian[:2, :2] = planar_hessian
-        gradient_rate[:2] = -planar_hessian @ w
-        return Jet(
-            h=float(value),
-            gradient=gradient,
-            hessian=hessian,
-            rate=float(-planar_gradient @ w),
-            gradient_rate=gradient_rate,
-            rate_rate=float(w @ planar_hessian @ w),
-        )
 
 
 @dataclass(frozen=True)
@@ -141,7 +34,6 @@ class HalfPlane(PlanarBarrier):
 
     normal: Pair = (1.0, 0.0)
     offset: float = 0.0
-    kind: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -149,6 +41,8 @@ class HalfPlane(PlanarBarrier):
         length = float(np.linalg.norm(normal))
         if abs(length - 1.0) > 1e-6:
             raise InvalidInputError(f"{self.name}: normal: got length {length}, expected 1")
+        if abs(length - 1.0) > 1e-12:
+            normal = normal / length
         object.__setattr__(self, "normal", tuple(normal.tolist()))
         object.__setattr__(self, "offset", finite_float(f"{self.name}: offset", self.offset))
 
@@ -157,9 +51,9 @@ class HalfPlane(PlanarBarrier):
         normal = np.array(self.normal)
         return float(normal @ q - self.offset), normal, np.zeros((2, 2))
 
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-        return [0.0, 0.0, *self.normal, self.offset]
+    def core(self, q: Array, reach: float) -> Core:
+        """Return a core infinitely far away: ∇H never turns."""
+        return Core(np.inf, np.inf, False)
 
 
 @dataclass(frozen=True)
@@ -182,7 +76,6 @@ class Disc(PlanarBarrier):
     center: Pair = (0.0, 0.0)
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
-    kind: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -195,9 +88,9 @@ class Disc(PlanarBarrier):
         distance, direction, curvature = _norm_jet(q - np.array(self.center))
         return distance - self.radius, direction, curvature
 
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-        return [*self.velocity, *self.center, self.radius]
+    def core(self, q: Array, reach: float) -> Core:
+        """Return the centre as the core."""
+        return Core(self.planar_jet(q)[0] + self.radius, self.radius, True)
 
 
 @dataclass(frozen=True)
@@ -222,7 +115,6 @@ class Ellipse(PlanarBarrier):
     semi_axes: Pair = (1.0, 1.0)
     angle: float = 0.0
     velocity: Pair = (0.0, 0.0)
-    kind: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -247,9 +139,13 @@ class Ellipse(PlanarBarrier):
             scale * scaling.T @ curvature @ scaling,
         )
 
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-        return [*self.velocity, *self.center, *self.scaling.ravel(), min(self.semi_axes)]
+    def core(self, q: Array, reach: float) -> Core:
+        """Return the centre as the core: shortened along its long axis, an ellipse is a disc.
+
+        In the coordinates min(a, b) z, which shorten every way, it is a disc of radius min(a, b).
+        """
+        radius = min(self.semi_axes)
+        return Core(self.planar_jet(q)[0] + radius, radius, True)
 
 
 @dataclass(frozen=True)
@@ -271,7 +167,6 @@ class ConvexPolygon(PlanarBarrier):
 
     vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     velocity: Pair = (0.0, 0.0)
-    kind: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -300,18 +195,33 @@ class ConvexPolygon(PlanarBarrier):
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
         heights = np.sum(normals * (q - corners), axis=1)
         nearest = int(np.argmax(heights))
-        if heights[nearest] <= 0.0:
-            return float(heights[nearest]), normals[nearest], np.zeros((2, 2))
         along = np.clip(np.sum((q - corners) * edges, axis=1) / lengths**2, 0.0, 1.0)
         offsets = q - (corners + along[:, None] * edges)
-        nearest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
-        distance, direction, curvature = _norm_jet(offsets[nearest])
-        on_edge = 0.0 < along[nearest] < 1.0
-        return distance, direction, np.zeros((2, 2)) if on_edge else curvature
+        closest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+        distance, direction, curvature = _norm_jet(offsets[closest])
+        if heights[nearest] <= 0.0 or distance < TINY:
+            return float(heights[nearest]), normals[nearest], np.zeros((2, 2))
+        if 0.0 < along[closest] < 1.0:
+            return distance, normals[closest], np.zeros((2, 2))
+        return distance, direction, curvature
 
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-        return [*self.velocity, float(len(self.vertices)), *np.ravel(self.vertices)]
+    def core(self, q: Array, reach: float) -> Core:
+        """Return nothing as the core where one edge stays the nearest, else a corner, else all.
+
+        Inside, the nearest edge is taken for the region: no bound is known where it changes.
+        """
+        h = self.planar_jet(q)[0]
+        if h <= 0.0:
+            return Core(np.inf, 0.0, False)
+        corners = np.array(self.vertices)
+        edges = np.roll(corners, -1, axis=0) - corners
+        lengths = np.linalg.norm(edges, axis=1)
+        along = np.sum((q - corners) * edges, axis=1) / lengths
+        above = edges[:, 1] * (q - corners)[:, 0] - edges[:, 0] * (q - corners)[:, 1] > 0.0
+        if (above & (along >= reach) & (along <= lengths - reach)).any():
+            return Core(np.inf, 0.0, False)
+        beyond = np.roll(along - lengths, 1)  # past the end of the edge before
+        return Core(h, 0.0, bool(((beyond >= reach) & (along <= -reach)).any()))
 
 
 @dataclass(frozen=True)
@@ -332,7 +242,6 @@ class SpeedLimit(Barrier):
 
     v_max: float = 1.0
     margin: float = 0.0
-    kind: ClassVar[int] = 4
     reads_position: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -353,24 +262,11 @@ class SpeedLimit(Barrier):
         h = (self.v_max**2 - velocity @ velocity) / (2.0 * self.v_max)
         return Jet(float(h), gradient, hessian, 0.0, np.zeros(len(x)), 0.0)
 
-    def parameters(self) -> list[float]:
-        """Return the numbers that the compiled kernel of this kind reads."""
-        return [0.0, 0.0, self.v_max, self.margin]
-
-
-KINDS: dict[str, type] = {
-    "half-plane": HalfPlane,
-    "disc": Disc,
-    "ellipse": Ellipse,
-    "convex-polygon": ConvexPolygon,
-    "speed-limit": SpeedLimit,
-}
-
 
 def _norm_jet(r: Array) -> tuple[float, Array, Array]:
     """Return ‖r‖, its gradient and its Hessian; at r = 0 the direction is taken along +x."""
     distance = float(np.linalg.norm(r))
-    if distance < _TINY:
+    if distance < TINY:
         return distance, np.array([1.0, 0.0]), np.zeros((2, 2))
     direction = r / distance
     return distance, direction, (np.eye(2) - np.outer(direction, direction)) / distance

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels
+from hcbf_gym.barriers import kernels, layout
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import (
     CONTROL_DT,
@@ -188,7 +188,7 @@ def _advance(
             top_speed = max(top_speed, np.hypot(state[2], state[3]))
         for k in range(kind.shape[1]):
             which, c = kind[i, k], parameters[i, k]
-            if which == kernels.SPEED_LIMIT:
+            if which == layout.SPEED_LIMIT:
                 min_h[i, k] = kernels.speed_limit(c, top_speed, 0.0)
                 continue
             least = np.inf

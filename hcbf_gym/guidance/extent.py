@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels
+from hcbf_gym.barriers import layout
 
 Array = NDArray[np.float64]
 
@@ -44,27 +44,30 @@ def scene_extent(
         extent[1, axis] = max(start[axis], goal[axis])
     for k in range(kind.size):
         c = parameters[k]
-        if kind[k] == kernels.DISC:
+        if kind[k] == layout.DISC:
             for axis in range(2):
-                extent[0, axis] = min(extent[0, axis], c[2 + axis] - c[4])
-                extent[1, axis] = max(extent[1, axis], c[2 + axis] + c[4])
-        elif kind[k] == kernels.ELLIPSE:
-            other = 1.0 / np.sqrt(min(c[4] ** 2 + c[5] ** 2, c[6] ** 2 + c[7] ** 2))
+                extent[0, axis] = min(extent[0, axis], c[layout.CENTER_X + axis] - c[layout.RADIUS])
+                extent[1, axis] = max(extent[1, axis], c[layout.CENTER_X + axis] + c[layout.RADIUS])
+        elif kind[k] == layout.ELLIPSE:
+            first = c[layout.MAP_XX] ** 2 + c[layout.MAP_XY] ** 2
+            second = c[layout.MAP_YX] ** 2 + c[layout.MAP_YY] ** 2
+            other = 1.0 / np.sqrt(min(first, second))
             for axis in range(2):
-                extent[0, axis] = min(extent[0, axis], c[2 + axis] - other)
-                extent[1, axis] = max(extent[1, axis], c[2 + axis] + other)
-        elif kind[k] == kernels.CONVEX_POLYGON:
-            for corner in range(int(c[2])):
+                extent[0, axis] = min(extent[0, axis], c[layout.CENTER_X + axis] - other)
+                extent[1, axis] = max(extent[1, axis], c[layout.CENTER_X + axis] + other)
+        elif kind[k] == layout.CONVEX_POLYGON:
+            for corner in range(int(c[layout.VERTEX_COUNT])):
                 for axis in range(2):
-                    value = c[3 + 2 * corner + axis]
+                    value = c[layout.FIRST_VERTEX + 2 * corner + axis]
                     extent[0, axis] = min(extent[0, axis], value)
                     extent[1, axis] = max(extent[1, axis], value)
     extent[0] -= PAD
     extent[1] += PAD
     for k in range(kind.size):
-        if kind[k] == kernels.HALF_PLANE and priority[k] == 1:
+        if kind[k] == layout.HALF_PLANE and priority[k] == 1:
             for axis in range(2):
-                along, wall = parameters[k, 2 + axis], parameters[k, 4]
+                along = parameters[k, layout.NORMAL_X + axis]
+                wall = parameters[k, layout.OFFSET]
                 if along == 1.0:
                     extent[0, axis] = max(extent[0, axis], wall - BEHIND_WALL)
                 elif along == -1.0:

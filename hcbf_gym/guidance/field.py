@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels
+from hcbf_gym.barriers import kernels, layout
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -226,7 +226,7 @@ def solve(
     h, cost = np.empty((ny, nx)), np.ones((ny, nx))
     rank = np.zeros((ny, nx), dtype=np.int8)
     for k in range(kind.size):
-        if kind[k] != kernels.SPEED_LIMIT:
+        if kind[k] != layout.SPEED_LIMIT:
             sample(kind[k], parameters[k], t, geometry, h)
             paint(h, priority[k], clearance[k], cost, rank)
     j, i = cell_of(goal[0], goal[1], geometry)

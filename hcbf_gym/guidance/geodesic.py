@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hcbf_gym.barriers import Barrier, kernels
+from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.guidance import extent as extents
@@ -225,7 +225,7 @@ def _check(mask: Mask, scenes: BarrierSet, goal: Array, start: Array, geometry: 
     """
     x = np.hstack([goal, np.zeros_like(goal)])
     h = scenes.values(x, np.zeros(len(x)))
-    strict = (scenes.priority == 1) & (scenes.kind != kernels.SPEED_LIMIT)
+    strict = (scenes.priority == 1) & (scenes.kind != layout.SPEED_LIMIT)
     inside = mask[:, None] & strict & (h < 0.0)
     if inside.any():
         n, k = np.argwhere(inside)[0].tolist()

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, kernels
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, layout
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 
@@ -157,27 +157,20 @@ def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters
         parameters: (m, 19) what it reads; entries beyond the seven barriers stay.
     """
     for wall in range(2):
-        c = parameters[wall]
-        kind[wall] = kernels.HALF_PLANE
-        c[3], c[4] = 2.0 * wall - 1.0, -half_width
+        kind[wall] = layout.half_plane(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
     for slot in range(regions.shape[0]):
         region, c = regions[slot], parameters[2 + slot]
-        c[:] = 0.0
-        radius, angle = region[_RADIUS], region[_ANGLE]
-        c[0], c[1], c[2], c[3] = region[_VX], region[_VY], region[_X], region[_Y]
-        if region[_SHAPE] == _DISC:
-            kind[2 + slot] = kernels.DISC
-            c[4] = radius
-        elif region[_SHAPE] == _ELLIPSE:
-            kind[2 + slot] = kernels.ELLIPSE
-            other = region[_ASPECT] * radius
-            c[4], c[5] = np.cos(angle) / radius, np.sin(angle) / radius
-            c[6], c[7] = -np.sin(angle) / other, np.cos(angle) / other
-            c[8] = other
+        center, velocity = (region[_X], region[_Y]), (region[_VX], region[_VY])
+        shape, radius, angle = region[_SHAPE], region[_RADIUS], region[_ANGLE]
+        if shape == _DISC:
+            kind[2 + slot] = layout.disc(c, velocity, center, radius)
+        elif shape == _ELLIPSE:
+            semi_axes = (radius, region[_ASPECT] * radius)
+            kind[2 + slot] = layout.ellipse(c, velocity, center, semi_axes, angle)
         else:
-            kind[2 + slot] = kernels.CONVEX_POLYGON
-            c[2] = region[_SHAPE]
-            for i in range(int(region[_SHAPE])):
-                turn = angle + 2.0 * np.pi * i / region[_SHAPE]
-                c[3 + 2 * i] = region[_X] + radius * np.cos(turn)
-                c[4 + 2 * i] = region[_Y] + radius * np.sin(turn)
+            vertices = np.empty((int(shape), 2))
+            for i in range(int(shape)):
+                turn = angle + 2.0 * np.pi * i / shape
+                vertices[i, 0] = center[0] + radius * np.cos(turn)
+                vertices[i, 1] = center[1] + radius * np.sin(turn)
+            kind[2 + slot] = layout.convex_polygon(c, velocity, vertices)

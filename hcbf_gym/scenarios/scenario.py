@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym import records
-from hcbf_gym.barriers import Barrier, shapes
+from hcbf_gym import barriers, records
+from hcbf_gym.barriers import Barrier
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
@@ -114,7 +114,7 @@ class Scenario:
         """Return the scene as a plain dict that `from_dict` reads and JSON keeps."""
         return {
             "name": self.name,
-            "barriers": [records.to_dict(b, shapes.KINDS) for b in self.barriers],
+            "barriers": [barriers.to_dict(b) for b in self.barriers],
             "reference": records.to_dict(self.reference, references.KINDS),
             "start": list(self.start),
             "input_set": self.input_set.to_dict(),
@@ -141,8 +141,7 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
     values = dict(data)
     if "barriers" in values:
         values["barriers"] = tuple(
-            records.from_dict("barrier", item, shapes.KINDS)
-            for item in _items("scenario: barriers", values["barriers"])
+            barriers.from_dict(item) for item in _items("scenario: barriers", values["barriers"])
         )
     if "reference" in values:
         values["reference"] = records.from_dict("reference", values["reference"], references.KINDS)

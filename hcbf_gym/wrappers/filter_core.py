@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from hcbf_gym import programs, records
 from hcbf_gym.barriers import class_k
-from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.general import GeneralRows, margins
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
@@ -70,8 +70,12 @@ class FilterCore:
         allowed = (*ROW_OPTIONS, *programs.options(settings.program))
         check_options(f"safety filter {settings.program!r}", settings.options, allowed)
         self.plant, self.input_set, self.count = plant, input_set, count
-        self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
-        self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
+        self.row_settings = RowSettings(
+            class_k.make(settings.options.get("alpha1", LogClassK())),
+            class_k.make(settings.options.get("alpha2", 2.0)),
+            plant.period if settings.rows == "held" else None,
+            input_set.radius,
+        )
         margin = settings.margin
         if margin is None:
             known = plant.uncertainty
@@ -127,9 +131,9 @@ class PlanarCore(FilterCore):
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (2,) or (N, 2) and return u with the report of it."""
         x, t = np.atleast_2d(estimate.x), np.atleast_1d(np.asarray(estimate.time, dtype=float))
-        rows = barriers.rows(x, t, self.alpha1, self.alpha2, self.margin)
+        rows = barriers.rows(x, t, self.row_settings, self.margin)
         result = self.program(np.atleast_2d(u_nominal), rows)
-        margin = self.margin * barriers.keeps_margin
+        margin = barriers.margins(self.margin)
         if u_nominal.ndim == 1:
             result, margin = programs.FilterResult(*(field[0] for field in result)), margin[0]
         return result.u, self._report(u_nominal, result, margin)
@@ -144,7 +148,9 @@ class GeneralCore(FilterCore):
         self.program: programs.Program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
-        self._general_rows = GeneralRows(plant.model, self.alpha1, self.alpha2)
+        self._general_rows = GeneralRows(
+            plant.model, self.row_settings.alpha1, self.row_settings.alpha2
+        )
         self._steps = 0
 
     def restart(self, mask: NDArray[np.bool_]) -> None:
@@ -166,9 +172,9 @@ class GeneralCore(FilterCore):
     def _rows(self, barriers: Any, x: Array, time: float) -> tuple[CbfRows, Array]:
         """Return the rows (m,) of the present state and their margins."""
         if isinstance(barriers, BarrierSet):
-            batch = barriers.rows(x[None], np.array([time]), self.alpha1, self.alpha2, self.margin)
+            batch = barriers.rows(x[None], np.array([time]), self.row_settings, self.margin)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
-            return rows, self.margin * barriers.keeps_margin[0]
+            return rows, barriers.margins(self.margin)[0]
         margin = margins(barriers, self.margin)
         return self._general_rows(barriers, x, time, margin), margin
 

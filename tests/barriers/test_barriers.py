@@ -7,16 +7,17 @@ from hypothesis import strategies as st
 
 from hcbf_gym.barriers import (
     Barrier,
+    BarrierSet,
     ConvexPolygon,
     Disc,
     Ellipse,
+    GeneralRows,
     HalfPlane,
+    LinearClassK,
+    LogClassK,
+    RowSettings,
     SpeedLimit,
 )
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.general import GeneralRows
-from hcbf_gym.barriers.general import rows as cbf_rows
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.models import DoubleIntegrator, KinematicBicycle, SingleIntegrator, Unicycle
 
@@ -91,9 +92,9 @@ def test_row_is_psi_dot_plus_alpha2_psi_along_the_models_flow(model):
 @given(states, st.floats(0, 5), st.floats(0, 0.1))
 @settings(max_examples=200, deadline=None)
 def test_compiled_rows_equal_the_readable_ones(x, t, margin):
-    readable = cbf_rows(DoubleIntegrator(), BARRIERS, x, t, ALPHA1, ALPHA2, margin)
+    readable = GeneralRows(DoubleIntegrator(), ALPHA1, ALPHA2)(BARRIERS, x, t, margin)
     barrier_set = BarrierSet([BARRIERS, BARRIERS])
-    compiled = barrier_set.rows(np.stack([x, x]), np.array([t, t]), ALPHA1, ALPHA2, margin)
+    compiled = barrier_set.rows(np.stack([x, x]), np.array([t, t]), RowSettings(), margin)
     for field, expected in zip(compiled, readable, strict=True):
         for i in range(2):
             np.testing.assert_allclose(field[i], expected, rtol=1e-9, atol=1e-9)

@@ -1,93 +1,224 @@
+"""Rows for a held input: what they promise between two samples, of every shape."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym.barriers import Disc, HalfPlane, kernels
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.held import disc_curvature, hold_rows, reach
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import (
+    BarrierSet,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    LinearClassK,
+    LogClassK,
+    RowSettings,
+    SpeedLimit,
+    held_rows,
+    row_kernels,
+)
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
 
-DT, U_MAX = 0.02, 5.0 * np.sqrt(2.0)
-ALPHA2 = LinearClassK(2.0)
+U_MAX = 5.0 * np.sqrt(2.0)
+ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
+SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon")
 
 
-def held(barriers, x, t, alpha1):
-    usual = barriers.rows(x, t, alpha1, ALPHA2)
-    is_disc = barriers.kind == kernels.DISC
-    radius = np.where(is_disc, barriers.parameters[..., 4], np.inf)
-    relative = x[:, None, 2:] - barriers.parameters[..., :2]
-    curvature = disc_curvature(usual.h, radius, reach(relative, DT, U_MAX))
-    rows = hold_rows(
-        usual.h, usual.a, relative, curvature, barriers.priority, alpha1, ALPHA2, DT, U_MAX
-    )
-    return usual, rows
+def shape(kind, rng, moving=True):
+    velocity = tuple(rng.uniform(-0.5, 0.5, 2)) if moving else (0.0, 0.0)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    if kind == "wall":
+        return HalfPlane(kind, 1, (np.cos(angle), np.sin(angle)), rng.uniform(-1.0, 1.0))
+    if kind == "disc":
+        return Disc(kind, 1, (0.0, 0.0), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
+    if kind == "ellipse":
+        return Ellipse(kind, 1, (0.0, 0.0), tuple(rng.uniform(0.05, 2.0, 2)), angle, velocity)
+    corners = 3 if kind == "sharp polygon" else int(rng.integers(3, 9))
+    turn = angle + 2.0 * np.pi * np.arange(corners) / corners
+    squeeze = np.array([1.0, 0.15 if kind == "sharp polygon" else rng.uniform(0.3, 1.0)])
+    vertices = rng.uniform(0.05, 1.5) * squeeze * np.column_stack([np.cos(turn), np.sin(turn)])
+    return ConvexPolygon(kind, 1, tuple(map(tuple, vertices)), velocity)
 
 
-def psi(barriers, x, t, alpha1):
-    return barriers.rows(x, t, alpha1, ALPHA2).alpha2_psi / ALPHA2.gain
+def states_near(barriers, rng, n):
+    """Return states (n, 4), most of them within centimetres of the barriers' edges."""
+    border = rng.normal(0.0, 2.0, (n, 2))
+    zeros = np.zeros(n)
+    for _ in range(60):  # walk down (or up) the gradient to the edge
+        x = np.column_stack([border, np.zeros((n, 2))])
+        h, sensed = barriers.sense(x, zeros)
+        border -= 0.7 * h * sensed[:, 0, 1:3]
+    off = 10.0 ** rng.uniform(-5.0, 0.0, (n, 1))
+    x = np.column_stack([border + off * sensed[:, 0, 1:3], rng.normal(0.0, 1.0, (n, 2))])
+    x[:, 2:] *= 10.0 ** rng.uniform(-3.0, 0.3, (n, 1))
+    return x
 
 
-@settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**6))
-@pytest.mark.parametrize("alpha1", [LogClassK(), LinearClassK(3.0)])
-def test_an_input_that_meets_the_row_keeps_psi_and_h_until_the_next_sample(alpha1, seed):
-    rng = np.random.default_rng(seed)
-    n = 50
-    discs = [
-        Disc("disc", 1, (0.0, 0.0), rng.uniform(0.3, 3.0), tuple(rng.uniform(-0.5, 0.5, 2)))
-        for _ in range(n)
-    ]
-    wall = HalfPlane("wall", 1, (0.6, 0.8), -1.0)
-    barriers = BarrierSet([(disc, wall) for disc in discs])
-    x = np.concatenate((rng.normal(0.0, 2.5, (n, 2)), rng.normal(0.0, 1.5, (n, 2))), axis=1)
-    t = np.zeros(n)
-    usual, rows = held(barriers, x, t, alpha1)
-    start = psi(barriers, x, t, alpha1)
-    # on the row itself, and with whatever sideways part U allows
-    a = rows.a / np.linalg.norm(rows.a, axis=-1, keepdims=True)
-    sideways = np.stack((-a[..., 1], a[..., 0]), axis=-1)
-    for k in range(2):
-        level = rows.b[:, k] / np.linalg.norm(rows.a[:, k], axis=-1)
-        for share in (-1.0, 0.0, 1.0):
+def inputs_on_the_row(a, b, rng):
+    """Yield inputs within ‖u‖ ≤ U_MAX that just meet the row, with any sideways part, or exceed it.
+
+    Yields:
+        u (n, 2) and whether such an input exists (n,).
+    """
+    norm = np.maximum(np.linalg.norm(a, axis=1), 1e-12)
+    unit = a / norm[:, None]
+    across = np.stack((-unit[:, 1], unit[:, 0]), axis=1)
+    lowest = b / norm
+    for share in (-1.0, -0.4, 0.0, 0.4, 1.0):
+        for surplus in (0.0, 1.0):
+            level = np.maximum(lowest, -U_MAX) + surplus * rng.uniform(0.0, 5.0, len(b))
             room = np.sqrt(np.maximum(0.0, U_MAX**2 - level**2))
-            u = level[:, None] * a[:, k] + share * room[:, None] * sideways[:, k]
-            meets = (np.abs(level) <= U_MAX) & (usual.h[:, k] >= 0.0) & (start[:, k] >= 0.0)
-            least, end = usual.h.copy(), x.copy()
-            monte_carlo.advance(
-                barriers.kind, barriers.parameters, end, t, u, DT, 40, least, np.zeros((n, 2))
-            )
-            after = psi(barriers, end, t + DT, alpha1)
-            kept = (1.0 - ALPHA2.gain * DT) * start
-            assert (after[meets, k] >= kept[meets, k] - 1e-12).all()
-            assert (least[meets, k] >= 0.0).all()
+            yield level[:, None] * unit + share * room[:, None] * across, np.abs(level) <= U_MAX
 
 
-def test_the_row_tends_to_the_usual_one_as_the_hold_becomes_short():
-    barriers = BarrierSet([(Disc("disc", 1, (2.0, 0.3), 1.0),)])
-    x, t = np.array([[0.0, 0.0, 0.7, -0.4]]), np.zeros(1)
-    usual = barriers.rows(x, t, LogClassK(), ALPHA2)
-    gaps = []
-    for dt in (1e-2, 1e-3, 1e-4):
-        relative = x[:, None, 2:]
-        curvature = disc_curvature(usual.h, np.array([[1.0]]), reach(relative, dt, U_MAX))
-        rows = hold_rows(
-            usual.h, usual.a, relative, curvature, usual.priority, LogClassK(), ALPHA2, dt, U_MAX
-        )
-        gaps.append(abs(float(rows.b[0, 0] - usual.b[0, 0])))
-    assert gaps[1] < 0.2 * gaps[0]
-    assert gaps[2] < 0.2 * gaps[1]
+def least_and_after(barriers, x, t, u, how):
+    """Return the least h while u is held, finely sampled, and ψ at the end."""
+    least, end = barriers.values(x, t), x.copy()
+    monte_carlo.advance(
+        barriers.kind, barriers.parameters, end, t, u, how.period, 100, least, np.zeros(least.shape)
+    )
+    return least[:, 0], end, psi(barriers, end, t + how.period, how)
 
 
-def test_sampling_slower_than_the_class_k_functions_is_refused():
-    h = np.ones((1, 1))
-    with pytest.raises(InvalidInputError, match="dt"):
-        hold_rows(
-            h, np.ones((1, 1, 2)), np.zeros((1, 1, 2)), (0.0 * h, 0.0 * h), np.ones((1, 1), int),
-            LogClassK(), ALPHA2, 0.5, U_MAX,
-        )  # fmt: skip
+def psi(barriers, x, t, how, margin=0.0, rate=0.0):
+    rows = barriers.rows(x, t, how, np.full(barriers.kind.shape, margin), rate)
+    return rows.alpha2_psi[:, 0] / how.alpha2.gain
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), period=st.sampled_from([0.002, 0.02, 0.1]))
+@pytest.mark.parametrize("alpha1", ALPHAS, ids=str)
+@pytest.mark.parametrize("kind", SHAPES)
+def test_an_input_that_meets_the_row_keeps_psi_and_h_until_the_next_sample(
+    kind, alpha1, seed, period
+):
+    rng = np.random.default_rng(seed)
+    n, how = 100, RowSettings(alpha1, LinearClassK(2.0), period, U_MAX)
+    barriers = BarrierSet([(shape(kind, rng),)] * n)
+    x, t = states_near(barriers, rng, n), np.zeros(n)
+    start, rows = psi(barriers, x, t, how), barriers.rows(x, t, how)
+    rounding = max(0.0, 0.5 * U_MAX * period**2)  # kept in addition around corners, at most
+    for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
+        least, _, after = least_and_after(barriers, x, t, u, how)
+        promised = exists & (start >= 0.0) & (rows.h[:, 0] >= rounding)
+        assert (least[promised] >= -1e-14).all()
+        assert (after[promised] >= (1.0 - 2.0 * period) * start[promised] - 1e-11).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6))
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_margin_that_grows_is_kept_with_its_rate(kind, seed):
+    rng = np.random.default_rng(seed)
+    n, how = 100, RowSettings(period=0.02, u_max=U_MAX)
+    barriers = BarrierSet([(shape(kind, rng),)] * n)
+    x, t = states_near(barriers, rng, n), np.zeros(n)
+    margin, rate = rng.uniform(0.0, 0.1), rng.uniform(-0.3, 0.3)
+    rows = barriers.rows(x, t, how, np.full((n, 1), margin), rate)
+    start = psi(barriers, x, t, how, margin, rate)
+    for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
+        _, end, _ = least_and_after(barriers, x, t, u, how)
+        grown = margin + 0.02 * rate
+        after = psi(barriers, end, t + 0.02, how, grown, rate)
+        promised = exists & (start >= 0.0) & (rows.h[:, 0] - margin >= 0.002)
+        assert (after[promised] >= (1.0 - 2.0 * 0.02) * start[promised] - 1e-11).all()
+        assert (barriers.values(end, t + 0.02)[promised, 0] >= grown - 1e-14).all()
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 10**6), v_max=st.floats(0.3, 3.0), margin=st.sampled_from([0.0, 0.05]))
+def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_max, margin):
+    rng = np.random.default_rng(seed)
+    n, how = 200, RowSettings(period=0.02, u_max=U_MAX)
+    barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
+    barriers.check(how)
+    heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
+    speed = fill * np.sqrt(v_max**2 - 2.0 * v_max * margin)
+    velocity = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    x, t = np.column_stack([np.zeros((n, 2)), velocity]), np.zeros(n)
+    rows = barriers.rows(x, t, how)
+    for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
+        least, _, _ = least_and_after(barriers, x, t, u, how)
+        assert (least[exists] >= margin - 1e-12).all()
+    brake = -velocity / 0.02
+    brake *= np.minimum(1.0, U_MAX / np.maximum(np.linalg.norm(brake, axis=1), 1e-9))[:, None]
+    assert (np.sum(rows.a[:, 0] * brake, axis=1) >= rows.b[:, 0] - 1e-9).all()
+    assert (rows.b[speed < 0.5 * v_max, 0] < 0.0).all() or margin > 0.0 or v_max < 0.5
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 10**6), period=st.sampled_from([0.005, 0.02, 0.1]))
+def test_the_compiled_rows_equal_the_readable_ones(seed, period):
+    rng = np.random.default_rng(seed)
+    scene = [shape(kind, rng) for kind in SHAPES] + [SpeedLimit("cap", 1, 1.2, 0.1)]
+    how = RowSettings(ALPHAS[seed % 3], LinearClassK(2.0), period, U_MAX)
+    x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
+    margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
+    compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None])
+    readable = held_rows(scene, x, t, how, margin, rate)
+    for got, expected in zip(compiled, readable, strict=True):
+        np.testing.assert_allclose(got[0], expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_the_row_tends_to_the_usual_one_as_the_hold_becomes_short(kind):
+    rng = np.random.default_rng(3)
+    barriers = BarrierSet([(shape(kind, rng, moving=False), SpeedLimit("cap", 1, 1.2))])
+    x, t = np.array([[2.0, 1.7, -0.7, 0.4]]), np.zeros(1)
+    usual = barriers.rows(x, t, RowSettings()).b
+    periods = (1e-2, 1e-3, 1e-4)
+    gaps = [abs(barriers.rows(x, t, RowSettings(period=p, u_max=U_MAX)).b - usual) for p in periods]
+    assert (gaps[1] <= 0.2 * gaps[0] + 1e-9).all()
+    assert (gaps[2] <= 0.2 * gaps[1] + 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_braking_meets_every_row_of_a_standing_region(kind):
+    rng = np.random.default_rng(5)
+    n, how = 2000, RowSettings(period=0.02, u_max=U_MAX)
+    barriers = BarrierSet([(shape(kind, rng, moving=False),) for _ in range(n)])
+    x, t = states_near(barriers, rng, n), np.zeros(n)
+    x[:, 2:] *= np.minimum(1.0, 1.0 / np.linalg.norm(x[:, 2:], axis=1))[:, None]
+    rows = barriers.rows(x, t, how)
+    safe = (psi(barriers, x, t, how) >= 0.0) & (rows.h[:, 0] >= 0.0015)
+    assert safe.sum() > 300
+    out = rows.a[:, 0] / np.sum(rows.a[:, 0] ** 2, axis=1)[:, None]
+    u = -5.0 * x[:, 2:] + 0.25 * out * U_MAX / 2.0  # brake, and lean away from a corner
+    assert (np.sum(rows.a[:, 0] * u, axis=1) >= rows.b[:, 0])[safe].all()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: RowSettings(period=0.5, u_max=1.0),
+        lambda: RowSettings(alpha1=LinearClassK(30.0), period=0.05, u_max=1.0),
+        lambda: RowSettings(period=0.02),
+        lambda: RowSettings(period=-0.02, u_max=1.0),
+        lambda: BarrierSet([[SpeedLimit("cap", 1, 0.1)]]).check(RowSettings(period=0.02, u_max=7)),
+    ],
+)
+def test_settings_under_which_no_row_can_hold_are_refused(make):
+    with pytest.raises(InvalidInputError, match="expected"):
+        make()
+
+
+def test_a_hold_of_one_over_the_slope_of_alpha1_is_the_longest():
+    assert RowSettings(period=0.2, u_max=1.0).held
+    with pytest.raises(InvalidInputError, match=r"at most 0\.2 s"):
+        RowSettings(period=0.2001, u_max=1.0)
+
+
+def test_psi_is_reported_beside_its_alpha2():
+    barriers = BarrierSet([[shape(kind, np.random.default_rng(0)) for kind in SHAPES]])
+    x, t = np.array([[2.0, 1.0, 0.3, -0.2]]), np.zeros(1)
+    how = RowSettings(period=0.02, u_max=U_MAX)
+    a, out = np.empty((1, len(SHAPES), 2)), np.empty((4, 1, len(SHAPES)))
+    row_kernels.rows(
+        barriers.kind, barriers.parameters, np.zeros((2, 1, len(SHAPES))), x, t, how.packed, a, out
+    )
+    np.testing.assert_allclose(out[row_kernels.ALPHA2_PSI], 2.0 * out[row_kernels.PSI])
 
 
 @pytest.mark.parametrize("policy", monte_carlo.POLICIES)

@@ -7,8 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from hcbf_gym import scenarios
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import random_scenes
@@ -25,7 +24,7 @@ def scene(seed, name="random"):
 def rows_at_start(scenario):
     barriers = BarrierSet([barriers_of(scenario, scenario.v_max)])
     x = np.array([[*scenario.start, 0.0, 0.0]])
-    return barriers.rows(x, np.zeros(1), LogClassK(), LinearClassK(), margin=0.03)
+    return barriers.rows(x, np.zeros(1), RowSettings(), margin=0.03)
 
 
 @pytest.mark.parametrize("name", NAMES)

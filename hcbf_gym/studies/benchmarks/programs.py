@@ -14,8 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hcbf_gym import programs
-from hcbf_gym.barriers import Barrier, Disc, HalfPlane
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.programs import CbfRows
 from hcbf_gym.programs.general.qp import solver_names
@@ -87,12 +86,12 @@ def _filter_in_turn(name: str, solver: str = "daqp") -> Callable[[], Any]:
     _, x, t, u = states(64, 4)
     scenes = [BarrierSet([scene(4, np.random.default_rng(i))]) for i in range(64)]
     cases = [(scenes[i], x[i : i + 1], t[:1], u[i]) for i in range(64)]
-    program, alpha1, alpha2 = programs.make(name, solver=solver), LogClassK(), LinearClassK(2.0)
+    program, settings = programs.make(name, solver=solver), RowSettings()
     turn = iter(range(10**9))
 
     def call() -> None:
         barriers, x, t, u = cases[next(turn) % len(cases)]
-        a, b, h, priority, alpha2_psi = barriers.rows(x, t, alpha1, alpha2)
+        a, b, h, priority, alpha2_psi = barriers.rows(x, t, settings)
         assert alpha2_psi is not None
         program(u, CbfRows(a[0], b[0], h[0], priority[0], alpha2_psi[0]))
 
@@ -116,8 +115,8 @@ def _solvers(repeats: int) -> dict[str, dict[str, float]]:
 
 def _filter_batch(name: str, m: int) -> Callable[[], Any]:
     barriers, x, t, u = states(BATCH, m)
-    batch, alpha1, alpha2 = programs.make_batch(name), LogClassK(), LinearClassK(2.0)
-    return lambda: batch(u, barriers.rows(x, t, alpha1, alpha2))
+    batch, settings = programs.make_batch(name), RowSettings()
+    return lambda: batch(u, barriers.rows(x, t, settings))
 
 
 def _batch(repeats: int) -> dict[str, float]:

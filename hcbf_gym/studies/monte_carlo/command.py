@@ -66,7 +66,7 @@ def run(quick: bool) -> dict[str, Any]:
         if quick:
             args = replace(args, episodes=4, chunk=4, policies=("pd",))
         held = compare(args)
-        others = compare(replace(args, rows=monte_carlo.ROWS[1:], programs=("lex",)))
+        others = compare(replace(args, rows=("continuous", "continuous + 1 cm"), programs=("lex",)))
     return {"rows": held + others}
 
 

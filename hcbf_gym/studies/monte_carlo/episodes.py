@@ -12,13 +12,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
-from hcbf_gym.barriers import Barrier, Disc, HalfPlane, kernels
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.held import disc_curvature, hold_rows, reach
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels, layout
 from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.programs import CbfRows, FilterStatus
+from hcbf_gym.programs import FilterStatus
 
 Array = NDArray[np.float64]
 
@@ -46,7 +43,11 @@ PROGRAMS: dict[str, tuple[str, dict[str, Any]] | None] = {
 POLICIES = ("pd", "noisy", "adversarial")
 """PD on the straight line; the same with white noise of 3 m/s²; full thrust at the top region."""
 
-ROWS = ("held", "continuous", "continuous + 1 cm")
+ROWS = {
+    "held": (RowSettings(period=DT, u_max=LIMIT * np.sqrt(2.0)), 0.0),
+    "continuous": (RowSettings(), 0.0),
+    "continuous + 1 cm": (RowSettings(), 0.01),
+}
 """Rows made for a held input, the usual ones, and those with 1 cm of margin."""
 
 
@@ -115,7 +116,7 @@ def run(
         count: how many episodes.
     """
     choose("policy", policy, dict.fromkeys(POLICIES))
-    choose("rows", rows, dict.fromkeys(ROWS))
+    settings, margin = choose("rows", rows, ROWS)
     chosen = choose("program", program, PROGRAMS)
     scenes = [random_scene(np.random.default_rng([seed, start + i])) for i in range(count)]
     barriers = BarrierSet(scenes)
@@ -134,7 +135,7 @@ def run(
         u_nominal = _nominal(policy, x, t[0], barriers, noise)
         u = input_set.project(u_nominal)
         if batch is not None:
-            result = batch(u_nominal, _rows(rows, barriers, x, t))
+            result = batch(u_nominal, barriers.rows(x, t, settings, margin))
             u = result.u
             unmet |= result.slack > 0.0
             assert (result.status != FilterStatus.BACKUP).all()
@@ -163,26 +164,12 @@ def _nominal(
 ) -> Array:
     """Return u* (N, 2)."""
     if policy == "adversarial":
-        towards = barriers.parameters[:, 2, 2:4] - x[:, :2]
+        towards = barriers.parameters[:, 2, layout.CENTER_X : layout.CENTER_Y + 1] - x[:, :2]
         return LIMIT * towards / np.linalg.norm(towards, axis=1, keepdims=True)
     share = min(t / TRAVEL_TIME, 1.0)
     velocity = GOAL / TRAVEL_TIME if share < 1.0 else np.zeros(2)
     u = 2.0 * (share * GOAL - x[:, :2]) + 3.0 * (velocity - x[:, 2:])
     return u + noise.normal(0.0, 3.0, u.shape) if policy == "noisy" else u
-
-
-def _rows(kind: str, barriers: BarrierSet, x: Array, t: Array) -> CbfRows:
-    alpha1, alpha2 = LogClassK(), LinearClassK(2.0)
-    usual = barriers.rows(x, t, alpha1, alpha2, margin=0.01 if kind == "continuous + 1 cm" else 0.0)
-    if kind != "held":
-        return usual
-    u_max = LIMIT * np.sqrt(2.0)
-    radius = np.where(barriers.kind == kernels.DISC, barriers.parameters[..., 4], np.inf)
-    relative = x[:, None, 2:] - barriers.parameters[..., :2]
-    curvature = disc_curvature(usual.h, radius, reach(relative, DT, u_max))
-    return hold_rows(
-        usual.h, usual.a, relative, curvature, barriers.priority, alpha1, alpha2, DT, u_max
-    )
 
 
 @njit(cache=True)

@@ -1,0 +1,150 @@
+"""What a barrier is: a ranked safety condition h(x, t) ≥ 0 with its derivatives.
+
+A user's own barrier is a subclass of `Barrier`, a frozen dataclass with a `jet`; or of
+`PlanarBarrier` where it depends on the position alone, with a `planar_jet`.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+
+class Jet(NamedTuple):
+    """A barrier and its derivatives at one state and time.
+
+    Attributes:
+        h: value [m], or [m/s] for a speed limit.
+        gradient: (n,) ∂h/∂x.
+        hessian: (n, n) ∂²h/∂x².
+        rate: ∂h/∂t.
+        gradient_rate: (n,) ∂²h/∂x∂t.
+        rate_rate: ∂²h/∂t².
+    """
+
+    h: float
+    gradient: Array
+    hessian: Array
+    rate: float
+    gradient_rate: Array
+    rate_rate: float
+
+
+class Core(NamedTuple):
+    """The convex set from which a barrier is a distance: ``h = distance − radius``, seen locally.
+
+    A disc is all that lies within its radius of its centre; a convex polygon all that lies within 0
+    of itself, or of a corner where no other part of it can become the nearest.
+
+    Attributes:
+        distance: from the core [m]; infinite where ∇H does not turn within the reach.
+        radius: how far the region reaches beyond its core [m].
+        is_point: whether the core is a point, from all of the reach.
+    """
+
+    distance: float
+    radius: float
+    is_point: bool
+
+
+@dataclass(frozen=True)
+class Barrier(ABC):
+    """A named, ranked safety condition ``h(x, t) ≥ 0``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict; larger numbers give way first.
+
+    Raises:
+        InvalidInputError: if the name is empty or the priority is not a positive integer.
+    """
+
+    name: str
+    priority: int
+    reads_position: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"barrier name: got {self.name!r}, expected non-empty text")
+        if isinstance(self.priority, bool) or not isinstance(self.priority, int | np.integer):
+            raise InvalidInputError(f"{self.name}: priority: got {self.priority!r}, expected int")
+        if self.priority < 1:
+            raise InvalidInputError(f"{self.name}: priority: got {self.priority}, expected >= 1")
+
+    @abstractmethod
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives.
+
+        Args:
+            x: (n,) state of the reduced-order model, position first.
+            t: time [s].
+        """
+
+    def h(self, x: Array, t: float = 0.0) -> float:
+        """Return the barrier's value at the state x (n,) and time t [s]."""
+        return self.jet(x, t).h
+
+    def batch(self, x: Array, t: Array) -> Jet:
+        """Return h and its derivatives at N states x (N, n) and times t (N,), with a leading N.
+
+        This form calls `jet` N times; a subclass may compute all of them at once.
+        """
+        jets = [self.jet(state, float(time)) for state, time in zip(x, t, strict=True)]
+        stacked: Any = (np.array(field) for field in zip(*jets, strict=True))
+        return Jet(*stacked)
+
+
+@dataclass(frozen=True)
+class PlanarBarrier(Barrier):
+    """A condition on the position alone, in a frame that may move at constant velocity.
+
+    ``h(x, t) = H(q)`` with ``q = p − w t``, so that ∂h/∂t = −∇H·w.
+    """
+
+    @property
+    def frame_velocity(self) -> Array:
+        """(2,) the velocity w of the barrier's frame [m/s]."""
+        return np.asarray(getattr(self, "velocity", (0.0, 0.0)))
+
+    @abstractmethod
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H (2,) and ∇²H (2, 2) at the position q (2,) in the barrier's frame."""
+
+    def core(self, q: Array, reach: float) -> Core | None:
+        """Return the core of a convex region around which ∇H turns, or None if that is unknown.
+
+        Rows for a held input rest on it; without it a barrier keeps its usual row.
+
+        Args:
+            q: (2,) position in the barrier's frame [m].
+            reach: how far the robot gets in one period [m].
+        """
+        return None
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives."""
+        w = self.frame_velocity
+        value, planar_gradient, planar_hessian = self.planar_jet(x[:2] - w * t)
+        gradient, hessian, gradient_rate = (
+            np.zeros(len(x)),
+            np.zeros((len(x),) * 2),
+            np.zeros(len(x)),
+        )
+        gradient[:2] = planar_gradient
+        hessian[:2, :2] = planar_hessian
+        gradient_rate[:2] = -planar_hessian @ w
+        return Jet(
+            h=float(value),
+            gradient=gradient,
+            hessian=hessian,
+            rate=float(-planar_gradient @ w),
+            gradient_rate=gradient_rate,
+            rate_rate=float(w @ planar_hessian @ w),
+        )

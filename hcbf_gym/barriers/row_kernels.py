@@ -1,0 +1,184 @@
+"""Rows of the double integrator, compiled: the usual ones, and those for an input that is held.
+
+`docs/rows.md` derives them; `general` and `held` hold the readable forms.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import class_k, layout
+from hcbf_gym.barriers.kernels import planar_jet, polygon_edge, speed_limit
+from hcbf_gym.barriers.layout import CONVEX_POLYGON, CUSTOM, DISC, ELLIPSE, HALF_PLANE, SPEED_LIMIT
+from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, PERIOD, U_MAX
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+B, H, ALPHA2_PSI, PSI = range(4)
+"""What `rows` writes into the first axis of its output."""
+
+Row = tuple[float, float, float]
+
+
+@njit(cache=True)
+def rows(
+    kind: Integers,
+    parameters: Array,
+    margin: Array,
+    x: Array,
+    t: Array,
+    settings: Array,
+    a: Array,
+    out: Array,
+) -> None:
+    """Write the rows ``a·u ≥ b`` of N states; a user's own barriers are passed over.
+
+    Args:
+        kind: (N, m) as `BarrierSet` holds it.
+        parameters: (N, m, 19) as `BarrierSet` holds it.
+        margin: (2, N, m) what each row keeps between h and zero, and its rate of change.
+        x: (N, 4) positions [m] and velocities [m/s].
+        t: (N,) times [s].
+        settings: (11,) `RowSettings.packed`.
+        a: (N, m, 2) the gradients.
+        out: (4, N, m) b, h, α₂(ψ) and ψ.
+    """
+    for i in range(x.shape[0]):
+        for k in range(kind.shape[1]):
+            which, c = kind[i, k], parameters[i, k]
+            if which == CUSTOM:
+                continue
+            if which == SPEED_LIMIT:
+                v_max = c[layout.V_MAX]
+                a[i, k, 0], a[i, k, 1] = -x[i, 2] / v_max, -x[i, 3] / v_max
+                h = speed_limit(c, x[i, 2], x[i, 3])
+                b, alpha2_psi, psi = _speed_row(
+                    h - margin[0, i, k], margin[1, i, k], x[i, 2], x[i, 3], v_max, settings
+                )
+            else:
+                qx = x[i, 0] - c[layout.VELOCITY_X] * t[i]
+                qy = x[i, 1] - c[layout.VELOCITY_Y] * t[i]
+                rx, ry = x[i, 2] - c[layout.VELOCITY_X], x[i, 3] - c[layout.VELOCITY_Y]
+                h, gx, gy, distance, tx, ty = planar_jet(which, c, qx, qy)
+                a[i, k, 0], a[i, k, 1] = gx, gy
+                kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
+                sideways = abs(tx * rx + ty * ry)
+                if settings[HELD] == 0.0:
+                    b, alpha2_psi, psi = _usual_row(kept, rate, sideways, distance, settings)
+                else:
+                    speed = np.sqrt(rx * rx + ry * ry)
+                    if which == CONVEX_POLYGON:
+                        reach = _reach(speed, settings)
+                        distance, sideways = _polygon_core(c, qx, qy, h, reach, sideways)
+                    kept -= _rounding(which, c, settings)
+                    b, alpha2_psi, psi = _held_row(kept, rate, speed, sideways, distance, settings)
+            out[B, i, k], out[H, i, k] = b, h
+            out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
+
+
+@njit(cache=True)
+def _usual_row(kept: float, rate: float, sideways: float, distance: float, s: Array) -> Row:
+    """Return b, α₂(ψ) and ψ of a barrier on the position, looked at in this instant alone."""
+    alpha1 = s[ALPHA1 : ALPHA1 + 4]
+    psi = rate + class_k.value(alpha1, kept)
+    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], psi)
+    curving = sideways * sideways / distance
+    return -alpha2_psi - curving - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi
+
+
+@njit(cache=True)
+def _held_row(
+    kept: float, rate: float, speed: float, sideways: float, distance: float, s: Array
+) -> Row:
+    """Return b, α₂(ψ) and ψ of a barrier on the position while u is held for T."""
+    alpha1, period = s[ALPHA1 : ALPHA1 + 4], s[PERIOD]
+    psi = rate + class_k.value(alpha1, kept)
+    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], psi)
+
+    half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
+    end = kept + rate * period
+    chord = min(class_k.slope(alpha1, end - half), class_k.slope(alpha1, end + half))
+    promised = class_k.value(alpha1, end - half) + chord * half
+    turning = _turning(speed, sideways, distance, s)
+    wanted = psi - period * alpha2_psi - rate + turning
+    b = (wanted - promised) / (period + 0.5 * chord * period * period)
+    if kept >= 0.0 and end >= 0.0:  # h >= 0 on the way, whatever α₁
+        b = max(b, -2.0 * end / (period * period))
+    return b, alpha2_psi, psi
+
+
+@njit(cache=True)
+def _turning(speed: float, sideways: float, distance: float, s: Array) -> float:
+    """Return ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s]."""
+    if distance == np.inf:
+        return 0.0
+    period, u_max, reach = s[PERIOD], s[U_MAX], _reach(speed, s)
+    mean = max(0.5 * u_max * period * period, 0.5 * (distance + max(distance - reach, 0.0)))
+    loss = u_max * u_max * period**3 / (16.0 * mean)
+    across = max(0.0, sideways - 0.5 * u_max * period)
+    gain = distance * across * np.sqrt(period / (distance + reach) ** 3)
+    return loss - max(0.0, gain - np.sqrt(loss)) ** 2
+
+
+@njit(cache=True)
+def _reach(speed: float, s: Array) -> float:
+    """Return ℓ, how far the barrier's frame sees the robot get in one period [m]."""
+    return speed * s[PERIOD] + 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
+
+
+@njit(cache=True)
+def _rounding(kind: int, c: Array, s: Array) -> float:
+    """Return what a held row keeps so that the distance from a core is at least ½ u_max T² [m]."""
+    radius = np.inf
+    if kind == DISC:
+        radius = c[layout.RADIUS]
+    elif kind == ELLIPSE:
+        radius = c[layout.SHORTER_AXIS]
+    elif kind != HALF_PLANE:
+        radius = 0.0
+    return max(0.0, 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD] - radius)
+
+
+@njit(cache=True)
+def _polygon_core(
+    c: Array, x: float, y: float, h: float, reach: float, sideways: float
+) -> tuple[float, float]:
+    """Return the distance from a polygon's core, and the sideways speed where it is known to count.
+
+    The core is nothing (infinitely far) where the same edge stays the nearest for all of the
+    reach, the corner where that stays the nearest, and the whole polygon in between. Inside, the
+    nearest edge is taken for the region.
+    """
+    if h <= 0.0:
+        return np.inf, 0.0
+    corners = int(c[layout.VERTEX_COUNT])
+    ax, ay, ex, ey = polygon_edge(c, corners - 1)
+    length = np.sqrt(ex * ex + ey * ey)
+    beyond = ((x - ax) * ex + (y - ay) * ey) / length - length  # past the end of the edge before
+    for i in range(corners):
+        ax, ay, ex, ey = polygon_edge(c, i)
+        length = np.sqrt(ex * ex + ey * ey)
+        along = ((x - ax) * ex + (y - ay) * ey) / length
+        above = (ey * (x - ax) - ex * (y - ay)) / length
+        if above > 0.0 and along >= reach and along <= length - reach:
+            return np.inf, 0.0
+        if beyond >= reach and along <= -reach:
+            return h, sideways
+        beyond = along - length
+    return h, 0.0
+
+
+@njit(cache=True)
+def _speed_row(
+    kept: float, margin_rate: float, vx: float, vy: float, v_max: float, s: Array
+) -> Row:
+    """Return b, α₂(ψ) and ψ = h of a speed limit; h is concave in v, so that u costs ‖u‖²."""
+    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], kept)
+    b = -alpha2_psi
+    if s[HELD] != 0.0:
+        period = s[PERIOD]
+        cost = s[U_MAX] * s[U_MAX] * period / (2.0 * v_max)
+        b = max(b, cost - kept / period) if kept >= 0.0 else b + cost
+        b = min(b, (vx * vx + vy * vy) / (v_max * period))  # a full stop gives no more
+    return b + margin_rate, alpha2_psi, kept
