@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from hcbf_gym import guidance, programs, scenarios
-from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc, HalfPlane, LinearClassK, LogClassK
+from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
@@ -158,7 +158,7 @@ def test_no_safety_row_pays_for_the_guidance_row(seed):
     way = guidance.Geodesic(count)
     way.reset(barriers, np.array([scene.goal for scene in scenes]))
     a, b = way.rows(x, np.zeros(count))
-    rows = barriers.rows(x, np.zeros(count), LogClassK(), LinearClassK(2.0))
+    rows = barriers.rows(x, np.zeros(count), RowSettings())
     guided = CbfRows(
         np.concatenate([rows.a, a[:, None]], axis=1),
         np.concatenate([rows.b, b[:, None]], axis=1),
