@@ -5,8 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from hcbf_gym import guidance, programs, scenarios
-from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc, HalfPlane
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, HalfPlane, RowSettings
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
