@@ -20,6 +20,7 @@ from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.robots import a1
@@ -92,6 +93,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, sensor noise, start pose.
     * `disturbances`: plain dict of scheduled or random pushes.
+    * `estimation`: None lets the loop see the true state; "motion-capture", "lidar", "uwb" or a
+      plain dict of `hcbf_gym.estimation.Sensors`' fields lets controller, observation and safety
+      filter see an estimate. h, rewards, ends and costs are always the truth's.
     * `diagnostics`: adds `info["locomotion"]`: stance, foot targets, torques, the QP's status and
       residual.
     * `render_mode`: None, "rgb_array", or "human" (a window).
@@ -116,12 +120,13 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         terrain: str = "flat",
         randomization: Mapping[str, Any] | None = None,
         disturbances: Mapping[str, Any] | None = None,
+        estimation: str | Mapping[str, Any] | None = None,
         diagnostics: bool = False,
         render_mode: str | None = None,
     ):
         EzPickle.__init__(
             self, scenario, feedback, xml_file, timestep, gait, friction, terrain, randomization,
-            disturbances, diagnostics, render_mode,
+            disturbances, estimation, diagnostics, render_mode,
         )  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidInputError(
@@ -149,6 +154,12 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self.controller = LocomotionController(
             robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
         )
+        self._estimator = (
+            None
+            if estimation is None
+            else Estimator(self.controller.model.legs, a1.FOOT_RADIUS, estimation, timestep)
+        )
+        self._known: Array | None = None  # the robot's state as estimated
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self.artist = SceneArtist()
@@ -158,10 +169,11 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
+        measured = self._truth if self._known is None else self._known[BASE]
         if self.feedback == "measured":
-            return self._measured.copy()
+            return measured.copy()
         reference = self.controller.reference
-        position = reference.position if self.feedback == "rom" else self._measured[:2]
+        position = reference.position if self.feedback == "rom" else measured[:2]
         return np.concatenate([position, reference.velocity])
 
     @property
@@ -177,7 +189,10 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
-        return Estimate(self.rom_state, self.time)
+        if self._estimator is None:
+            return Estimate(self.rom_state, self.time)
+        known = self._estimator.estimate
+        return Estimate(self.rom_state, self.time, known.covariance, heading=np.float64(known.yaw))
 
     @property
     def goal(self) -> Array:
@@ -209,10 +224,14 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self._steps, self._started = 0, True
         yaw = _initial_yaw(self.scenario)
         self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
-        self.controller.reset(self.simulation.state())
-        self._measured = self.simulation.base_state
+        if self._estimator is not None:
+            # errors of the sensors come from a stream of their own: the plant stays the same
+            (errors,) = self.np_random.spawn(1)
+            self._known = self._estimator.reset(self.simulation.truth, errors)
+        self.controller.reset(self.simulation.state(self._known))
+        self._truth = self.simulation.base_state
         self.artist.restart()
-        h = self.barrier_set.along(self._measured[None], np.zeros(1))
+        h = self.barrier_set.along(self._truth[None], np.zeros(1))
         info = task.first(task.reset_info(self.scenario.task, h, self._error()))
         return self._observe(), info | {
             "fallen": np.float64(0.0),
@@ -227,17 +246,19 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         distance_before = self._error()
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
         for _ in self._ticks:
-            self.simulation.step(self.controller.step(self.simulation.state(), u))
+            self.simulation.step(self.controller.step(self.simulation.state(self._known), u))
             if self.simulation.diverged:  # the last finite state stands
                 break
+            if self._estimator is not None:
+                self._known = self._estimator.tick(self.simulation.truth)
             path.append(self.simulation.truth)
             forces.append(self.simulation.obstacle_forces())
         fallen = self.simulation.fallen
-        walked = np.array(path).take(BASE, axis=1) if path else self._measured[None]
-        self._measured = walked[-1]
+        walked = np.array(path).take(BASE, axis=1) if path else self._truth[None]
+        self._truth = walked[-1]
         h = self.barrier_set.along(walked, self.time + self._ticks[: len(walked)])
         self._steps += 1
-        self.artist.walk(self._measured[:2])
+        self.artist.walk(self._truth[:2])
 
         distance = self._error()
         at_end = self._steps >= len(self._references) - 1
@@ -305,13 +326,14 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
-        self._measured = np.array([*scenario.start, 0.0, 0.0])
+        self._truth = np.array([*scenario.start, 0.0, 0.0])
+        self._known = None
 
     def _reference(self) -> Array:
         return self._references[None, min(self._steps, len(self._references) - 1)]
 
     def _error(self) -> Array:
-        gap = self._reference()[0, :2] - self._measured[:2]
+        gap = self._reference()[0, :2] - self._truth[:2]
         return np.array([math.hypot(*gap.tolist())])
 
     def _observe(self) -> Array:

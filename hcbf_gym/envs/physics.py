@@ -14,6 +14,7 @@ from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Conditions, Randomization
 from hcbf_gym.errors import InvalidInputError, RobotModelError, finite_float
+from hcbf_gym.locomotion.rotation import turned
 from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
 from hcbf_gym.robots import a1
 
@@ -23,6 +24,8 @@ MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
 # standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
 VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
 JOINT_NOISE = 0.01  # [rad]
+TURN_NOISE = 0.005  # [rad] about every axis
+CONTACT_NOISE = 0.005  # probability that a foot's contact is reported wrongly
 
 BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
 
@@ -118,15 +121,23 @@ class Physics:
         self._qpos[7:] = a1.HOME_JOINTS
         self._arrive()
 
-    def state(self) -> RobotState:
-        """Return what the robot's sensors and its estimator say now."""
-        if self.conditions.sensor_noise == 0.0:
-            return RobotState(self.truth)
-        sensed = self.truth.copy()
-        sensed[19:37] += (
-            self.conditions.sensor_noise * VELOCITY_NOISE * self._rng.standard_normal(18)
-        )
-        sensed[7:19] += self.conditions.sensor_noise * JOINT_NOISE * self._rng.standard_normal(12)
+    def state(self, known: Array | None = None) -> RobotState:
+        """Return what the robot's sensors and its estimator say now.
+
+        Args:
+            known: (41,) the state's vector as estimated, to which the sensors' noise is added; None
+                means the truth.
+        """
+        vector = self.truth if known is None else known
+        noise = self.conditions.sensor_noise
+        if noise == 0.0:
+            return RobotState(vector)
+        sensed = vector.copy()
+        sensed[19:37] += noise * VELOCITY_NOISE * self._rng.standard_normal(18)
+        sensed[7:19] += noise * JOINT_NOISE * self._rng.standard_normal(12)
+        sensed[3:7] = turned(sensed[3:7], noise * TURN_NOISE * self._rng.standard_normal(3))
+        wrong = self._rng.random(4) < noise * CONTACT_NOISE
+        sensed[37:] = np.where(wrong, 1.0 - sensed[37:], sensed[37:])
         return RobotState(sensed)
 
     def step(self, torque: Array) -> None:

@@ -41,9 +41,9 @@ class Randomization:
         payload_position: (3,) where, in the trunk's axes [m].
         motor_strength: share of the commanded torque that arrives, positive.
         delay: between a measurement and the torque it leads to [s], rounded to physics ticks.
-        sensor_noise: scale of Gaussian noise; 1 means standard deviations of .1 m/s, .2 rad/s on
-            the trunk, .01 rad and .6 rad/s on the joints.
-
+        sensor_noise: scale of white noise on what the controller is told; 1 means standard
+            deviations of .1 m/s, .2 rad/s, .005 rad on the trunk, .01 rad and .6 rad/s on the
+            joints, and one contact in 200 reported wrongly.
         start_distance: from the scenario's start, in any direction [m].
         start_yaw: to either side of the reference's direction [rad].
 

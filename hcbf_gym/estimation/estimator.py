@@ -73,7 +73,7 @@ class Estimator:
         self._means: Array = self._past["x"]
         self._covariances: Array = self._past["cov"]
         self._rng: np.random.Generator | None = None
-        self._noise = np.zeros((0, 1), dtype=NOISE)
+        self._noise = np.zeros(0, dtype=NOISE)
         self._drawn = 0
 
     def reset(self, truth: Array, rng: np.random.Generator) -> Array:
@@ -87,7 +87,8 @@ class Estimator:
         self._rng = rng
         self._drawn = len(self._noise)
         told = np.empty(STATE_SIZE)
-        start(self._settings, self._memory, self._past, truth, self._next_noise(), told)
+        row = self._next_noise()
+        start(self._settings, self._memory, self._past, truth, self._noise, row, told)
         return told
 
     def tick(self, truth: Array) -> Array:
@@ -103,7 +104,8 @@ class Estimator:
             InvalidInputError: before the first reset.
         """
         told = np.empty(STATE_SIZE)
-        tick(self._settings, self._memory, self._past, truth, self._next_noise(), told)
+        row = self._next_noise()
+        tick(self._settings, self._memory, self._past, truth, self._noise, row, told)
         return told
 
     @property
@@ -117,15 +119,15 @@ class Estimator:
         covariance[_DIAGONAL, _ACROSS] = of_axis[1]
         return PlanarEstimate(mean[:2].ravel(), covariance, float(memory["yaw"]))
 
-    def _next_noise(self) -> np.ndarray:
+    def _next_noise(self) -> int:
         if self._rng is None:
             raise InvalidInputError("estimator: got a tick, expected a reset first")
         if self._drawn >= len(self._noise):
             numbers = self._rng.standard_normal((BLOCK, NOISES))
-            self._noise = numbers.view(NOISE)
+            self._noise = numbers.view(NOISE)[:, 0]
             self._drawn = 0
         self._drawn += 1
-        return self._noise[self._drawn - 1]
+        return self._drawn - 1
 
 
 def _settings(

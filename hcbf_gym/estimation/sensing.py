@@ -5,7 +5,7 @@ from numba import njit
 
 from hcbf_gym.locomotion.dynamics import GRAVITY
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
-from hcbf_gym.locomotion.rotation import rotation_matrix
+from hcbf_gym.locomotion.rotation import rotation_matrix, turned
 from hcbf_gym.locomotion.state import Array
 
 NOISE = np.dtype(
@@ -93,7 +93,7 @@ def sense(
         sensed: (41,) filled in.
     """
     sensed[:] = truth
-    _turn(slow.rotation, truth[3:7], sensed[3:7])
+    sensed[3:7] = turned(truth[3:7], slow.rotation)
     sensed[7:19] += errors.angle * noise.angle
     sensed[22:25] += errors.gyroscope * noise.gyroscope
     sensed[25:37] += errors.rate * noise.rate
@@ -123,15 +123,3 @@ def planar_acceleration(
     force = apply_transposed(rotation_matrix(truth[3:7]), acceleration)
     force += errors.accelerometer * noise.accelerometer
     return apply(R_sensed, force)[:2]
-
-
-@njit(cache=True)
-def _turn(rotation: Array, quaternion: Array, turned: Array) -> None:
-    """Fill in (4,) the orientation turned by a small rotation (3,) about the world's axes [rad]."""
-    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    a, b, c = 0.5 * rotation[0], 0.5 * rotation[1], 0.5 * rotation[2]
-    turned[0] = w - a * x - b * y - c * z
-    turned[1] = x + a * w + b * z - c * y
-    turned[2] = y + b * w + c * x - a * z
-    turned[3] = z + c * w + a * y - b * x
-    turned /= np.sqrt((turned**2).sum())

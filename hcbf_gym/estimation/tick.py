@@ -5,7 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
-from hcbf_gym.estimation.leg_odometry import FootVelocities, trunk_velocities
+from hcbf_gym.estimation.leg_odometry import trunk_velocity
 from hcbf_gym.estimation.sensing import (
     ERRORS,
     SLOW,
@@ -14,9 +14,9 @@ from hcbf_gym.estimation.sensing import (
     sense,
     start_slow_errors,
 )
-from hcbf_gym.locomotion.leg import LEGS
+from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
-from hcbf_gym.locomotion.state import Array, state_views
+from hcbf_gym.locomotion.state import Array, StateViews, state_views
 
 GATE = 3.5
 """A foot that disagrees with the estimate by more standard deviations slips or lifts."""
@@ -84,7 +84,13 @@ def instant(past: Records, ticks: int) -> np.record:
 
 @njit(cache=True)
 def start(
-    settings: Records, memory: Records, past: Records, truth: Array, noise: Records, told: Array
+    settings: Records,
+    memory: Records,
+    past: Records,
+    truth: Array,
+    noises: Records,
+    row: int,
+    told: Array,
 ) -> None:
     """Begin an episode at rest, with a position averaged over fixes.
 
@@ -93,21 +99,22 @@ def start(
         memory: (1,) `MEMORY`, set anew.
         past: (delay + 1,) `PAST`, set anew.
         truth: (41,) the vector of a `RobotState`.
-        noise: (1,) `NOISE` of this tick.
+        noises: (k,) `NOISE`.
+        row: of them that this tick takes.
         told: (41,) filled in with what is known of the robot.
     """
-    known, now, errors = settings[0], memory[0], settings[0].errors
+    known, now, errors, noise = settings[0], memory[0], settings[0].errors, noises[row]
     now.ticks = 0
     now.velocity[:] = truth[19:22]
     now.touching[:] = 0
-    start_slow_errors(errors, now.slow, noise[0])
-    sense(errors, now.slow, noise[0], truth, told)
+    start_slow_errors(errors, now.slow, noise)
+    sense(errors, now.slow, noise, truth, told)
     now.yaw = yaw_of(rotation_matrix(told[3:7]))
     first = past[0]
     first.x[:] = 0.0
     first.cov[:] = 0.0
     for axis in range(2):
-        error = now.slow.drift[axis] + np.sqrt(known.start) * noise[0].fix[axis]
+        error = now.slow.drift[axis] + np.sqrt(known.start) * noise.fix[axis]
         first.x[P, axis] = truth[axis] + error
     for i in range(D, AXIS):
         first.cov[i, i] = known.model.variance[i]
@@ -118,33 +125,37 @@ def start(
 
 @njit(cache=True)
 def tick(
-    settings: Records, memory: Records, past: Records, truth: Array, noise: Records, told: Array
+    settings: Records,
+    memory: Records,
+    past: Records,
+    truth: Array,
+    noises: Records,
+    row: int,
+    told: Array,
 ) -> None:
     """Move the estimate on by one tick; arguments as in `start`."""
-    known, now, errors = settings[0], memory[0], settings[0].errors
+    known, now, errors, noise = settings[0], memory[0], settings[0].errors, noises[row]
     before = instant(past, now.ticks)
     now.ticks += 1
     entry = instant(past, now.ticks)
-    move_slow_errors(errors, now.slow, noise[0])
-    sense(errors, now.slow, noise[0], truth, told)
+    move_slow_errors(errors, now.slow, noise)
+    sense(errors, now.slow, noise, truth, told)
     state, R = state_views(told), rotation_matrix(told[3:7])
     now.yaw = yaw_of(R)
 
     # the heading's error turns accelerations and velocities sideways
     turned = errors.rotation[2] ** 2
-    acceleration = planar_acceleration(errors, noise[0], truth, now.velocity, R)
+    acceleration = planar_acceleration(errors, noise, truth, now.velocity, R)
     entry.acceleration[:] = acceleration
     entry.var_acceleration = errors.accelerometer**2 + turned * (acceleration**2).sum()
     entry.var_slip = turned * (before.x[V] ** 2).sum()
-    entry.fix[:] = truth[:2] + now.slow.drift + errors.fix * noise[0].fix
+    entry.fix[:] = truth[:2] + now.slow.drift + errors.fix * noise.fix
     now.velocity[:] = truth[19:22]
     for foot in range(4):
         now.touching[foot] = now.touching[foot] + 1 if state.foot_contact[foot] else 0
 
     _advance(known.model, before, entry)
-    feet = trunk_velocities(known.legs, known.foot_radius, state, R)
-    feet.velocity[:] += now.slow.slip
-    average_feet(known, now.touching, feet, entry)
+    average_feet(known, now, state, R, entry)
     _take_odometry(entry)
     if now.ticks > known.delay and (now.ticks - known.delay) % known.period == 0:
         take_fix(known, past, now.ticks - known.delay, now.ticks)
@@ -153,20 +164,23 @@ def tick(
 
 @njit(cache=True)
 def average_feet(
-    known: np.record, touching: NDArray[np.int64], feet: FootVelocities, entry: np.record
+    known: np.record, now: np.record, state: StateViews, R: Array, entry: np.record
 ) -> None:
     """Note the mean over the feet that have settled and agree with the prediction in `entry`."""
     var_rate = known.errors.rate**2
     cov, x = entry.cov, entry.x
     uncertain = cov[V, V] + 2.0 * cov[V, S] + cov[S, S]
     total, variance, count = np.zeros(2), 0.0, 0
-    for foot in range(4):
-        if touching[foot] < known.settled:
+    feet = foot_kinematics(known.legs, state.joint_position, state.joint_velocity)
+    for leg in range(4):
+        if now.touching[leg] < known.settled:
             continue
-        noise = var_rate * feet.gain[foot] + ROLLING**2
-        gap = feet.velocity[foot] - x[V] - x[S]
+        foot = trunk_velocity(feet, known.foot_radius, leg, state, R)
+        velocity = foot.velocity + now.slow.slip
+        noise = var_rate * foot.gain + ROLLING**2
+        gap = velocity - x[V] - x[S]
         if (gap**2).sum() <= GATE**2 * (uncertain + noise):
-            total += feet.velocity[foot]
+            total += velocity
             variance += noise
             count += 1
     entry.var_odometry = -1.0

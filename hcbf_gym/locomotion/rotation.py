@@ -48,6 +48,19 @@ def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
 
 
 @njit(cache=True)
+def turned(quaternion: Array, rotation: Array) -> Array:
+    """Return (4,) an orientation turned by a small `rotation` (3,) about the world's axes [rad]."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    a, b, c = 0.5 * rotation[0], 0.5 * rotation[1], 0.5 * rotation[2]
+    result = np.empty(4)
+    result[0] = w - a * x - b * y - c * z
+    result[1] = x + a * w + b * z - c * y
+    result[2] = y + b * w + c * x - a * z
+    result[3] = z + c * w + a * y - b * x
+    return result / np.sqrt((result**2).sum())
+
+
+@njit(cache=True)
 def wrap_angle(angle: float) -> float:
     """Return the equal angle in [−π, π)."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
