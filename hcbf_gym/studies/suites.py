@@ -81,7 +81,7 @@ SUITES = {
     "estimation": Suite(
         "benchmarks.estimation",
         "how well the A1 knows where it is",
-        5,
+        2,
         A1,
     ),
     "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
