@@ -169,12 +169,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
-        measured = self._truth if self._known is None else self._known[BASE]
-        if self.feedback == "measured":
-            return measured.copy()
-        reference = self.controller.reference
-        position = reference.position if self.feedback == "rom" else measured[:2]
-        return np.concatenate([position, reference.velocity])
+        return self.estimate.x
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
@@ -189,10 +184,24 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
-        if self._estimator is None:
-            return Estimate(self.rom_state, self.time)
-        known = self._estimator.estimate
-        return Estimate(self.rom_state, self.time, known.covariance, heading=np.float64(known.yaw))
+        body = self._truth if self._known is None else self._known[BASE]
+        reference = self.controller.reference
+        model = np.concatenate([reference.position, reference.velocity])
+        x = {
+            "measured": body,
+            "position": np.concatenate([body[:2], model[2:]]),
+            "rom": model,
+        }[self.feedback]
+        covariance, yaw = None, reference.yaw
+        if self._estimator is not None:
+            known = self._estimator.estimate
+            covariance, yaw = known.covariance, known.yaw
+        return Estimate(x, self.time, covariance, model, body - model, np.float64(yaw))
+
+    @property
+    def truth(self) -> Array:
+        """(4,) the trunk's true position [m] and velocity [m/s] in the plane."""
+        return self._truth.copy()
 
     @property
     def goal(self) -> Array:

@@ -97,7 +97,7 @@ class Reporter:
         Args:
             infos: of the step; added to in place.
             entry: (N, …) the entry, or a dict of such arrays; may be written to.
-            fresh: as in `at_reset`.
+            fresh: as in `at_reset`, or a function of the environments (N,) that were reset.
             ended: (N,) whose episodes ended in this step.
         """
         added, everyone, restarted = {self._key: entry}, np.ones_like(ended), np.zeros_like(ended)
@@ -108,7 +108,7 @@ class Reporter:
         if self._mode is AutoresetMode.SAME_STEP and ended.any():
             infos["final_info"] |= only(with_masks(added, everyone), ended)
         if restarted.any():
-            put(added, restarted, {self._key: fresh})
+            put(added, restarted, {self._key: fresh(restarted) if callable(fresh) else fresh})
         infos |= with_masks(added, everyone)
         self._ended = ended
         return restarted

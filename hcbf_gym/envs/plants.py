@@ -4,11 +4,11 @@ from typing import Any
 
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import EXACT, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
-def plant_of(env: Any, uncertainty: Uncertainty | None = None) -> Plant:
+def plant_of(env: Any, uncertainty: Uncertainty = EXACT) -> Plant:
     """Return the plant of one of this package's environments, single or native vector."""
     return Plant(
         model=DoubleIntegrator(),

@@ -122,7 +122,13 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     @property
     def estimate(self) -> Estimate:
         """The state, which is known exactly."""
-        return Estimate(self.rom_state, self.time)
+        batch = self._batch
+        return Estimate(batch.x[0], batch.steps[0] * task.CONTROL_DT)
+
+    @property
+    def truth(self) -> Array:
+        """(4,) the true state, position [m] and velocity [m/s]."""
+        return self.rom_state
 
     @property
     def goal(self) -> Array:

@@ -22,26 +22,47 @@ class Estimate(NamedTuple):
         x: (n,) state of the reduced-order model, as the rows read it.
         time: since the reset [s]; None lets the filter count its own steps.
         covariance: (n, n) of x; None where x is the truth.
-        lag: (n,) the body's state minus the reduced-order model's own; None where they are one.
+        model: (n,) the reduced-order model's own state; None where x is that.
+        lag: (n,) the body's state minus the reduced-order model's; None where they are one.
         heading: of the body [rad]; None where it has none.
     """
 
     x: Array
     time: Any = None
     covariance: Array | None = None
+    model: Array | None = None
     lag: Array | None = None
     heading: Any = None
 
 
-@dataclass(frozen=True)
-class Uncertainty:
-    """What a body does beside its reduced-order model; the ground of the derived margin.
+class Uncertainty(NamedTuple):
+    """What a plant does beside its reduced-order model: the ground of the derived margin.
 
-    Args:
+    `barriers.margins` has the formula that these numbers stand in.
+
+    Attributes:
         distance: what rows on the position keep in any case [m].
+        per_velocity: for each m/s that the body moves faster towards a region than its model [s].
+        per_lead: for each metre that the model runs ahead of the body [-].
+        cap: the most that these two add [m].
+        confidence: standard deviations of the estimated state that are kept [-].
+        body: what the body reaches beyond its centre [m].
+        speed: what a speed limit keeps in any case [m/s].
+        speed_per_velocity: for each m/s between body and model [-].
     """
 
     distance: float = 0.0
+    per_velocity: float = 0.0
+    per_lead: float = 0.0
+    cap: float = 0.0
+    confidence: float = 3.0
+    body: float = 0.0
+    speed: float = 0.0
+    speed_per_velocity: float = 0.0
+
+
+EXACT = Uncertainty()
+"""Of a plant that is its model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +85,11 @@ class Plant:
             known.
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
             guidance take it from barriers, state and goal.
-        uncertainty: how far the plant may be from its model; None where the model is exact.
+        uncertainty: how far the plant may be from its model; the default is an exact model.
 
     Raises:
         InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
-            called, or the period is not positive.
+            called, the period is not positive, or an uncertainty is negative.
     """
 
     model: ReducedOrderModel
@@ -80,7 +101,7 @@ class Plant:
     period: float | None = None
     goal: Any = None
     extent: Any = None
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty = EXACT
 
     def __post_init__(self) -> None:
         if not callable(self.state):
@@ -93,6 +114,8 @@ class Plant:
             )
         if self.period is not None:
             finite_float("plant: period", self.period, minimum=0.0, exclusive=True)
+        for name, value in self.uncertainty._asdict().items():
+            finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 
 
 def read(source: Any, env: Any, observation: Any, info: dict[str, Any]) -> Any:

@@ -10,11 +10,13 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from hcbf_gym.envs.infos import Reporter
-from hcbf_gym.envs.task import check_action
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Estimate, Plant, read
-from hcbf_gym.wrappers.filter_core import FilterSettings, PlanarCore, make_core, plain_options
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_options
+from hcbf_gym.wrappers.general_core import GeneralCore
+from hcbf_gym.wrappers.planar_core import PlanarCore
 
 Array = NDArray[np.float64]
 
@@ -27,15 +29,19 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     violation, `delta` (m,) the program's own relaxation, `status` (a
     `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
     row keeps between h and zero, `model_error` how far the plant's response is from the chosen
-    input [unit of u], and `reachable`. `reset` reports zeros under the same
-    keys, as nothing was filtered.
+    input [unit of u], and `reachable`. `reset` reports the same keys.
 
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
             that change actions belong outside the filter.
         program: a name from `hcbf_gym.programs.names()`.
         plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
-        rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone.
+        rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
+            than the planar double integrator, or of unknown period, have usual rows.
+        guidance: "geodesic" leads to the plant's goal around the regions by a row of the last rank,
+            or, for programs with weights, by the input nearest u* that moves along the way; a dict
+            ``{"kind": "geodesic", "through": p}`` lets ranks from p on give way to it; None leaves
+            the way to the policy.
         margin: what rows on the position keep between h and zero [m]; None derives it from what is
             uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
@@ -65,7 +71,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         env: gym.Env,
         program: str = "eh-cbf-qp",
         plant: Plant | None = None,
-        rows: str = "usual",
+        rows: str = "held",
+        guidance: Any = None,
         margin: float | None = None,
         solver: str | None = None,
         **options: Any,
@@ -75,6 +82,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             program=program,
             plant=plant,
             rows=rows,
+            guidance=guidance,
             margin=margin,
             solver=solver,
             **plain_options(options),
@@ -84,26 +92,31 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         self.plant = _plant_of(inner) if plant is None else plant
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
-        settings = FilterSettings(program, rows, margin, solver, options)
-        self._core = make_core(self.plant, self._input_set, settings, 1)
+        settings = FilterSettings(program, rows, guidance, margin, solver, options)
+        self._core = _core_of(self.plant, self._input_set, settings)
+        self._inner: Any = inner
+        self._shape = (self._input_set.n_u,)
         self._observation: Any = None
         self._info: dict[str, Any] = {}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode; its report is empty, as nothing was filtered."""
+        """Start a new episode, and report on its first state."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._observation, self._info = observation, info
         self._core.restart(np.ones(1, dtype=np.bool_))
-        info["safety_filter"] = self._core.empty_report(*self._sense())
+        inner = self.env.unwrapped
+        goal = read(self.plant.goal, inner, observation, info)
+        extent = read(self.plant.extent, inner, observation, info)
+        info["safety_filter"] = self._core.begin(*self._sense(), goal, extent)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Filter u* and step the environment with the result."""
         plant = self.plant
         wanted = action if plant.from_action is None else plant.from_action(action)
-        u_nominal = check_action(wanted, (self._input_set.n_u,))
+        u_nominal = _input(wanted, self._shape)
         u, report = self._core.step(u_nominal, *self._sense())
         applied = u if plant.to_action is None else plant.to_action(u)
         observation, reward, terminated, truncated, info = self.env.step(applied)
@@ -113,7 +126,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
 
     def _sense(self) -> tuple[Any, Estimate]:
         """Return the barriers and the state as the plant gives them now."""
-        inner, observation, info = self.env.unwrapped, self._observation, self._info
+        inner, observation, info = self._inner, self._observation, self._info
         barriers = read(self.plant.barriers, inner, observation, info)
         state = self.plant.state(inner, observation, info)
         return barriers, state if isinstance(state, Estimate) else Estimate(state)
@@ -126,6 +139,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, possibly wrapped.
         program: a name from `hcbf_gym.programs.names()`.
         rows: as `SafetyFilter` takes it.
+        guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
         **options: as `SafetyFilter` takes them.
 
@@ -139,12 +153,18 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         self,
         env: VectorEnv,
         program: str = "eh-cbf-qp",
-        rows: str = "usual",
+        rows: str = "held",
+        guidance: Any = None,
         margin: float | None = None,
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
-            self, program=program, rows=rows, margin=margin, **plain_options(options)
+            self,
+            program=program,
+            rows=rows,
+            guidance=guidance,
+            margin=margin,
+            **plain_options(options),
         )
         VectorWrapper.__init__(self, env)
         inner: Any = env.unwrapped
@@ -157,10 +177,9 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         self.plant: Plant = inner.plant
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
-        settings = FilterSettings(program, rows, margin, None, options)
+        settings = FilterSettings(program, rows, guidance, margin, None, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
         self._reporter = Reporter(env, "safety_filter")
-        self._empty: dict[str, Any] = {}
 
     @property
     def autoreset_mode(self) -> Any:
@@ -173,28 +192,56 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Start new episodes; their reports are empty, as nothing was filtered."""
+        """Start new episodes and report on their first states."""
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"])
-        self._core.restart(mask)
-        self._empty = self._core.empty_report(*self._sense())
-        self._reporter.at_reset(info, self._empty, options)
+        self._reporter.at_reset(info, self._begin(mask), options)
         return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Filter u* (N, 2) [m/s²] and step the environments with the result."""
-        u_nominal = check_action(actions, (self.num_envs, 2))
+        u_nominal = _input(actions, (self.num_envs, 2))
         u, report = self._core.step(u_nominal, *self._sense())
         observation, reward, terminated, truncated, info = self.env.step(u)
-        ended = terminated | truncated
-        self._core.restart(self._reporter.at_step(info, report, self._empty, ended))
+        self._reporter.at_step(info, report, self._begin, terminated | truncated)
         return observation, reward, terminated, truncated, info
 
+    def _begin(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """Tell the core that new episodes have begun, and return the reports of all."""
+        self._core.restart(mask)
+        inner: Any = self.env.unwrapped
+        goal = read(self.plant.goal, inner, None, {})
+        extent = read(self.plant.extent, inner, None, {})
+        return self._core.begin(*self._sense(), goal, extent)
+
     def _sense(self) -> tuple[Any, Estimate]:
+        """Return the barriers and the states as the plant gives them now."""
         inner: Any = self.env.unwrapped
         return read(self.plant.barriers, inner, None, {}), self.plant.state(inner, None, {})
+
+
+def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
+    """Return the core that fits a plant: compiled for the planar double integrator."""
+    if plant.model == DoubleIntegrator() and settings.solver is None:
+        return PlanarCore(plant, input_set, settings, 1)
+    return GeneralCore(plant, input_set, settings)
+
+
+def _input(action: Any, shape: tuple[int, ...]) -> Array:
+    """Return a copy of u* as float64; the cores refuse what is not finite.
+
+    Raises:
+        InvalidInputError: if it is not an array of real numbers of that shape.
+    """
+    try:
+        u = np.array(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"action: got {action!r}, expected {shape} numbers") from error
+    if u.shape != shape:
+        raise InvalidInputError(f"action: got shape {u.shape}, expected {shape}")
+    return u
 
 
 def _plant_of(env: Any) -> Plant:

@@ -1,0 +1,85 @@
+r"""What a row keeps between h and zero, from what is uncertain at this moment.
+
+For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
+
+.. math::
+    m = d + k_v \max(0, -n·e_v) + k_p \max(0, n·e_p) + κ\sqrt{n^T P n} + ρ,
+
+where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), P the
+covariance of the estimated position, and ρ what the body reaches beyond its centre. The first
+three parts stand for the reduced-order model, which says that the body moves at the model's
+velocity: a body that moves faster towards the region will get there by k_v e_v more, and one whose
+model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ [m/s].
+
+The margin moves. The estimate's part grows at most at the rate
+
+.. math:: \dot m ≤ κ\, n^T P_{pv} n / \sqrt{n^T P n},
+
+which stands in the row; the tracking error's part decays where the model is right, and is bounded
+by `cap`, so that one sample can take at most that much away.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.models.plant import Uncertainty
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True)
+def derive(
+    settings: Uncertainty,
+    kind: NDArray[np.int64],
+    parameters: Array,
+    x: Array,
+    t: float,
+    lag: Array,
+    covariance: Array,
+    margin: Array,
+    rate: Array,
+) -> None:
+    """Write the margins (m,) of one state's rows, and the rates (m,) at which they grow at most.
+
+    Args:
+        settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
+        kind: (m,) which kernel evaluates each barrier.
+        parameters: (m, WIDTH) what it reads.
+        x: (4,) position [m] and velocity [m/s], as the rows read them.
+        t: time [s].
+        lag: (4,) the body's state minus the reduced-order model's.
+        covariance: (4, 4) of x.
+        margin: (m,) to be written [m]; of a speed limit [m/s].
+        rate: (m,) to be written [m/s].
+    """
+    for k in range(kind.size):
+        rate[k] = 0.0
+        if kind[k] == layout.SPEED_LIMIT:
+            slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
+            margin[k] = settings.speed + settings.speed_per_velocity * slip
+            continue
+        c = parameters[k]
+        qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
+        jet = kernels.planar_jet(kind[k], c, qx, qy)
+        steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
+        nx, ny = jet[1] / steepness, jet[2] / steepness
+        lead = max(0.0, nx * lag[0] + ny * lag[1])
+        faster = max(0.0, -nx * lag[2] - ny * lag[3])
+        tracking = settings.per_velocity * faster + settings.per_lead * lead
+        variance = _along(covariance, 0, 0, nx, ny)
+        known = settings.confidence * np.sqrt(max(0.0, variance))
+        if known > 0.0:
+            drift = settings.confidence**2 * _along(covariance, 0, 2, nx, ny) / known
+            rate[k] = max(0.0, drift) * steepness
+        total = settings.distance + min(tracking, settings.cap) + known + settings.body
+        margin[k] = total * steepness
+
+
+@njit(cache=True)
+def _along(covariance: Array, i: int, j: int, nx: float, ny: float) -> float:
+    """Return nᵀ C n of the block C (2, 2) of the covariance that starts at (i, j)."""
+    xx, xy = covariance[i, j], covariance[i, j + 1]
+    yx, yy = covariance[i + 1, j], covariance[i + 1, j + 1]
+    return nx * (xx * nx + xy * ny) + ny * (yx * nx + yy * ny)

@@ -1,0 +1,124 @@
+"""One attacked episode, and what it says of the promise that rank 1 is never entered."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym import policies, wrappers
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.studies.strict import attacks
+
+
+@dataclass(frozen=True)
+class AttackedEpisode:
+    """What to run.
+
+    Args:
+        attack: a name of `attacks.ATTACKS`, "searched", or a policy's name ("pd", "ppo", …).
+        scenario: what `hcbf_gym.scenarios.make` takes.
+        seed: of the environment and the attack.
+        env: the environment's id.
+        env_options: further arguments of the environment.
+        filter_options: arguments of `SafetyFilter`.
+        parameters: of a searched attack.
+    """
+
+    attack: str
+    scenario: Any
+    seed: int
+    env: str = "HCBF-A1Regions-v0"
+    env_options: Mapping[str, Any] | None = None
+    filter_options: Mapping[str, Any] | None = None
+    parameters: tuple[float, ...] | None = None
+
+    def run(self) -> "Outcome":
+        """Run the episode to its end."""
+        env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
+        options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
+        env = wrappers.SafetyFilter(env, **options)
+        try:
+            return self._rollout(env)
+        finally:
+            env.close()
+
+    def _rollout(self, env: gym.Env) -> "Outcome":
+        observation, info = env.reset(seed=self.seed)
+        inner: Any = env.unwrapped
+        hostile = self.parameters is not None or self.attack in attacks.ATTACKS
+        attack = attacks.make(self.attack, self.seed, self.parameters) if hostile else None
+        policy = None if hostile else _policy(self.attack, env)
+        strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
+        position = [k for k in strict if inner.barriers[k].reads_position]
+        speed = [k for k in strict if not inner.barriers[k].reads_position]
+        second = [k for k, b in enumerate(inner.barriers) if b.priority == 2]
+        least = np.asarray(info["min_h"]).copy()
+        counts = np.zeros(len(FilterStatus), dtype=np.int64)
+        margins, changed = [], False
+        terminated = truncated = False
+        while not (terminated or truncated):
+            if attack is not None:
+                u_nominal = attack.wants(attacks.look(env))
+            else:
+                assert policy is not None
+                u_nominal = np.asarray(policy(observation, info), dtype=np.float64)
+            observation, _, terminated, truncated, info = env.step(u_nominal)
+            report = info["safety_filter"]
+            least = np.minimum(least, info["min_h"])
+            counts[int(report["status"])] += 1
+            margins.append(report["margin"][position].max())
+            changed = changed or bool(report["intervention"] > 1e-3)
+        fell = bool(info.get("fallen", 0.0))
+        body = info.get("min_body_h")
+        return Outcome(
+            least_h=float(least[position].min()),
+            least_speed_h=float(least[speed].min()) if speed else np.inf,
+            least_second_h=float(least[second].min()) if second else np.inf,
+            least_body_h=np.inf if body is None else float(np.min(body)),
+            fell=fell,
+            reached=bool(terminated) and not fell,
+            seconds=float(inner.time),
+            qp_failures=int(info.get("qp_failures", 0)),
+            status_counts=tuple(int(count) for count in counts),
+            median_margin=float(np.median(margins)),
+            changed=changed,
+        )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one episode showed; every h is the truth's, at every physics step.
+
+    Attributes:
+        least_h: least h of the strict barriers on the position [m].
+        least_speed_h: of the strict speed limit [m/s].
+        least_second_h: of the barriers of priority 2 [m].
+        least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
+        fell: whether the robot fell.
+        reached: whether it reached the goal.
+        seconds: how long it took [s].
+        qp_failures: task-space QPs without a solution.
+        status_counts: steps in each `FilterStatus`.
+        median_margin: of the largest margin of a strict row on the position [m].
+        changed: whether the filter changed u.
+    """
+
+    least_h: float
+    least_speed_h: float
+    least_second_h: float
+    least_body_h: float
+    fell: bool
+    reached: bool
+    seconds: float
+    qp_failures: int
+    status_counts: tuple[int, ...]
+    median_margin: float
+    changed: bool
+
+
+def _policy(name: str, env: gym.Env) -> Any:
+    if name == "pd":
+        return policies.PDTracker.for_env(env)
+    return policies.load(name, env)

@@ -1,0 +1,202 @@
+"""The evidence that rank 1 is never entered: every attack on every plant, and the worst found.
+
+Each finished episode is a line of ``results/strict/outcomes.jsonl``. A run that was interrupted
+goes on where it stopped, as long as the sources are the same.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from rich.progress import track
+
+from hcbf_gym.compilation import sources_hash
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.studies.strict import search
+from hcbf_gym.studies.strict.attacks import ATTACKS
+from hcbf_gym.studies.strict.episodes import AttackedEpisode, Outcome
+
+FOLDER = Path("results/strict")
+SCENARIOS = ("random", "random-moving")
+FIRST_SEED = 50_000
+
+FIX = {"position-fix": "lidar"}
+"""Estimates: a name, and the environment's `estimation`."""
+
+PLANTS: dict[str, dict[str, Any]] = {
+    "payload 4 kg, off-centre": {
+        "randomization": {"payload": 4.0, "payload_position": [0.08, 0.05, 0.08]}
+    },
+    "motors x 0.8": {"randomization": {"motor_strength": 0.8}},
+    "delay 8 ms": {"randomization": {"delay": 0.008}},
+    "floor friction 0.4": {"randomization": {"floor_friction": 0.4}},
+    "rough ground": {"terrain": "rough"},
+    "all at once": {
+        "terrain": "rough",
+        "randomization": {
+            "payload": 4.0,
+            "payload_position": [0.08, 0.05, 0.08],
+            "motor_strength": 0.8,
+            "delay": 0.008,
+            "floor_friction": 0.4,
+        },
+    },
+}
+"""Plants that differ from what the filter and the controller believe."""
+
+
+def groups(quick: bool) -> list[tuple[str, str, list[AttackedEpisode]]]:
+    """Return the lines of the table: section, name, episodes."""
+    lines: list[tuple[str, str, list[AttackedEpisode]]] = []
+    count = 1 if quick else 50
+    for attack in ATTACKS:
+        episodes = [
+            AttackedEpisode(attack, scenario, FIRST_SEED + k)
+            for scenario in SCENARIOS
+            for k in range(count)
+        ]
+        lines.append(("nominal", attack, episodes))
+    few = ("nearest", "corner", "edge")
+    count = 1 if quick else 16
+    for plant, options in PLANTS.items():
+        episodes = [
+            AttackedEpisode(attack, "random", FIRST_SEED + k, env_options=options)
+            for attack in few
+            for k in range(count)
+        ]
+        lines.append(("plant", plant, episodes))
+    for name, estimation in FIX.items():
+        episodes = [
+            AttackedEpisode(
+                attack, "random", FIRST_SEED + k, env_options={"estimation": estimation}
+            )
+            for attack in few
+            for k in range(1 if quick else 67)
+        ]
+        lines.append(("estimate", name, episodes))
+    episodes = [
+        AttackedEpisode(attack, "random", FIRST_SEED + k, env_options={"body": "footprint"})
+        for attack in few
+        for k in range(count)
+    ]
+    lines.append(("body", "footprint", episodes))
+    friendly = 1 if quick else 100
+    lines.append(
+        ("policy", "pd", [AttackedEpisode("pd", "random", FIRST_SEED + k) for k in range(friendly)])
+    )
+    return lines
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Run every episode that is not done yet, and the search; return the table's figures."""
+    rows = []
+    for section, name, episodes in groups(quick):
+        outcomes = list(_outcomes(f"{section}: {name}", episodes))
+        rows.append({"section": section, "name": name} | summary(outcomes))
+    worst = search.worst_attack(trials=4 if quick else 2000)
+    return {"groups": rows, "search": worst}
+
+
+def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return what a line of the table says of its episodes."""
+    least = np.array([o.least_h for o in outcomes])
+    speed = np.array([o.least_speed_h for o in outcomes])
+    body = np.array([o.least_body_h for o in outcomes])
+    counts = np.sum([o.status_counts for o in outcomes], axis=0)
+    changed = least[[o.changed for o in outcomes]]
+    return {
+        "episodes": len(outcomes),
+        "entered": int((least < 0.0).sum()),
+        "least_h": float(least.min()),
+        "speed_passed": int((speed < 0.0).sum()),
+        "least_speed_h": float(speed.min()),
+        "body_entered": int((body < 0.0).sum()),
+        "least_body_h": float(body.min()),
+        "falls": int(sum(o.fell for o in outcomes)),
+        "qp_failures": int(sum(o.qp_failures for o in outcomes)),
+        "reached": float(np.mean([o.reached for o in outcomes])),
+        "median_margin": float(np.median([o.median_margin for o in outcomes])),
+        "median_least_h": float(np.median(changed)) if changed.size else None,
+        "status": {s.name: int(counts[s]) for s in FilterStatus},
+    }
+
+
+def _outcomes(title: str, episodes: Sequence[AttackedEpisode]) -> Iterator[Outcome]:
+    """Yield the outcomes in order: those that are on file, and the others as they come."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = FOLDER / "outcomes.jsonl"
+    version = sources_hash([Path(__file__)])
+    known = {}
+    if path.exists():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            entry = json.loads(line)
+            if entry["version"] == version:
+                known[entry["episode"]] = entry["outcome"]
+    keys = [json.dumps(asdict(episode), sort_keys=True) for episode in episodes]
+    missing = [k for k, key in enumerate(keys) if key not in known]
+    parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
+    fresh = parallel(joblib.delayed(episodes[k].run)() for k in missing)
+    with path.open("a", encoding="utf-8") as file:
+        for k, outcome in zip(missing, track(fresh, title, len(missing)), strict=True):
+            assert outcome is not None
+            known[keys[k]] = asdict(outcome)
+            entry = {"version": version, "episode": keys[k], "outcome": known[keys[k]]}
+            file.write(json.dumps(entry) + "\n")
+            file.flush()
+    for key in keys:
+        fields = known[key]
+        yield Outcome(**fields | {"status_counts": tuple(fields["status_counts"])})
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the table of all groups, and the search's."""
+    header = (
+        "",
+        "episodes",
+        "entered",
+        "least h [m]",
+        "speed limit passed",
+        "by at most [m/s]",
+        "falls",
+        "goals",
+        "median margin [m]",
+        "OUTSIDE, VIOLATED, BACKUP steps",
+    )
+    rows = []
+    for group in figures["groups"]:
+        status = group["status"]
+        rows.append(
+            (
+                f"{group['section']}: {group['name']}",
+                str(group["episodes"]),
+                str(group["entered"]),
+                f"{group['least_h']:+.3f}",
+                str(group["speed_passed"]),
+                f"{max(0.0, -group['least_speed_h']):.3f}",
+                str(group["falls"]),
+                f"{group['reached']:.0%}",
+                f"{group['median_margin']:.3f}",
+                f"{status['OUTSIDE']}, {status['VIOLATED']}, {status['BACKUP']}",
+            )
+        )
+    found = figures["search"]
+    rows.append(
+        (
+            f"searched attackers, {found['trials']} evaluations",
+            str(found["trials"]),
+            str(found["entered"]),
+            f"{found['least_h']:+.3f}",
+            str(found["speed_passed"]),
+            f"{max(0.0, -found['least_speed_h']):.3f}",
+            str(found["falls"]),
+            "",
+            "",
+            "",
+        )
+    )
+    return {"attacks": Table("attacks on the strict rank, lex-cbf-qp", header, rows)}

@@ -1,0 +1,313 @@
+"""From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import margins, row_kernels
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.guidance import row as guidance_row
+from hcbf_gym.guidance.row import Pull
+from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.programs.planar.cascade import filter_batch
+from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings
+from hcbf_gym.programs.result import FilterResult, FilterStatus
+from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.wrappers.monitor import ALARM, account_planar
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DONE, NOT_FINITE, ASKS = range(3)
+"""What a call says of itself."""
+
+MEMORY = 9
+"""Width of what a plant's monitor remembers: its averages (4,) and its last sample (5,)."""
+
+NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
+OUTSIDE, BACKUP = int(FilterStatus.OUTSIDE), int(FilterStatus.BACKUP)
+
+
+Numbers8 = tuple[float, float, float, float, float, float, float, float]
+Constants = tuple[
+    tuple[int, float, float, bool, Array, Array],
+    Array,
+    Numbers8,
+    float,
+    int,
+    tuple[float, float, float, float],
+]
+"""`planar.records.Settings`, `RowSettings.packed`, `models.plant.Uncertainty`, the period T [s],
+the highest rank that gives way to guidance (0 for none), and `guidance.row.Pull`."""
+
+
+class Scene(NamedTuple):
+    """The barriers of N scenes, as `BarrierSet` holds them."""
+
+    kind: Integers
+    parameters: Array
+    priority: Integers
+    own_margin: Array
+
+
+class Sensed(NamedTuple):
+    """What is known of N plants, as `models.plant.Estimate` says it, with a leading N."""
+
+    x: Array
+    t: Array
+    model: Array
+    lag: Array
+    covariance: Array
+
+
+class Way(NamedTuple):
+    """The fields of N scenes, as `guidance.Geodesic` holds them; no cells means no guidance."""
+
+    field: NDArray[np.float32]
+    through: NDArray[np.int8]
+    geometry: Array
+    goal: Array
+
+
+class Work(NamedTuple):
+    """The rows of the call, kept for states that go on to rational arithmetic.
+
+    Attributes:
+        a: (N, M, 2) gradients; M is m, and one more with guidance.
+        rows: (4, N, M) b, h, α₂(ψ) and ψ.
+        priority: (N, M).
+        margin: (2, N, m) margins and their rates.
+        u: (N, 2) the inputs that the program was asked for.
+    """
+
+    a: Array
+    rows: Array
+    priority: Integers
+    margin: Array
+    u: Array
+
+
+class Answer(NamedTuple):
+    """What a call writes, all in one array; see `answer_views`.
+
+    Attributes:
+        u: (N, 2).
+        slack: (N, M).
+        delta: (N, M).
+        margin: (N, m).
+        intervention: (N,) ‖u − u*‖.
+        status: (N,).
+        fallbacks: (N,).
+        model_error: (N,).
+        reachable: (N,).
+    """
+
+    u: Array
+    slack: Array
+    delta: Array
+    margin: Array
+    intervention: Array
+    status: Array
+    fallbacks: Array
+    model_error: Array
+    reachable: Array
+
+
+def answer_size(count: int, m: int, total: int) -> int:
+    """Return how many numbers an answer of N plants with m rows, or M with guidance, takes."""
+    return count * (2 + 2 * total + m + 5)
+
+
+@njit(cache=True)
+def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
+    """Return the parts of an answer's array (answer_size,)."""
+    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1]))
+    return Answer(
+        flat[: ends[0]].reshape(count, 2),
+        flat[ends[0] : ends[1]].reshape(count, total),
+        flat[ends[1] : ends[2]].reshape(count, total),
+        flat[ends[2] : ends[3]].reshape(count, m),
+        flat[ends[3] : ends[4]],
+        flat[ends[4] : ends[5]],
+        flat[ends[5] : ends[6]],
+        flat[ends[6] : ends[7]],
+        flat[ends[7] : ends[8]],
+    )
+
+
+@njit(cache=True)
+def filter_plants(
+    constants: Constants,
+    scene: tuple[Integers, Array, Integers, Array],
+    sensed: tuple[Array, Array, Array, Array, Array],
+    way: tuple[NDArray[np.float32], NDArray[np.int8], Array, Array],
+    work: tuple[Array, Array, Integers, Array, Array],
+    memory: Array,
+    u_nominal: Array,
+    flat: Array,
+    given: bool,
+) -> int:
+    """Filter the nominal inputs of N planar double integrators; see the records for the parts.
+
+    Args:
+        constants: what a filter never changes.
+        scene: `Scene`.
+        sensed: `Sensed`.
+        way: `Way`.
+        work: `Work`, written to.
+        memory: (N, MEMORY) of the monitors, written to.
+        u_nominal: (N, 2) u*.
+        flat: (answer_size,) written to.
+        given: whether the rows and margins stand in `work` already.
+
+    Returns:
+        `DONE`, `NOT_FINITE` (u* is not, and nothing is written), or `ASKS` where a state is left
+        to rational arithmetic or a monitor has raised an alarm.
+    """
+    program, row_settings, uncertainty, period, through, pull = constants
+    if not np.isfinite(u_nominal).all():
+        return NOT_FINITE
+    barriers, plants, fields, w = Scene(*scene), Sensed(*sensed), Way(*way), Work(*work)
+    settings = Settings(*program)
+    lexicographic = settings.kind == LEXICOGRAPHIC
+    count, m = barriers.kind.shape
+    total = w.priority.shape[1]
+    answer = answer_views(flat, count, m, total)
+    if not given:
+        _make_rows(row_settings, Uncertainty(*uncertainty), barriers, plants, w)
+    answer.margin[:] = w.margin[0]
+    for i in range(count):
+        answer.model_error[i] = account_planar(
+            memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
+        )
+        w.u[i] = u_nominal[i]
+        answer.reachable[i] = 0.0
+        if fields.field.shape[1]:
+            answer.reachable[i] = _guide(i, fields, Pull(*pull), plants, lexicographic, through, w)
+    status = np.empty(count, dtype=np.int64)
+    fallbacks = np.empty(count, dtype=np.int64)
+    rows = CbfRows(w.a, w.rows[0], w.rows[1], w.priority, w.rows[2])
+    result = FilterResult(answer.u, answer.slack, answer.delta, status, fallbacks)
+    filter_batch(settings, w.u, rows, result)
+    for i in range(count):
+        _conclude(i, barriers, plants, u_nominal, result, w, memory[i], settings.radius, answer)
+    if (status < 0).any() or (memory[:, ALARM] == 1.0).any():
+        return ASKS
+    return DONE
+
+
+@njit(cache=True)
+def _make_rows(
+    row_settings: Array,
+    uncertainty: Uncertainty,
+    barriers: Scene,
+    plants: Sensed,
+    w: Work,
+) -> None:
+    """Write the margins and the rows of every state."""
+    count, m = barriers.kind.shape
+    for i in range(count):
+        margins.derive(
+            uncertainty,
+            barriers.kind[i],
+            barriers.parameters[i],
+            plants.x[i],
+            plants.t[i],
+            plants.lag[i],
+            plants.covariance[i],
+            w.margin[0, i],
+            w.margin[1, i],
+        )
+        w.margin[0, i] += barriers.own_margin[i]
+    if w.priority.shape[1] == m:
+        row_kernels.rows(
+            barriers.kind, barriers.parameters, w.margin, plants.x, plants.t, row_settings, w.a,
+            w.rows,
+        )  # fmt: skip
+        w.priority[:] = barriers.priority
+    else:
+        a, rows = np.empty((count, m, 2)), np.empty((4, count, m))
+        row_kernels.rows(
+            barriers.kind, barriers.parameters, w.margin, plants.x, plants.t, row_settings, a, rows
+        )
+        w.a[:, :m], w.rows[:, :, :m] = a, rows
+        w.priority[:, :m] = barriers.priority
+
+
+@njit(cache=True)
+def _guide(
+    i: int,
+    fields: Way,
+    pull: Pull,
+    plants: Sensed,
+    lexicographic: bool,
+    through: int,
+    w: Work,
+) -> float:
+    """Write the guidance row of one state, or shape its u*; return through which rank it leads."""
+    field, geometry = fields.field[i], fields.geometry[i]
+    ax, ay, b = guidance_row.row(field, geometry, fields.goal[i], plants.x[i], pull)
+    way = guidance_row.reachable(fields.through[i], geometry, plants.x[i, 0], plants.x[i, 1])
+    last = w.priority.shape[1] - 1
+    if lexicographic:
+        guidance_row.insert(w.priority[i, :last].copy(), way, through, w.priority[i])
+        w.a[i, last, 0], w.a[i, last, 1] = ax, ay
+        w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
+    else:
+        w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], ax, ay, b)
+    return float(way)
+
+
+@njit(cache=True)
+def _conclude(
+    i: int,
+    barriers: Scene,
+    plants: Sensed,
+    u_nominal: Array,
+    result: FilterResult,
+    w: Work,
+    memory: Array,
+    radius: float,
+    answer: Answer,
+) -> None:
+    """Write the status of one state, and note what its monitor shall expect."""
+    ux, uy = result.u[i]
+    dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
+    answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
+    answer.fallbacks[i] = result.fallbacks[i]
+    answer.status[i] = result.status[i]
+    if result.status[i] >= 0:
+        m = barriers.priority.shape[1]
+        moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
+        answer.status[i] = conclude(
+            result.status[i], moved, barriers.priority[i], w.rows[1, i, :m], result.slack[i, :m]
+        )
+    memory[4], memory[5] = plants.model[i, 2], plants.model[i, 3]
+    memory[6], memory[7], memory[8] = ux, uy, 1.0
+
+
+@njit(cache=True)
+def conclude(status: int, moved: bool, priority: Integers, h: Array, slack: Array) -> int:
+    """Return the status of the safety rows alone, and OUTSIDE where a strict h is below zero.
+
+    A guidance row that gives way is no violation, and an input that only guidance moved is SAFE.
+
+    Args:
+        status: the program's.
+        moved: whether u is not u*.
+        priority: (m,) of the safety rows.
+        h: (m,) of their barriers.
+        slack: (m,) of the safety rows.
+    """
+    if status == BACKUP:
+        return status
+    met = True
+    for k in range(priority.size):
+        if priority[k] == 1 and h[k] < 0.0:
+            return OUTSIDE
+        met = met and slack[k] == 0.0
+    if met:
+        return SAFE if moved else NOMINAL_INPUT
+    return status

@@ -1,0 +1,109 @@
+"""The filter of one plant of any model, with any barriers, inputs and solver."""
+
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import programs
+from hcbf_gym.barriers.general import GeneralRows, margins
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
+from hcbf_gym.wrappers.monitor import Monitor, warn_once
+
+
+class GeneralCore(FilterCore):
+    """The filter of one plant: usual rows from jets, and a program of any number of inputs.
+
+    Args:
+        plant: of the environment.
+        input_set: U.
+        settings: what the user asked.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, or guidance is asked for.
+    """
+
+    def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings):
+        super().__init__(plant, input_set, settings, 1)
+        if settings.guidance is not None:
+            raise InvalidInputError(
+                f"guidance: got {settings.guidance!r} with {type(plant.model).__name__} and solver "
+                f"{settings.solver!r}, expected None: only the planar double integrator is guided"
+            )
+        solver = {} if settings.solver is None else {"solver": settings.solver}
+        self.program = programs.make(
+            settings.program, input_set=input_set, **solver, **self.program_options
+        )
+        self.uncertainty = kept(plant, settings.margin, held=False)
+        self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
+        self._row_settings = RowSettings(self.alpha1, self.alpha2)
+        self._monitor = Monitor(plant.model, plant.period, input_set.radius)
+
+    def restart(self, mask: Mask) -> None:
+        """Forget what was known of the plant: a new episode has begun."""
+        self._steps[:] = 0.0
+        self._monitor.forget()
+
+    def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
+        """Look at the first state of a new episode, and return what the infos of a reset say."""
+        rows, margin = self._rows(barriers, estimate)
+        zeros = np.zeros(self.input_set.n_u)
+        status = FilterStatus.OUTSIDE if _outside(rows) else FilterStatus.NOMINAL
+        slack = np.zeros(rows.b.size)
+        result = programs.FilterResult(zeros, slack, slack.copy(), status, 0)
+        return _report(zeros, result, margin, 0.0)
+
+    def step(
+        self, u_nominal: Array, barriers: Any, estimate: Estimate
+    ) -> tuple[Array, dict[str, Any]]:
+        """Filter u* (n_u,), and return u with the report of it."""
+        rows, margin = self._rows(barriers, estimate)
+        self._steps += 1.0
+        x = np.asarray(estimate.x, dtype=np.float64)
+        model_error = self._monitor.observe(x)
+        result = self.program(u_nominal, rows)
+        if _outside(rows) and result.status < FilterStatus.OUTSIDE:
+            result = result._replace(status=FilterStatus.OUTSIDE)
+        self._monitor.expect(x, result.u)
+        warn_once(self._monitor.memory)
+        return result.u, _report(u_nominal, result, margin, model_error)
+
+    def _rows(self, barriers: Any, estimate: Estimate) -> tuple[CbfRows, Array]:
+        """Return the rows (m,) of the present state, and their margins."""
+        x, time = np.asarray(estimate.x, dtype=np.float64), float(np.ravel(self._time(estimate))[0])
+        distance = self.uncertainty.distance + self.uncertainty.body
+        if isinstance(barriers, BarrierSet):
+            margin = barriers.margins(distance)
+            batch = barriers.rows(x[None], np.array([time]), self._row_settings, margin)
+            return CbfRows(*(field[0] for field in batch if field is not None)), margin[0]
+        margin = margins(barriers, distance)
+        return self._rows_of(barriers, x, time, margin), margin
+
+
+def _outside(rows: CbfRows) -> bool:
+    """Tell whether a strict h is below zero."""
+    return bool((rows.h[rows.priority == 1] < 0.0).any())
+
+
+def _report(
+    u_nominal: Array, result: programs.FilterResult, margin: Array, model_error: float
+) -> dict[str, Any]:
+    """Return what ``info["safety_filter"]`` says of one call."""
+    return {
+        "u_nominal": u_nominal.copy(),
+        "u_safe": result.u.copy(),
+        "slack": result.slack.copy(),
+        "delta": result.delta.copy(),
+        "margin": margin.copy(),
+        "intervention": np.linalg.norm(result.u - u_nominal),
+        "status": np.float64(result.status),
+        "fallbacks": np.float64(result.fallbacks),
+        "model_error": np.float64(model_error),
+        "reachable": np.float64(0.0),
+    }
