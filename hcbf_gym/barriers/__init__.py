@@ -2,6 +2,7 @@
 
 from hcbf_gym.barriers.barrier import Barrier, Core, Jet, PlanarBarrier
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.held import held_rows
 from hcbf_gym.barriers.registry import from_dict, register, to_dict
@@ -18,6 +19,7 @@ __all__ = [
     "Core",
     "Disc",
     "Ellipse",
+    "Function",
     "GeneralRows",
     "HalfPlane",
     "Jet",

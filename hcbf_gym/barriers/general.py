@@ -1,21 +1,20 @@
 """From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.function import VANISHED, Function, FunctionRows
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.shapes import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
-
-VANISHED = 1e-9
-"""Below it, relative to ‖∇ψ‖ ‖g‖, L_g ψ counts as zero."""
 
 _SAMPLES = 16
 
@@ -40,18 +39,25 @@ class GeneralRows:
         alpha1: α₁, applied to every ψ but the last.
         alpha2: α₂, applied to the last ψ.
 
+    Attributes:
+        conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter or a
+            function has no finite derivative, small where L_g ψ nearly vanishes, less than 1 at a
+            kink of a function.
+
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
         self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
         self._degrees: dict[type[Barrier], int] = {}
+        self._function_rows: dict[tuple[Barrier, ...], FunctionRows] = {}
+        self.conditioning = np.ones(0)
 
     def __call__(
         self,
         barriers: Sequence[Barrier],
         x: Array,
-        t: float = 0.0,
+        t: Any = 0.0,
         margin: ArrayLike = 0.0,
         margin_rate: ArrayLike = 0.0,
     ) -> CbfRows:
@@ -59,8 +65,8 @@ class GeneralRows:
 
         Args:
             barriers: m safety conditions.
-            x: (n,) state.
-            t: time [s].
+            x: (n,) state; (N, n) where all barriers are functions, and every field has N rows.
+            t: time [s]; (N,) for N states.
             margin: what rows keep between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
@@ -69,17 +75,43 @@ class GeneralRows:
             InvalidInputError: if no input reaches a barrier by the second derivative, or the model
                 has no velocity for a speed limit.
         """
-        m = len(barriers)
-        a, b = np.empty((m, self.model.n_u)), np.empty(m)
-        h, alpha2_psi = np.empty(m), np.empty(m)
         kept = margins(barriers, margin)
-        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), (m,))
+        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), kept.shape)
+        own = [k for k, barrier in enumerate(barriers) if isinstance(barrier, Function)]
+        if own and len(own) == len(barriers):
+            rows, self.conditioning = self._compiled(barriers)(x, t, kept, rates)
+            return rows
+        rows, self.conditioning = self._from_jets(barriers, x, t, kept, rates)
+        if own:
+            kernel = self._compiled([barriers[k] for k in own])
+            functions, self.conditioning[own] = kernel(x, t, kept[own], rates[own])
+            rows.a[own], rows.b[own], rows.h[own] = functions.a, functions.b, functions.h
+            if rows.alpha2_psi is not None:
+                rows.alpha2_psi[own] = functions.alpha2_psi
+        return rows
+
+    def _compiled(self, functions: Sequence[Barrier]) -> FunctionRows:
+        """Return the rows of functions, compiled when these are first met together."""
+        key = tuple(functions)
+        if key not in self._function_rows:
+            found = [function for function in key if isinstance(function, Function)]
+            self._function_rows[key] = FunctionRows(self.model, found, self.alpha1, self.alpha2)
+        return self._function_rows[key]
+
+    def _from_jets(
+        self, barriers: Sequence[Barrier], x: Array, t: float, margin: Array, margin_rate: Array
+    ) -> tuple[CbfRows, Array]:
+        """Return the rows and their conditioning; those of functions are left empty."""
+        m = len(barriers)
+        a, b = np.zeros((m, self.model.n_u)), np.zeros(m)
+        h, alpha2_psi, conditioning = np.zeros(m), np.zeros(m), np.ones(m)
         drift, inputs = self.model.f(x), self.model.g(x)
-        size = float(np.linalg.norm(inputs))
         for k, barrier in enumerate(barriers):
+            if isinstance(barrier, Function):
+                continue
             degree, jet = self.relative_degree(barrier), barrier.jet(x, t)
             h[k] = jet.h
-            psi, gradient, rate = jet.h - kept[k], jet.gradient, jet.rate - rates[k]
+            psi, gradient, rate = jet.h - margin[k], jet.gradient, jet.rate - margin_rate[k]
             if degree == 2:
                 slope = self.alpha1.derivative(psi)
                 h_dot = float(gradient @ drift) + rate
@@ -92,12 +124,14 @@ class GeneralRows:
                 )
                 psi = h_dot + self.alpha1(psi)
             a[k] = gradient @ inputs
-            if np.abs(a[k]).max() <= VANISHED * size * np.abs(gradient).max():
-                a[k] = 0.0
+            whole = float(np.linalg.norm(gradient) * np.linalg.norm(inputs))
+            conditioning[k] = np.linalg.norm(a[k]) / whole if whole > 0.0 else 0.0
             alpha2_psi[k] = self.alpha2(psi)
             b[k] = -alpha2_psi[k] - gradient @ drift - rate
+        gone = conditioning <= VANISHED
+        a[gone], conditioning[gone] = 0.0, 0.0
         priority = np.array([barrier.priority for barrier in barriers], dtype=np.int64)
-        return CbfRows(a, b, h, priority, alpha2_psi)
+        return CbfRows(a, b, h, priority, alpha2_psi), conditioning
 
     def relative_degree(self, barrier: Barrier) -> int:
         """Return how often h must be differentiated until an input appears.
@@ -106,6 +140,8 @@ class GeneralRows:
             InvalidInputError: if none has appeared in the second derivative, or the barrier is a
                 speed limit and the model has no velocity.
         """
+        if isinstance(barrier, Function):
+            return int(self._compiled([barrier]).degrees[0])
         if type(barrier) not in self._degrees:
             self._degrees[type(barrier)] = self._find_degree(barrier)
         return self._degrees[type(barrier)]
