@@ -23,7 +23,7 @@ def walk(env, seed, steps):
 
 
 def test_without_estimation_the_loop_sees_the_truth():
-    env = make()
+    env = make(feedback="measured")
     env.reset(seed=0)
     env.step(np.array([1.0, -0.5], dtype=np.float32))
     inner = env.unwrapped
@@ -33,7 +33,7 @@ def test_without_estimation_the_loop_sees_the_truth():
 
 @pytest.mark.physics
 def test_the_loop_sees_the_estimate_and_h_stays_the_truth():
-    env = make(estimation={"drift": 0.05})
+    env = make(estimation={"drift": 0.05}, feedback="measured")
     inner = env.unwrapped
     away = []
     for observation, info, estimate in walk(env, seed=1, steps=25):
@@ -66,7 +66,7 @@ def test_a_seed_decides_the_estimates_and_leaves_the_plant_alone():
 @pytest.mark.physics
 @pytest.mark.parametrize("preset", ["motion-capture", "lidar", "uwb"])
 def test_the_robot_walks_on_what_it_knows(preset):
-    env = make(estimation=preset)
+    env = make(estimation=preset, feedback="measured")
     start = env.reset(seed=2)[1]["h"]
     wanted = np.array([0.5, 0.3])
     for _ in range(150):
