@@ -20,7 +20,8 @@ from hcbf_gym.envs.task import (
     step_info,
 )
 from hcbf_gym.models.reduced_order import double_integrator_step
-from hcbf_gym.scenarios import Scenario, random_scenes
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios.hall import Layout, write
 
 Array = NDArray[np.float64]
 
@@ -83,13 +84,13 @@ class RegionsBatch:
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
-    def set_layout(self, i: int, layout: random_scenes.Layout) -> None:
+    def set_layout(self, i: int, layout: Layout) -> None:
         """Put another random scene into environment `i`, as `set_scene` does but 50 times faster.
 
         All scenes must be random ones, so that the start and what a layout leaves out stay.
         """
         kind, parameters = self.barrier_set.kind[i], self.barrier_set.parameters[i]
-        random_scenes.write(layout.half_width, layout.regions, kind, parameters)
+        write(layout.half_width, layout.regions, kind, parameters)
         self._tables[i, 0, :2] = layout.goal
 
     def separate(self) -> None:

@@ -22,7 +22,7 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Scenario, random_scenes
+from hcbf_gym.scenarios import Scenario, hall
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -84,7 +84,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._source = SceneSource(scenario)
         self.scenario = self._source.own
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._scenes: list[random_scenes.Layout | Scenario] = [self.scenario] * num_envs
+        self._scenes: list[hall.Layout | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
         self._done = np.zeros(num_envs, dtype=np.bool_)
@@ -100,7 +100,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
         return [
-            scene if isinstance(scene, Scenario) else random_scenes.scenario(self._name, scene)
+            scene if isinstance(scene, Scenario) else hall.scenario(self._name, scene)
             for scene in self._scenes
         ]
 
@@ -260,10 +260,10 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             self._scenes[i], self._given[i] = scene, bool(given)
             self._batch.set_scene(i, scene)
         if self._source.random and not given:
-            moving = scenarios.RANDOM[self._name]
+            draw = scenarios.RANDOM[self._name]
             for i in map(int, np.flatnonzero(mask)):
-                self._scenes[i] = layout = random_scenes.draw(self._rngs[i], moving)
-                self._batch.set_layout(i, layout)
+                self._scenes[i] = drawn = draw(self._rngs[i])
+                self._batch.set_layout(i, drawn)
 
     def _report(self, info: dict[str, Array]) -> dict[str, Any]:
         return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

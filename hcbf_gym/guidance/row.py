@@ -31,7 +31,7 @@ class Pull(NamedTuple):
     """
 
     gain: float = 3.0
-    speed: float = 0.3
+    speed: float = 0.4
     look_ahead: float = 0.6
     ease: float = 0.6
 

@@ -1,13 +1,15 @@
 """Scenes by name, from a plain dict, or from a JSON file."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.scenarios import paper, random_scenes
+from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, traps
+from hcbf_gym.scenarios.hall import Layout
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
 
 __all__ = [
@@ -29,8 +31,13 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "paper-experiment-straight": paper.experiment_straight,
 }
 
-RANDOM = {"random": False, "random-moving": True}
-"""The names that stand for another scene at every reset, and whether its regions move."""
+RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
+    "random": random_scenes.draw,
+    "random-moving": partial(random_scenes.draw, moving=True),
+    "random-clutter": clutter.draw,
+    "random-traps": traps.draw,
+}
+"""The names that stand for another scene at every reset, and what draws it."""
 
 
 def names() -> list[str]:
@@ -67,7 +74,7 @@ def make(
     if is_random(scenario):
         name = str(scenario)
         rng = np.random.default_rng(0) if rng is None else rng
-        return random_scenes.scenario(name, random_scenes.draw(rng, RANDOM[name]))
+        return hall.scenario(name, RANDOM[name](rng))
     if str(scenario) in _NAMED:
         return _NAMED[str(scenario)]()
     if str(scenario).endswith(".json"):

@@ -1,20 +1,28 @@
 """Random scenes: a hall with ranked regions, conflicts in a stated share, a way always open.
 
-The hall runs along +x between two walls. Each region has a stretch of the hall to itself, so that
-it leaves `GAP` to its neighbours and to both walls: the way exists by construction, and standing
-still meets every strict row. In a conflict the robot wakes inside a region of priority 3 whose
-nearest exit leads into one of priority 2.
+Each region has a stretch of the hall to itself, so that it leaves `GAP` to its neighbours and to
+both walls: the way exists by construction, and standing still meets every strict row. In a conflict
+the robot wakes inside a region of priority 3 whose nearest exit leads into one of priority 2.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, layout
-from hcbf_gym.scenarios.references import PointReference
-from hcbf_gym.scenarios.scenario import Scenario
+from hcbf_gym.scenarios.hall import (
+    ANGLE,
+    ASPECT,
+    DISC,
+    ELLIPSE,
+    RADIUS,
+    SHAPE,
+    VX,
+    VY,
+    Layout,
+    X,
+    Y,
+    hide,
+)
 
 Array = NDArray[np.float64]
 
@@ -25,32 +33,18 @@ CONFLICT_SHARE = 0.5
 """Share of scenes that start in a conflict, of `random` and `random-moving` alike."""
 START_CLEARANCE = 1.0
 """Least distance from the start to any strict region [m]."""
-V_MAX = 1.0
-"""Strict cap on the speed [m/s], low enough for the walking robot to follow."""
 MAX_DRIFT = 0.2
 """Greatest speed of a moving region [m/s]."""
 
 PRIORITIES = (1, 1, 2, 2, 3)
 """Of the five regions, after the two strict walls; the first and the third are always in play."""
 _FIRST_OF_2, _OF_3 = 2, 4
-_DISC, _ELLIPSE = 0, 1  # a shape above is a regular polygon of that many corners
-_X, _Y, _VX, _VY, _SHAPE, _RADIUS, _ASPECT, _ANGLE = range(8)
-_N_UNIFORM = 9 + 7 * len(PRIORITIES)
 
-
-class Layout(NamedTuple):
-    """A random scene as numbers.
-
-    Attributes:
-        half_width: of the hall [m].
-        goal: (2,) [m]; the start is the origin.
-        regions: (5, 8) centre [m], velocity [m/s], shape, circumradius [m], ratio of an ellipse's
-            semi-axes, angle [rad].
-    """
-
-    half_width: float
-    goal: Array
-    regions: Array
+# what is drawn: four numbers for the hall, one for each region's presence, seven for each region
+_WIDTH, _LENGTH, _GOAL, _CONFLICT = range(4)
+_PLACE, _SIZE, _ALONG, _ACROSS, _KIND, _TURN, _FORM = range(7)
+# a conflict's two regions have no stretch of their own: their draws say how they lie
+_HEADING, _DEPTH, _DISTANCE, _INNER, _OUTER = _SIZE, _ALONG, _ACROSS, _KIND, _TURN
 
 
 def draw(rng: np.random.Generator, moving: bool = False) -> Layout:
@@ -60,117 +54,69 @@ def draw(rng: np.random.Generator, moving: bool = False) -> Layout:
         rng: gives the same number of numbers for every scene.
         moving: let the relaxed regions drift that are not part of a conflict.
     """
-    goal, regions = np.empty(2), np.zeros((len(PRIORITIES), 8))
-    half_width = _lay_out(rng.random(_N_UNIFORM), moving, goal, regions)
-    return Layout(half_width, goal, regions)
-
-
-def scenario(name: str, layout: Layout) -> Scenario:
-    """Return the scene as a `Scenario` of the given name."""
-    return Scenario(
-        name=name,
-        barriers=(
-            HalfPlane("left wall", 1, normal=(0.0, -1.0), offset=-layout.half_width),
-            HalfPlane("right wall", 1, normal=(0.0, 1.0), offset=-layout.half_width),
-            *(_barrier(i, region) for i, region in enumerate(layout.regions)),
-        ),
-        reference=PointReference(tuple(layout.goal)),
-        task="reach",
-        v_max=V_MAX,
-    )
-
-
-def _barrier(slot: int, region: Array) -> Barrier:
-    x, y, vx, vy, shape, radius, aspect, angle = region.tolist()
-    name, priority = f"region {slot + 1}", PRIORITIES[slot]
-    if shape == _DISC:
-        return Disc(name, priority, (x, y), radius, (vx, vy))
-    if shape == _ELLIPSE:
-        return Ellipse(name, priority, (x, y), (radius, aspect * radius), angle, (vx, vy))
-    turn = angle + 2.0 * np.pi * np.arange(int(shape)) / shape
-    corners = np.column_stack([x + radius * np.cos(turn), y + radius * np.sin(turn)])
-    return ConvexPolygon(name, priority, tuple(map(tuple, corners)), (vx, vy))
+    n = len(PRIORITIES)
+    hall, presence, chances = np.split(rng.random(4 + n + 7 * n), (4, 4 + n))
+    goal, regions = np.empty(2), np.empty((n, 8))
+    half_width = _lay_out(hall, presence, chances.reshape(n, 7), moving, goal, regions)
+    return Layout(half_width, goal, regions, PRIORITIES)
 
 
 @njit(cache=True)
-def _lay_out(uniform: Array, moving: bool, goal: Array, regions: Array) -> float:
+def _lay_out(
+    hall: Array, presence: Array, chances: Array, moving: bool, goal: Array, regions: Array
+) -> float:
     """Write the goal and the regions; return the hall's half width."""
-    half_width = 2.2 + 0.6 * uniform[0]
-    length = 8.5 + 1.5 * uniform[1]
-    goal[0], goal[1] = length, 1.2 * (2.0 * uniform[2] - 1.0)
-    conflict = uniform[3] < CONFLICT_SHARE
+    half_width = 2.2 + 0.6 * hall[_WIDTH]
+    length = 8.5 + 1.5 * hall[_LENGTH]
+    goal[0], goal[1] = length, 1.2 * (2.0 * hall[_GOAL] - 1.0)
+    conflict = hall[_CONFLICT] < CONFLICT_SHARE
     clear = 1.0 + 0.4 if conflict else START_CLEARANCE - 0.5 * GAP
     first, last = clear + (0.5 * GAP if conflict else 0.0), length - 0.6
 
-    # which regions have a stretch of their own, and in which order
     order, n = np.empty(len(PRIORITIES), dtype=np.int64), 0
-    for slot in range(len(PRIORITIES)):
-        in_play = slot in (0, _FIRST_OF_2) or uniform[4 + slot] < 0.5
+    for slot in range(len(PRIORITIES)):  # who has a stretch of its own, and in which order
+        in_play = slot in (0, _FIRST_OF_2) or presence[slot] < 0.5
         if in_play and not (conflict and slot in (_FIRST_OF_2, _OF_3)):
-            place = int(n * uniform[9 + 7 * slot])
+            place = int(n * chances[slot, _PLACE])
             order[n], order[place], n = order[place], slot, n + 1
 
-    for slot in range(len(PRIORITIES)):  # out of play: beyond a wall
-        region = regions[slot]
-        side = 1.0 if slot % 2 == 0 else -1.0
-        region[_X], region[_Y], region[_RADIUS] = 0.5 * length, side * (half_width + 2.0), 0.5
-        region[_ASPECT] = 1.0
-
+    hide(regions, length, half_width)
     stretch = (last - first) / n
     for k in range(n):
         slot = order[k]
-        region, chance = regions[slot], uniform[10 + 7 * slot : 16 + 7 * slot]
-        radius = min(1.1, 0.5 * (stretch - GAP)) * (0.7 + 0.3 * chance[0])
-        free = stretch - GAP - 2.0 * radius
-        x = first + k * stretch + 0.5 * GAP + radius + free * chance[1]
-        straight = goal[1] * x / length
-        reach = half_width - GAP - radius
-        y = min(max(straight + 0.5 * (2.0 * chance[2] - 1.0) * radius, -reach), reach)
-        region[_X], region[_Y], region[_RADIUS] = x, y, radius
-        region[_SHAPE] = (_DISC, _ELLIPSE, 3 + int(4.0 * chance[5]))[int(3.0 * chance[3])]
-        region[_ASPECT], region[_ANGLE] = 0.5 + 0.5 * chance[5], 2.0 * np.pi * chance[4]
+        reach = first + k * stretch, stretch, half_width - GAP
+        _place(regions[slot], chances[slot], reach, goal)
         if moving and PRIORITIES[slot] > 1:
-            speed, heading = MAX_DRIFT * uniform[9 + 7 * slot], 2.0 * np.pi * chance[0]
-            region[_VX], region[_VY] = speed * np.cos(heading), speed * np.sin(heading)
-
+            speed, heading = MAX_DRIFT * chances[slot, _PLACE], 2.0 * np.pi * chances[slot, _SIZE]
+            regions[slot, VX], regions[slot, VY] = speed * np.cos(heading), speed * np.sin(heading)
     if conflict:
-        inner, outer = regions[_OF_3], regions[_FIRST_OF_2]
-        heading = 2.0 * np.pi * uniform[10 + 7 * _OF_3]
-        depth = 0.3 + 0.2 * uniform[11 + 7 * _OF_3]
-        distance = 0.1 + 0.1 * uniform[12 + 7 * _OF_3]  # below the depth: the rows exclude another
-        inner[_RADIUS] = 0.6 + 0.2 * uniform[13 + 7 * _OF_3]
-        outer[_RADIUS] = 0.4 + 0.2 * uniform[14 + 7 * _OF_3]
-        back, ahead = depth - inner[_RADIUS], distance + outer[_RADIUS]
-        inner[_X], inner[_Y] = back * np.cos(heading), back * np.sin(heading)
-        outer[_X], outer[_Y] = ahead * np.cos(heading), ahead * np.sin(heading)
+        _collide(regions[_OF_3], regions[_FIRST_OF_2], chances[_OF_3])
     return half_width
 
 
 @njit(cache=True)
-def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters: Array) -> None:
-    """Write a layout's walls and regions as `BarrierSet` holds them, without building a scene.
+def _place(region: Array, chance: Array, reach: tuple[float, float, float], goal: Array) -> None:
+    """Put a region near the straight line, within its stretch (from, length, half width)."""
+    first, stretch, half_width = reach
+    radius = min(1.1, 0.5 * (stretch - GAP)) * (0.7 + 0.3 * chance[_SIZE])
+    free = stretch - GAP - 2.0 * radius
+    x = first + 0.5 * GAP + radius + free * chance[_ALONG]
+    straight = goal[1] * x / goal[0]
+    across = half_width - radius
+    y = min(max(straight + 0.5 * (2.0 * chance[_ACROSS] - 1.0) * radius, -across), across)
+    region[X], region[Y], region[RADIUS] = x, y, radius
+    region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * chance[_FORM]))[int(3.0 * chance[_KIND])]
+    region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
 
-    Args:
-        half_width: of the hall [m].
-        regions: (5, 8) as in `Layout`.
-        kind: (m,) which kernel evaluates each barrier.
-        parameters: (m, 19) what it reads; entries beyond the seven barriers stay.
-    """
-    for wall in range(2):
-        kind[wall] = layout.half_plane(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
-    for slot in range(regions.shape[0]):
-        region, c = regions[slot], parameters[2 + slot]
-        center, velocity = (region[_X], region[_Y]), (region[_VX], region[_VY])
-        shape, radius, angle = region[_SHAPE], region[_RADIUS], region[_ANGLE]
-        if shape == _DISC:
-            kind[2 + slot] = layout.disc(c, velocity, center, radius)
-        elif shape == _ELLIPSE:
-            semi_axes = (radius, region[_ASPECT] * radius)
-            kind[2 + slot] = layout.ellipse(c, velocity, center, semi_axes, angle)
-        else:
-            vertices = np.empty((int(shape), 2))
-            for i in range(int(shape)):
-                turn = angle + 2.0 * np.pi * i / shape
-                vertices[i, 0] = center[0] + radius * np.cos(turn)
-                vertices[i, 1] = center[1] + radius * np.sin(turn)
-            kind[2 + slot] = layout.convex_polygon(c, velocity, vertices)
+
+@njit(cache=True)
+def _collide(inner: Array, outer: Array, chance: Array) -> None:
+    """Put the start inside `inner`, with `outer` beside its nearest exit: both rows can't be met."""
+    heading = 2.0 * np.pi * chance[_HEADING]
+    depth = 0.3 + 0.2 * chance[_DEPTH]
+    distance = 0.1 + 0.1 * chance[_DISTANCE]  # below the depth: the rows exclude another
+    inner[RADIUS] = 0.6 + 0.2 * chance[_INNER]
+    outer[RADIUS] = 0.4 + 0.2 * chance[_OUTER]
+    back, ahead = depth - inner[RADIUS], distance + outer[RADIUS]
+    inner[X], inner[Y] = back * np.cos(heading), back * np.sin(heading)
+    outer[X], outer[Y] = ahead * np.cos(heading), ahead * np.sin(heading)

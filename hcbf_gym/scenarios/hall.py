@@ -1,0 +1,122 @@
+"""A random scene as numbers: a hall along +x between two strict walls, and ranked regions in it.
+
+A layout becomes a `Scenario`, or goes straight into the arrays of a `BarrierSet`, fifty times
+faster; a test holds the two together.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, layout
+from hcbf_gym.scenarios.references import PointReference
+from hcbf_gym.scenarios.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+V_MAX = 1.0
+"""Strict cap on the speed [m/s], low enough for the walking robot to follow."""
+
+DISC, ELLIPSE, BOX = 0, 1, 2  # a shape above is a regular polygon of that many corners
+X, Y, VX, VY, SHAPE, RADIUS, ASPECT, ANGLE = range(8)
+
+
+class Layout(NamedTuple):
+    """A random scene as numbers.
+
+    Attributes:
+        half_width: of the hall [m].
+        goal: (2,) [m]; the start is the origin.
+        regions: (k, 8) centre [m], velocity [m/s], shape, circumradius, or half the length of a box
+            [m], ratio of the other semi-axis or side to it, angle [rad].
+        priorities: of the k regions; the walls are strict.
+    """
+
+    half_width: float
+    goal: Array
+    regions: Array
+    priorities: tuple[int, ...]
+
+
+def scenario(name: str, drawn: Layout) -> Scenario:
+    """Return the scene as a `Scenario` of the given name."""
+    return Scenario(
+        name=name,
+        barriers=(
+            HalfPlane("left wall", 1, normal=(0.0, -1.0), offset=-drawn.half_width),
+            HalfPlane("right wall", 1, normal=(0.0, 1.0), offset=-drawn.half_width),
+            *(
+                _barrier(f"region {k + 1}", priority, region)
+                for k, (priority, region) in enumerate(
+                    zip(drawn.priorities, drawn.regions, strict=True)
+                )
+            ),
+        ),
+        reference=PointReference(tuple(drawn.goal)),
+        task="reach",
+        v_max=V_MAX,
+    )
+
+
+def _barrier(name: str, priority: int, region: Array) -> Barrier:
+    x, y, vx, vy, shape, radius, aspect, angle = region.tolist()
+    if shape == DISC:
+        return Disc(name, priority, (x, y), radius, (vx, vy))
+    if shape == ELLIPSE:
+        return Ellipse(name, priority, (x, y), (radius, aspect * radius), angle, (vx, vy))
+    return ConvexPolygon(name, priority, tuple(map(tuple, corners(region))), (vx, vy))
+
+
+@njit(cache=True)
+def hide(regions: Array, length: float, half_width: float) -> None:
+    """Put every region out of play: a disc beyond a wall, beside the middle of the hall."""
+    for k in range(regions.shape[0]):
+        side = 1.0 if k % 2 == 0 else -1.0
+        regions[k] = 0.0
+        regions[k, X], regions[k, Y] = 0.5 * length, side * (half_width + 2.0)
+        regions[k, RADIUS], regions[k, ASPECT] = 0.5, 1.0
+
+
+@njit(cache=True)
+def corners(region: Array) -> Array:
+    """Return (k, 2) the corners of a polygon or box, counter-clockwise."""
+    x, y, radius, angle = region[X], region[Y], region[RADIUS], region[ANGLE]
+    if region[SHAPE] == BOX:
+        cos, sin, other = np.cos(angle), np.sin(angle), region[ASPECT] * radius
+        box = np.empty((4, 2))
+        for i, (along, across) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
+            box[i, 0] = x + along * radius * cos - across * other * sin
+            box[i, 1] = y + along * radius * sin + across * other * cos
+        return box
+    regular = np.empty((int(region[SHAPE]), 2))
+    for i in range(len(regular)):
+        turn = angle + 2.0 * np.pi * i / region[SHAPE]
+        regular[i, 0], regular[i, 1] = x + radius * np.cos(turn), y + radius * np.sin(turn)
+    return regular
+
+
+@njit(cache=True)
+def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters: Array) -> None:
+    """Write a layout's walls and regions as `BarrierSet` holds them, without building a scene.
+
+    Args:
+        half_width: of the hall [m].
+        regions: (k, 8) as in `Layout`.
+        kind: (m,) which kernel evaluates each barrier.
+        parameters: (m, 19) what it reads; entries beyond the walls and the regions stay.
+    """
+    for wall in range(2):
+        kind[wall] = layout.half_plane(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
+    for k in range(regions.shape[0]):
+        region, c = regions[k], parameters[2 + k]
+        center, velocity = (region[X], region[Y]), (region[VX], region[VY])
+        shape, radius = region[SHAPE], region[RADIUS]
+        if shape == DISC:
+            kind[2 + k] = layout.disc(c, velocity, center, radius)
+        elif shape == ELLIPSE:
+            semi_axes = (radius, region[ASPECT] * radius)
+            kind[2 + k] = layout.ellipse(c, velocity, center, semi_axes, region[ANGLE])
+        else:
+            kind[2 + k] = layout.convex_polygon(c, velocity, corners(region))

@@ -1,0 +1,106 @@
+"""Random traps: U shapes, corners and dead ends on the straight line, open towards the start.
+
+A policy that heads for the goal walks in and stays. Each of the two traps, one strict and one of
+rank 2, has a stretch of the hall to itself, and leaves `PASSAGE` on one side at least: a way that
+enters nothing exists by construction.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.scenarios.hall import (
+    ANGLE,
+    ASPECT,
+    BOX,
+    RADIUS,
+    SHAPE,
+    Layout,
+    X,
+    Y,
+    hide,
+)
+
+Array = NDArray[np.float64]
+
+PASSAGE = 1.0
+"""Least passage beside a trap, and between the two [m]."""
+THICKNESS = 0.3
+"""Of the walls that a trap is built of [m]."""
+PRIORITIES = (1, 1, 1, 2, 2, 2)
+"""Of the walls of the two traps."""
+KINDS = ("u", "corner", "dead end")
+
+BOTTOMS = (2.6, 5.7)
+"""How far from the start the traps' far ends lie [m], before the hall is stretched."""
+
+_WIDTH, _LENGTH, _GOAL, _ORDER = range(4)
+_KIND, _ACROSS, _TILT, _SPAN, _DEPTH, _SIDE = range(6)
+
+
+def draw(rng: np.random.Generator) -> Layout:
+    """Return the scene that the generator decides; it gives as many numbers for every scene."""
+    hall, chances = rng.random(4), rng.random((2, 6))
+    goal, regions = np.empty(2), np.empty((len(PRIORITIES), 8))
+    half_width = _lay_out(hall, chances, goal, regions)
+    return Layout(half_width, goal, regions, PRIORITIES)
+
+
+@njit(cache=True)
+def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
+    """Write the goal and the regions; return the hall's half width."""
+    half_width = 2.9 + 0.4 * hall[_WIDTH]
+    stretching = 1.0 + 0.1 * hall[_LENGTH]
+    length = 6.8 * stretching
+    goal[0], goal[1] = length, 1.0 * (2.0 * hall[_GOAL] - 1.0)
+    hide(regions, length, half_width)
+    for k in range(2):
+        slot = 3 * k if hall[_ORDER] < 0.5 else 3 - 3 * k
+        trap, back = regions[slot : slot + 3], stretching * BOTTOMS[k]
+        kind = KINDS[int(3.0 * chances[k, _KIND])]
+        if kind == "dead end":
+            _dead_end(trap, chances[k], back, goal, half_width)
+        else:
+            _catch(trap, chances[k], back, goal, kind == "u")
+    return half_width
+
+
+@njit(cache=True)
+def _catch(trap: Array, chance: Array, back: float, goal: Array, square: bool) -> None:
+    """Write a U, or a corner of two walls, around the straight line; its bottom lies at `back`."""
+    tilt = 0.3 * (2.0 * chance[_TILT] - 1.0)
+    span = 0.6 + 0.3 * chance[_SPAN]
+    depth = 0.8 + 0.5 * chance[_DEPTH]
+    y = goal[1] * back / goal[0] + 0.3 * (2.0 * chance[_ACROSS] - 1.0)
+    cos, sin = np.cos(tilt), np.sin(tilt)
+    if square:
+        _wall(trap[0], (back + span * sin, y - span * cos), (back - span * sin, y + span * cos))
+    for k in range(2):
+        side = 2.0 * k - 1.0
+        inner = side * span if square else 0.0
+        near = (back - inner * sin, y + inner * cos)
+        far = (
+            back - depth * cos - side * span * sin,
+            y - depth * sin + side * span * cos,
+        )
+        _wall(trap[1 + k], near, far)
+
+
+@njit(cache=True)
+def _dead_end(trap: Array, chance: Array, back: float, goal: Array, half_width: float) -> None:
+    """Write a wall from one side of the hall across the straight line, with a hook at its end."""
+    side = 1.0 if chance[_SIDE] < 0.5 else -1.0
+    end = goal[1] * back / goal[0] - side * (0.6 + 0.3 * chance[_SPAN])
+    depth = 0.7 + 0.4 * chance[_DEPTH]
+    _wall(trap[0], (back, side * (half_width + 0.3)), (back, end))
+    _wall(trap[1], (back, end), (back - depth, end))
+
+
+@njit(cache=True)
+def _wall(region: Array, near: tuple[float, float], far: tuple[float, float]) -> None:
+    """Write a box of `THICKNESS` whose axis runs from one point to another, and a little further."""
+    dx, dy = far[0] - near[0], far[1] - near[1]
+    half = 0.5 * np.hypot(dx, dy) + 0.5 * THICKNESS
+    region[SHAPE], region[RADIUS], region[ASPECT] = BOX, half, 0.5 * THICKNESS / half
+    region[X], region[Y] = 0.5 * (near[0] + far[0]), 0.5 * (near[1] + far[1])
+    region[ANGLE] = np.arctan2(dy, dx)
