@@ -42,9 +42,7 @@ _PER_REGION = 4 + 2 * _TRIES
 
 def draw(rng: np.random.Generator) -> Layout:
     """Return the scene that the generator decides; it gives as many numbers for every scene."""
-    hall, bends, chances = np.split(
-        rng.random(4 + _BENDS + MOST * _PER_REGION), (4, 4 + _BENDS)
-    )
+    hall, bends, chances = np.split(rng.random(4 + _BENDS + MOST * _PER_REGION), (4, 4 + _BENDS))
     goal, regions = np.empty(2), np.empty((MOST, 8))
     half_width = _lay_out(hall, bends, chances.reshape(MOST, _PER_REGION), goal, regions)
     return Layout(half_width, goal, regions, PRIORITIES)

@@ -111,7 +111,7 @@ def _place(region: Array, chance: Array, reach: tuple[float, float, float], goal
 
 @njit(cache=True)
 def _collide(inner: Array, outer: Array, chance: Array) -> None:
-    """Put the start inside `inner`, with `outer` beside its nearest exit: both rows can't be met."""
+    """Put the start inside `inner`, with `outer` beside its nearest exit: a conflict."""
     heading = 2.0 * np.pi * chance[_HEADING]
     depth = 0.3 + 0.2 * chance[_DEPTH]
     distance = 0.1 + 0.1 * chance[_DISTANCE]  # below the depth: the rows exclude another

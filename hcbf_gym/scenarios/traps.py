@@ -98,7 +98,7 @@ def _dead_end(trap: Array, chance: Array, back: float, goal: Array, half_width: 
 
 @njit(cache=True)
 def _wall(region: Array, near: tuple[float, float], far: tuple[float, float]) -> None:
-    """Write a box of `THICKNESS` whose axis runs from one point to another, and a little further."""
+    """Write a box of `THICKNESS` whose axis runs from one point to another and a bit further."""
     dx, dy = far[0] - near[0], far[1] - near[1]
     half = 0.5 * np.hypot(dx, dy) + 0.5 * THICKNESS
     region[SHAPE], region[RADIUS], region[ASPECT] = BOX, half, 0.5 * THICKNESS / half

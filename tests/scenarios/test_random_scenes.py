@@ -10,9 +10,11 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
-from hcbf_gym.scenarios import random_scenes
+from hcbf_gym.scenarios import clutter, random_scenes, traps
+from hcbf_gym.scenarios import layout as layouts
 
 NAMES = list(scenarios.RANDOM)
+HALLS = {"random": False, "random-moving": True}
 SEEDS = range(200)
 CELL = 0.1
 
@@ -38,9 +40,9 @@ def test_a_seed_decides_the_scene(name):
 def test_the_compiled_scene_is_the_readable_one(name):
     batch = RegionsBatch([scene(0, name)])
     for seed in SEEDS:
-        layout = random_scenes.draw(np.random.default_rng(seed), scenarios.RANDOM[name])
+        layout = scenarios.RANDOM[name](np.random.default_rng(seed))
         batch.set_layout(0, layout)
-        readable = RegionsBatch([random_scenes.scenario(name, layout)])
+        readable = RegionsBatch([layouts.scenario(name, layout)])
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
@@ -55,8 +57,9 @@ def test_standing_still_at_the_start_meets_every_strict_row_with_the_stated_clea
         rows = rows_at_start(scenario)
         strict = rows.priority[0] == 1
         assert (rows.b[0, strict] <= 0.0).all()
+        clearance = random_scenes.START_CLEARANCE if name in HALLS else clutter.CLEAR_ENDS
         assert rows.h[0, : len(scenario.barriers)][strict[:-1]].min() >= (
-            0.5 * random_scenes.START_CLEARANCE  # an ellipse's h is below its distance
+            0.5 * clearance  # an ellipse's h is below its distance
         )
 
 
@@ -87,11 +90,13 @@ def test_several_regions_of_several_priorities_stand_in_the_hall():
     assert counts == {2, 3, 4, 5}
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed):
-    scenario = scene(seed)
-    clearance = 0.5 * random_scenes.GAP - CELL
-    x, y = np.meshgrid(np.arange(-2.0, 12.0, CELL), np.arange(-3.0, 3.0, CELL), indexing="ij")
+@pytest.mark.parametrize("name", ["random", "random-clutter", "random-traps"])
+@pytest.mark.parametrize("seed", range(15))
+def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
+    scenario = scene(seed, name)
+    passage = {"random": random_scenes.GAP, "random-clutter": 2.0 * clutter.CLEAR}
+    clearance = 0.5 * passage.get(name, traps.PASSAGE) - CELL
+    x, y = np.meshgrid(np.arange(-2.0, 12.0, CELL), np.arange(-3.5, 3.5, CELL), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros((x.size, 2))])
     strict = [b for b in scenario.barriers if b.priority == 1]
     relaxed = [b for b in scenario.barriers if b.priority > 1]
@@ -135,7 +140,7 @@ def test_only_relaxed_regions_move_and_only_where_asked():
                 for seed in SEEDS
             ]
         )
-        for name, moving in scenarios.RANDOM.items()
+        for name, moving in HALLS.items()
     }
     assert not speeds["random"].any()
     moving = speeds["random-moving"]
@@ -143,3 +148,38 @@ def test_only_relaxed_regions_move_and_only_where_asked():
     assert not moving[:, strict].any()
     assert (moving.max(axis=0)[~strict] > 0.5 * random_scenes.MAX_DRIFT).all()
     assert moving.max() <= random_scenes.MAX_DRIFT
+
+
+def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
+    counts, overlaps = set(), 0
+    for seed in SEEDS:
+        half_width, _, regions, priorities = clutter.draw(np.random.default_rng(seed))
+        inside = np.abs(regions[:, 1]) < half_width + 1.0
+        counts.add(int(inside.sum()))
+        assert {1, 2, 3} == set(np.array(priorities)[inside].tolist())
+        discs = regions[inside]
+        apart = np.linalg.norm(discs[:, None, :2] - discs[None, :, :2], axis=2)
+        reach = discs[:, None, 5] + discs[None, :, 5]
+        overlaps += int(((apart < 0.7 * reach).sum() - len(discs)) // 2)
+    assert counts == set(range(clutter.FEWEST, clutter.MOST + 1))
+    assert overlaps > 5 * len(SEEDS)
+
+
+@pytest.mark.parametrize("kind", ["disc", "ellipse", "polygon", "box"])
+def test_every_shape_occurs_in_a_family(kind):
+    code = {"disc": layouts.DISC, "ellipse": layouts.ELLIPSE, "box": layouts.BOX}.get(kind)
+    draws = (clutter.draw, traps.draw)
+    shapes = {float(s) for d in draws for s in d(np.random.default_rng(0)).regions[:, 4]}
+    assert code in shapes if code is not None else max(shapes) >= 3.0
+
+
+def test_a_trap_lies_on_the_straight_line_and_is_open_towards_the_start():
+    for seed in SEEDS:
+        scenario = scene(seed, "random-traps")
+        line = np.linspace(0.0, 1.0, 400)[:, None] * scenario.goal
+        h = BarrierSet([scenario.barriers]).along(np.hstack([line, 0.0 * line]), np.zeros(400))
+        for rank, walls in ((1, slice(2, 5)), (2, slice(5, 8))):
+            crossed = (h[:, walls] < 0.0).any(axis=0)
+            assert crossed.any(), (seed, rank)
+        first = line[np.argmax((h < 0.0).any(axis=1))]
+        assert first[0] > 1.0
