@@ -1,6 +1,7 @@
 """The way round: a field that knows the way to the goal, and the row of the last rank it gives."""
 
 from hcbf_gym.guidance.geodesic import Geodesic
+from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 
-__all__ = ["Geodesic", "Pull"]
+__all__ = ["Geodesic", "Local", "Pull"]

@@ -27,8 +27,8 @@ RANK_COST = np.array([1e4, 1e3, 1e2, 1e1])
 """What a metre inside a region of rank 1, 2, 3 or lower costs, against 1 in the open."""
 HALO = 0.4
 """Up to this distance from an edge a cell costs more than in the open [m]."""
-HALO_COST = 2.0
-"""By how much, at the edge itself; it falls with the square of the distance."""
+HALO_COST = 20.0
+"""By how much, at the edge itself; it falls with the fourth power, so that slits are avoided."""
 
 
 @njit(cache=True)
@@ -52,7 +52,7 @@ def paint(h: Array, priority: int, clearance: float, cost: Array, rank: Ranks) -
                     rank[j, i] = priority
             elif free < HALO:
                 near = 1.0 - free / HALO
-                cost[j, i] = max(cost[j, i], 1.0 + HALO_COST * near * near)
+                cost[j, i] = max(cost[j, i], 1.0 + HALO_COST * near**4)
 
 
 @njit(cache=True)

@@ -37,32 +37,55 @@ class Pull(NamedTuple):
 
 
 @njit(cache=True)
+def interpolate(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float, float]:
+    """Return T and its gradient (∂T/∂x, ∂T/∂y) times the cell's side, bilinear between cells."""
+    ny, nx = view.shape
+    column = min(max((x - geometry[0]) / geometry[2], 0.0), nx - 1.000001)
+    line = min(max((y - geometry[1]) / geometry[2], 0.0), ny - 1.000001)
+    i, j = int(column), int(line)
+    p, q = column - i, line - j
+    t00, t01, t10, t11 = view[j, i], view[j, i + 1], view[j + 1, i], view[j + 1, i + 1]
+    gx = (1.0 - q) * (t01 - t00) + q * (t11 - t10)
+    gy = (1.0 - p) * (t10 - t00) + p * (t11 - t01)
+    lower, upper = (1.0 - p) * t00 + p * t01, (1.0 - p) * t10 + p * t11
+    return (1.0 - q) * lower + q * upper, gx, gy
+
+
+@njit(cache=True)
+def lowest_neighbour(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float]:
+    """Return the centre of the lowest cell around the one nearest a point."""
+    ny, nx = view.shape
+    j, i = cell_of(x, y, geometry)
+    low_j, low_i, lowest = j, i, np.inf
+    for near_j in range(max(j - 1, 0), min(j + 2, ny)):
+        for near_i in range(max(i - 1, 0), min(i + 2, nx)):
+            if view[near_j, near_i] < lowest:
+                low_j, low_i, lowest = near_j, near_i, view[near_j, near_i]
+    return geometry[0] + low_i * geometry[2], geometry[1] + low_j * geometry[2]
+
+
+@njit(cache=True)
 def descent(
-    field: Field, geometry: Array, goal: Array, x: float, y: float, length: float
+    view: Field, geometry: Array, goal: Array, x: float, y: float, length: float
 ) -> tuple[float, float]:
     """Return the point that lies `length` further down the field, or the goal if that is nearer.
 
-    The gradient is that of the field's bilinear interpolation; steps are one cell long.
+    Steps are one cell long and follow the gradient; one that would climb, in a valley narrower
+    than two cells, goes to the lowest cell around instead. So T decreases at every step.
     """
-    ny, nx = field.shape
     cell = geometry[2]
-    steps = int(np.ceil(length / cell))
-    for _ in range(steps):
-        gx, gy = goal[0] - x, goal[1] - y
-        if gx * gx + gy * gy <= 2.25 * cell * cell:
+    value, gx, gy = interpolate(view, geometry, x, y)
+    for _ in range(int(np.ceil(length / cell))):
+        away_x, away_y = goal[0] - x, goal[1] - y
+        if away_x * away_x + away_y * away_y <= 2.25 * cell * cell:
             return goal[0], goal[1]
-        column = min(max((x - geometry[0]) / cell, 0.0), nx - 1.000001)
-        line = min(max((y - geometry[1]) / cell, 0.0), ny - 1.000001)
-        i, j = int(column), int(line)
-        p, q = column - i, line - j
-        t00, t01 = field[j, i], field[j, i + 1]
-        t10, t11 = field[j + 1, i], field[j + 1, i + 1]
-        gx = (1.0 - q) * (t00 - t01) + q * (t10 - t11)
-        gy = (1.0 - p) * (t00 - t10) + p * (t01 - t11)
-        norm = np.sqrt(gx * gx + gy * gy)
-        if norm < 1e-9:
-            break
-        x, y = x + cell * gx / norm, y + cell * gy / norm
+        step = cell / max(np.sqrt(gx * gx + gy * gy), 1e-9)
+        next_x, next_y = x - step * gx, y - step * gy
+        next_value, next_gx, next_gy = interpolate(view, geometry, next_x, next_y)
+        if next_value >= value:
+            next_x, next_y = lowest_neighbour(view, geometry, x, y)
+            next_value, next_gx, next_gy = interpolate(view, geometry, next_x, next_y)
+        x, y, value, gx, gy = next_x, next_y, next_value, next_gx, next_gy
     return x, y
 
 

@@ -75,6 +75,9 @@ SUITES = {
     "locomotion": Suite(
         "benchmarks.locomotion", "quality, robustness and speed of the walk", 15, A1
     ),
+    "guidance": Suite(
+        "benchmarks.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
+    ),
     "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
 }
 """name → suite; `hcbf benchmark --suite NAME`, ``docs/results/NAME.json``."""

@@ -1,0 +1,34 @@
+"""Measures of a rollout that several tables and infos share."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STANDING = 0.05
+"""Slower than that the robot stands [m/s]."""
+ASKING = 0.3
+"""A policy that asks for more than that wants to move [m/s²]."""
+
+
+def deadlocked(
+    velocity: Array, u_nominal: Array, distance: Array, radius: float
+) -> NDArray[np.bool_]:
+    """Tell at which instants the robot stands, away from its goal, though the policy wants to move.
+
+    ``‖v‖ < 0.05 m/s, ‖u*‖ > 0.3 m/s², distance > radius``.
+
+    Args:
+        velocity: (…, 2) [m/s].
+        u_nominal: (…, 2) u* [m/s²].
+        distance: (…) from the goal [m].
+        radius: within which the goal counts as reached [m].
+    """
+    stands = np.linalg.norm(velocity, axis=-1) < STANDING
+    asks = np.linalg.norm(u_nominal, axis=-1) > ASKING
+    return stands & asks & (distance > radius)
+
+
+def deadlock_share(velocity: Array, u_nominal: Array, distance: Array, radius: float) -> float:
+    """Return the share of an episode's k steps in which it is deadlocked, each array (k, …)."""
+    return float(np.mean(deadlocked(velocity, u_nominal, distance, radius)))

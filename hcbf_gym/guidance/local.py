@@ -1,0 +1,165 @@
+r"""The way round without a goal: a row that walks along the edge which stops the policy.
+
+Where u* presses against a region within `REACH`, the row asks for speed along the edge,
+
+.. math::
+    tᵀu ≥ −k\,(tᵀv − β), \qquad t = σ\,(n_y, −n_x),
+
+n the unit gradient of the nearest such barrier and σ = ±1 the side. The side is the one that u*
+leans to when the edge is met; it is kept as long as something stops the policy, and flipped when
+the robot stands still for `STUCK` all the same. So single convex regions are passed; a cluster or
+a trap may not be, for which only a field knows the way.
+
+Source: the circulation of Gonçalves, Krishnamurthy, Tzes and Khorrami, Control barrier functions
+with circulation inequalities, IEEE TCST 2024, with a latched side.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import Barrier, kernels
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance.row import Pull
+
+Array = NDArray[np.float64]
+
+REACH = 0.5
+"""Within this distance an edge may stop the policy [m]."""
+LEAVE = 0.8
+"""Beyond it, or where u* points away, it does not, and the side is free again [m]."""
+SLOW = 0.05
+"""Slower than that the robot stands [m/s]."""
+STUCK = 1.0
+"""Standing for so long flips the side [s]."""
+
+
+@njit(cache=True)
+def circulation(
+    kind: NDArray[np.int64],
+    parameters: Array,
+    x: Array,
+    t: float,
+    u_nominal: Array,
+    pull: Pull,
+    memory: Array,
+) -> tuple[float, float, float]:
+    """Return (a_x, a_y, b) of the row at one state; a = 0, b = −1 where nothing stops the policy.
+
+    Args:
+        kind: (m,) as in `BarrierSet`.
+        parameters: (m, 19) as in `BarrierSet`.
+        x: (4,) position [m] and velocity [m/s].
+        t: time [s].
+        u_nominal: (2,) u* [m/s²].
+        pull: gain and speed.
+        memory: (2,) the side σ, 0 if free, and since when the robot stands [s]; kept from step to
+            step, zeros at a reset.
+    """
+    held = memory[0] != 0.0
+    nearest, nx, ny = LEAVE if held else REACH, 0.0, 0.0
+    for k in range(kind.size):
+        if kind[k] == kernels.SPEED_LIMIT:
+            continue
+        c = parameters[k]
+        h, gx, gy, _, _, _ = kernels.planar_jet(kind[k], c, x[0] - c[0] * t, x[1] - c[1] * t)
+        if h < nearest and gx * u_nominal[0] + gy * u_nominal[1] < 0.0:
+            norm = np.sqrt(gx * gx + gy * gy)
+            nearest, nx, ny = h, gx / norm, gy / norm
+    if nx == 0.0 and ny == 0.0:
+        memory[0], memory[1] = 0.0, t
+        return 0.0, 0.0, -1.0
+    if not held:
+        memory[0] = 1.0 if ny * u_nominal[0] - nx * u_nominal[1] >= 0.0 else -1.0
+        memory[1] = t
+    if x[2] * x[2] + x[3] * x[3] > SLOW * SLOW:
+        memory[1] = t
+    elif t - memory[1] >= STUCK:
+        memory[0], memory[1] = -memory[0], t
+    ax, ay = memory[0] * ny, -memory[0] * nx
+    return ax, ay, -pull.gain * (ax * x[2] + ay * x[3] - pull.speed)
+
+
+@njit(cache=True)
+def rows(
+    kind: NDArray[np.int64],
+    parameters: Array,
+    x: Array,
+    t: Array,
+    u_nominal: Array,
+    pull: Pull,
+    memory: Array,
+    a: Array,
+    b: Array,
+) -> None:
+    """Write a (N, 2) and b (N,) of N states; each array as in `circulation` with a leading N."""
+    for n in range(x.shape[0]):
+        a[n, 0], a[n, 1], b[n] = circulation(
+            kind[n], parameters[n], x[n], t[n], u_nominal[n], pull, memory[n]
+        )
+
+
+class Local:
+    """Circulation around what stops the policies of N robots in N scenes.
+
+    Args:
+        count: N.
+        pull: how the row pulls; its look-ahead and ease play no part.
+
+    Raises:
+        InvalidInputError: if the count is below 1.
+
+    Attributes:
+        memory: (N, 2) the side, 0 if free, and since when the robot stands [s].
+    """
+
+    def __init__(self, count: int = 1, *, pull: Pull | None = None):
+        if count < 1:
+            raise InvalidInputError(f"count: got {count}, expected >= 1")
+        self.pull = Pull() if pull is None else pull
+        self.memory = np.zeros((count, 2))
+        self._set: BarrierSet | None = None
+
+    def reset(
+        self, barriers: BarrierSet | Sequence[Barrier], *, mask: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Forget the sides in scenes that begin.
+
+        Args:
+            barriers: of N scenes; a sequence of barriers where N is 1.
+            mask: (N,) the scenes that begin; all unless given.
+
+        Raises:
+            InvalidInputError: if the number of scenes is another.
+        """
+        scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
+        if len(scenes.kind) != len(self.memory):
+            raise InvalidInputError(
+                f"barriers: got {len(scenes.kind)} scenes, expected {len(self.memory)}"
+            )
+        self._set = scenes
+        self.memory[slice(None) if mask is None else mask] = 0.0
+
+    def rows(self, x: Array, t: Array, u_nominal: Array) -> tuple[Array, Array]:
+        """Return a (N, 2) and b (N,) of the rows at N states x (N, 4), times t (N,) and u* (N, 2).
+
+        Raises:
+            InvalidInputError: before the first reset.
+        """
+        if self._set is None:
+            raise InvalidInputError("guidance: got no scene, expected reset() first")
+        a, b = np.empty((len(x), 2)), np.empty(len(x))
+        rows(self._set.kind, self._set.parameters, x, t, u_nominal, self.pull, self.memory, a, b)
+        return a, b
+
+    def row(self, x: Array, t: float, u_nominal: Array) -> tuple[Array, float]:
+        """Return a (2,) and b of the row at one state x (4,), time t and u* (2,), where N is 1."""
+        a, b = self.rows(
+            np.asarray(x, dtype=np.float64)[None],
+            np.array([t]),
+            np.asarray(u_nominal, dtype=np.float64)[None],
+        )
+        return a[0], float(b[0])
