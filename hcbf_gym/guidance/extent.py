@@ -45,22 +45,16 @@ def scene_extent(
     for k in range(kind.size):
         c = parameters[k]
         if kind[k] == layout.DISC:
-            for axis in range(2):
-                extent[0, axis] = min(extent[0, axis], c[layout.CENTER_X + axis] - c[layout.RADIUS])
-                extent[1, axis] = max(extent[1, axis], c[layout.CENTER_X + axis] + c[layout.RADIUS])
+            _include(extent, c[layout.CENTER_X], c[layout.CENTER_Y], c[layout.RADIUS])
         elif kind[k] == layout.ELLIPSE:
             first = c[layout.MAP_XX] ** 2 + c[layout.MAP_XY] ** 2
             second = c[layout.MAP_YX] ** 2 + c[layout.MAP_YY] ** 2
-            other = 1.0 / np.sqrt(min(first, second))
-            for axis in range(2):
-                extent[0, axis] = min(extent[0, axis], c[layout.CENTER_X + axis] - other)
-                extent[1, axis] = max(extent[1, axis], c[layout.CENTER_X + axis] + other)
+            longer = 1.0 / np.sqrt(min(first, second))
+            _include(extent, c[layout.CENTER_X], c[layout.CENTER_Y], longer)
         elif kind[k] == layout.CONVEX_POLYGON:
             for corner in range(int(c[layout.VERTEX_COUNT])):
-                for axis in range(2):
-                    value = c[layout.FIRST_VERTEX + 2 * corner + axis]
-                    extent[0, axis] = min(extent[0, axis], value)
-                    extent[1, axis] = max(extent[1, axis], value)
+                at = layout.FIRST_VERTEX + 2 * corner
+                _include(extent, c[at], c[at + 1], 0.0)
     extent[0] -= PAD
     extent[1] += PAD
     for k in range(kind.size):
@@ -72,6 +66,13 @@ def scene_extent(
                     extent[0, axis] = max(extent[0, axis], wall - BEHIND_WALL)
                 elif along == -1.0:
                     extent[1, axis] = min(extent[1, axis], BEHIND_WALL - wall)
+
+
+@njit(cache=True)
+def _include(extent: Array, x: float, y: float, reach: float) -> None:
+    """Let the extent cover a disc."""
+    extent[0, 0], extent[0, 1] = min(extent[0, 0], x - reach), min(extent[0, 1], y - reach)
+    extent[1, 0], extent[1, 1] = max(extent[1, 0], x + reach), max(extent[1, 1], y + reach)
 
 
 @njit(cache=True)

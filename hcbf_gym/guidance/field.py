@@ -67,9 +67,10 @@ def sample(kind: int, c: Array, t: float, geometry: Array, h: Array) -> None:
     """Write h (ny, nx) of one built-in planar barrier at the cells of a grid."""
     cell = geometry[2]
     for j in range(h.shape[0]):
-        y = geometry[1] + j * cell - c[1] * t
+        y = geometry[1] + j * cell - c[layout.VELOCITY_Y] * t
         for i in range(h.shape[1]):
-            h[j, i] = kernels.planar_value(kind, c, geometry[0] + i * cell - c[0] * t, y)
+            x = geometry[0] + i * cell - c[layout.VELOCITY_X] * t
+            h[j, i] = kernels.planar_value(kind, c, x, y)
 
 
 @njit(cache=True)

@@ -91,13 +91,18 @@ class Geodesic:
             mask: (N,) the scenes that begin; all unless given.
 
         Raises:
-            InvalidInputError: if there is no goal, or a goal or a start lies outside the extent, or
-                a goal lies inside a strict region; the fields stay as they were.
+            InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
+                outside the extent, or a goal inside a strict region; the fields stay as they were.
         """
         count = len(self.geometry)
         scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
         if len(scenes.kind) != count:
             raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
+        if (scenes.kind == layout.CUSTOM).any():
+            names = sorted({barrier.name for barrier in scenes.own.values()})
+            raise InvalidInputError(
+                f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
+            )
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         goals = _points("goal", goal, count)
         starts = _points("start", start, count)
@@ -108,7 +113,9 @@ class Geodesic:
         self._set, self._clearance = scenes, kept
         self.goal[chosen], self.geometry[chosen] = goals[chosen], geometry[chosen]
         self._reserve(int((geometry[chosen, 3] * geometry[chosen, 4]).max(initial=0.0)))
-        moves = (scenes.parameters[..., :2] != 0.0).any(axis=(1, 2))
+        velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
+        planar = scenes.kind != layout.SPEED_LIMIT
+        moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
         self._next[chosen] = np.where(moves, self.period, np.inf)[chosen]
         self._solve(chosen, np.where(moves, 0.5 * self.period, 0.0))
 

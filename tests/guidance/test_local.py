@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hcbf_gym import guidance, programs
-from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc, LinearClassK, LogClassK
+from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc
+from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import local
@@ -22,7 +23,7 @@ def walk(barriers, guided, steps=1000):
     for step in range(steps):
         t = np.array([0.02 * step])
         u_nominal = 2.0 * (GOAL - x[:, :2]) - 3.0 * x[:, 2:]
-        rows = scenes.rows(x, t, LogClassK(), LinearClassK(2.0), 0.03)
+        rows = scenes.rows(x, t, RowSettings(), 0.03)
         if guided:
             a, b = around.rows(x, t, u_nominal)
             rows = CbfRows(

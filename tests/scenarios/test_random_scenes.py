@@ -10,8 +10,7 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
-from hcbf_gym.scenarios import clutter, random_scenes, traps
-from hcbf_gym.scenarios import layout as layouts
+from hcbf_gym.scenarios import clutter, hall, random_scenes, traps
 
 NAMES = list(scenarios.RANDOM)
 HALLS = {"random": False, "random-moving": True}
@@ -42,7 +41,7 @@ def test_the_compiled_scene_is_the_readable_one(name):
     for seed in SEEDS:
         layout = scenarios.RANDOM[name](np.random.default_rng(seed))
         batch.set_layout(0, layout)
-        readable = RegionsBatch([layouts.scenario(name, layout)])
+        readable = RegionsBatch([hall.scenario(name, layout)])
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
@@ -167,7 +166,7 @@ def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
 
 @pytest.mark.parametrize("kind", ["disc", "ellipse", "polygon", "box"])
 def test_every_shape_occurs_in_a_family(kind):
-    code = {"disc": layouts.DISC, "ellipse": layouts.ELLIPSE, "box": layouts.BOX}.get(kind)
+    code = {"disc": hall.DISC, "ellipse": hall.ELLIPSE, "box": hall.BOX}.get(kind)
     draws = (clutter.draw, traps.draw)
     shapes = {float(s) for d in draws for s in d(np.random.default_rng(0)).regions[:, 4]}
     assert code in shapes if code is not None else max(shapes) >= 3.0

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import guidance, policies, programs, scenarios
-from hcbf_gym.barriers import BarrierSet, CbfRows, LinearClassK, LogClassK
+from hcbf_gym.barriers import BarrierSet, CbfRows
+from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.errors import choose
@@ -25,8 +26,10 @@ from hcbf_gym.policies import PDTracker, Policy
 Array = NDArray[np.float64]
 
 FIRST_SEED = 10_000
-MARGIN = 0.03
-"""What strict rows keep, as the usual rows dip between two samples [m]."""
+MARGIN = 0.01
+"""What strict rows keep, and the field's clearance [m]."""
+SETTINGS = RowSettings(period=CONTROL_DT, u_max=5.0 * np.sqrt(2.0))
+"""Held rows, for the box |u_i| ≤ 5."""
 CELLS = (
     ("random", "pd"),
     ("random", "ppo-unfiltered"),
@@ -183,7 +186,7 @@ def _filtered(
     u_nominal: Array,
 ) -> tuple[Array, Array]:
     """Return u (N, 2) with guidance, and what it were without at the same states."""
-    rows = barriers.rows(x, t, LogClassK(), LinearClassK(2.0), MARGIN)
+    rows = barriers.rows(x, t, SETTINGS, MARGIN)
     without = solve(u_nominal, rows).u
     extra = guide.row(x, t, u_nominal)
     if extra is None:
