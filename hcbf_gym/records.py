@@ -1,6 +1,8 @@
-"""Plain-dict form of frozen dataclasses, so that scenes and options travel through JSON."""
+"""How records leave the process: as plain dicts that travel through JSON, and as whole files."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -91,3 +93,20 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [plain(item) for item in value]
     return value
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a path to write to, which becomes `path` at the end: whole or not at all.
+
+    Whoever else writes the same file meanwhile writes another part of the disk; the last one wins.
+
+    Args:
+        path: of the file; its suffix is kept, as some writers add one of their own.
+    """
+    partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -4,7 +4,6 @@ Without arguments it walks the A1 through the paper's course, 20 s each, with no
 R-CBF-QP and with H-CBF-QP.
 """
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -23,6 +22,7 @@ from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.episode_plot import plot_paths, plot_series
+from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.rollouts import (
     SHOWN_OPTIONS,
     UNFILTERED,
@@ -149,8 +149,7 @@ def _write(
         "episodes": summaries,
         "aggregate": rows,
     }
-    text = json.dumps(summary, indent=1, allow_nan=False)
-    (args.output / "summary.json").write_text(text + "\n", encoding="utf-8")
+    write_json(args.output / "summary.json", summary)
     plot_paths(inner.scenario, shown).savefig(args.output / "paths.png")
     plot_series(barriers, shown).savefig(args.output / "series.png")
     env.close()

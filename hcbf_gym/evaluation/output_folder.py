@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.records import whole
 
 _SETTINGS = "settings.json"
 
@@ -48,9 +49,8 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file, whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    with whole(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def _differences(path: Path, settings: dict[str, Any]) -> list[str]:

@@ -138,7 +138,7 @@ def rollout(env: gym.Env, policy: Policy, seed: int) -> Episode:
         status=np.array([record["status"] for record in records], dtype=np.int64),
         obstacle_force=np.array(forces),
         fell=fell,
-        reached=not fell and info["tracking_error"] <= inner.scenario.goal_radius,
+        reached=not fell and bool(info["tracking_error"] <= inner.scenario.goal_radius),
     )
 
 

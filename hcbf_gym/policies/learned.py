@@ -1,7 +1,6 @@
 """Learned policies that need no learning library to act: a small network in one .npz file."""
 
 import json
-import os
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,6 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.records import whole
 
 Array = NDArray[np.float64]
 
@@ -65,17 +65,16 @@ class LearnedPolicy:
         about = json.dumps(
             {"activation": self.activation, "squash": self.squash, "about": self.about}
         )
-        fresh = path.with_suffix(".new.npz")
-        np.savez_compressed(
-            fresh,
-            **layers,
-            mean=self.mean,
-            scale=self.scale,
-            low=self.low,
-            high=self.high,
-            header=np.array(about),
-        )
-        os.replace(fresh, path)
+        with whole(path) as partial:
+            np.savez_compressed(
+                partial,
+                **layers,
+                mean=self.mean,
+                scale=self.scale,
+                low=self.low,
+                high=self.high,
+                header=np.array(about),
+            )
 
 
 def names() -> list[str]:

@@ -21,6 +21,22 @@ class Policy(Protocol):
         ...
 
 
+KP, KD = 2.0, 3.0
+"""The gains that the paper leaves open [1/s², 1/s]: a damping ratio of K_d / (2 √K_p) = 1.06."""
+
+
+def pd_law(position_error: Array, velocity_error: Array, kp: float = KP, kd: float = KD) -> Array:
+    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²].
+
+    Args:
+        position_error: (…, 2) p_ref − p [m].
+        velocity_error: (…, 2) v_ref − v [m/s].
+        kp: K_p [1/s²].
+        kd: K_d [1/s].
+    """
+    return kp * position_error + kd * velocity_error
+
+
 @dataclass(frozen=True)
 class PDTracker:
     """The paper's feedback controller, ``u* = K_p (p_ref − p) + K_d (v_ref − v)``.
@@ -43,8 +59,8 @@ class PDTracker:
 
     low: Array
     high: Array
-    kp: float = 2.0
-    kd: float = 3.0
+    kp: float = KP
+    kd: float = KD
     feed_forward: bool = False
 
     def __post_init__(self) -> None:
@@ -71,7 +87,7 @@ class PDTracker:
 
     def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[np.float32]:
         """Return u* (…, 2) [m/s²], within the bounds."""
-        u = self.kp * observation[..., 0:2] + self.kd * observation[..., 2:4]
+        u = pd_law(observation[..., 0:2], observation[..., 2:4], self.kp, self.kd)
         if self.feed_forward:
             u = u + observation[..., 6:8]
         return np.clip(u, self.low, self.high).astype(np.float32)

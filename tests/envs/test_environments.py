@@ -25,7 +25,6 @@ ABOUT_SPACES = (
     "minimum value",
     "maximum value",
     "symmetric and normalized",
-    "not within the observation space",
 )
 
 

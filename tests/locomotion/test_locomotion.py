@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym.envs.physics import Physics
@@ -239,8 +239,8 @@ def test_the_orientation_error_is_the_rotation_s_logarithm(quaternion, yaw):
     R = rotation_matrix(q / np.linalg.norm(q))
     goal = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
     expected = pin.log3(R.T @ goal)
-    if np.linalg.norm(expected) < 3.0:
-        np.testing.assert_allclose(rotation_vector_to_yaw(R, yaw), expected, atol=1e-7)
+    assume(np.linalg.norm(expected) < 3.0)  # at π the logarithm has two values
+    np.testing.assert_allclose(rotation_vector_to_yaw(R, yaw), expected, atol=1e-7)
 
 
 # the task-space program

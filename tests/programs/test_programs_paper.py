@@ -170,12 +170,12 @@ def test_proposition_2_without_a_price_on_u_h_minimises_the_distance_in_m(seed):
     result = programs.make("h-cbf-qp", lambda_u=0.0)(u_nominal, rows)
     grid = np.stack(np.meshgrid(*[np.linspace(-5.0, 5.0, 41)] * 2), axis=-1).reshape(-1, 2)
     allowed = grid[grid @ rows.a[0] >= rows.b[0]]
-    if len(allowed):
-        assert cost(result.u) <= min(cost(u) for u in allowed) + 1e-8
-        # among the inputs of the same cost, none is nearer u*
-        same = allowed[np.abs(allowed @ a - result.u @ a) < 1e-9]
-        gap = np.linalg.norm(result.u - u_nominal)
-        assert all(np.linalg.norm(u - u_nominal) >= gap - 1e-7 for u in same)
+    assume(len(allowed))
+    assert cost(result.u) <= min(cost(u) for u in allowed) + 1e-8
+    # among the inputs of the same cost, none is nearer u*
+    same = allowed[np.abs(allowed @ a - result.u @ a) < 1e-9]
+    gap = np.linalg.norm(result.u - u_nominal)
+    assert all(np.linalg.norm(u - u_nominal) >= gap - 1e-7 for u in same)
 
 
 @settings(max_examples=60, deadline=None)
@@ -186,8 +186,8 @@ def test_r_and_h_agree_while_the_relaxed_row_is_active_inside_the_set(seed):
     hat = alone(u_nominal, rows, 1)
     r = programs.make("r-cbf-qp")(u_nominal, rows)
     h = programs.make("h-cbf-qp")(u_nominal, rows)
-    if rows.a[1] @ u_nominal < rows.b[1] and np.abs(hat).max() < 5.0 and r.slack[1] > 0.0:
-        np.testing.assert_allclose(r.u, h.u, atol=1e-7)
+    assume(rows.a[1] @ u_nominal < rows.b[1] and np.abs(hat).max() < 5.0 and r.slack[1] > 0.0)
+    np.testing.assert_allclose(r.u, h.u, atol=1e-7)
 
 
 # ------------------------------------------------------------------ Corollary 3

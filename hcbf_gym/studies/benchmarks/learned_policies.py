@@ -10,12 +10,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
+from rich.progress import track
 
 from hcbf_gym import policies, wrappers
-from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
+from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case
+from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker, Policy, learned
 from hcbf_gym.scenarios.random_scenes import PRIORITIES
 
@@ -23,23 +23,12 @@ Array = NDArray[np.float64]
 
 SCENARIO = "random"
 PROGRAMS = (UNFILTERED, "r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
-_COLUMNS = (
-    "policy",
-    "program",
-    "success",
-    "return",
-    "entered",
-    "seconds_inside",
-    "deepest_m",
-    "intervention_rms",
-    "fell",
-)
 _PRIORITY = np.array([1, 1, *PRIORITIES])  # the walls, then the regions
 _OF = [rank == _PRIORITY for rank in (1, 2, 3)]
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Fill, print and return both tables.
+    """Return the cells of both tables.
 
     Args:
         quick: few scenes.
@@ -47,37 +36,54 @@ def run(quick: bool) -> dict[str, Any]:
     on_rom, on_a1 = (20, 1) if quick else (200, 50)
     names = ["pd", *learned.names()]
     return {
-        "reduced order": table("reduced order", names, on_rom, rom_cell),
-        "A1": table("A1", names, on_a1, a1_cell),
+        "reduced order": cells(names, on_rom, rom_cell),
+        "A1": cells(names, on_a1, a1_cell),
     }
 
 
-def table(
-    title: str,
-    names: list[str],
-    episodes: int,
-    cell: Callable[[str, str, int], dict[str, Any]],
+def cells(
+    names: list[str], episodes: int, cell: Callable[[str, str, int], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Fill and print the cells of policies × programs.
+    """Return the cells of policies × programs.
 
     Args:
-        title: what is walking.
         names: of the policies.
         episodes: of each cell, with the seeds 0, 1, …
         cell: (policy, program, episodes) → figures.
     """
-    rows = []
-    for name in names:
-        for program in PROGRAMS:
-            rows.append({"policy": name, "program": program} | cell(name, program, episodes))
-            print(" ".join(f"{key}={_text(value)}" for key, value in rows[-1].items()), flush=True)
-    shown = Table(title=f"{title}: {episodes} held-out random scenes a cell, priorities 1 / 2 / 3")
-    for heading in _COLUMNS:
-        shown.add_column(heading.replace("_", " "))
-    for row in rows:
-        shown.add_row(*(_text(row[heading]) for heading in _COLUMNS))
-    Console(width=140).print(shown)
-    return rows
+    pairs = [(name, program) for name in names for program in PROGRAMS]
+    return [
+        {"policy": name, "program": program, "episodes": episodes} | cell(name, program, episodes)
+        for name, program in track(pairs, "cells")
+    ]
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return a table for each of what walks."""
+    header = tuple(heading for heading, _ in _COLUMNS)
+    return {
+        name.replace(" ", "-"): Table(
+            f"{name}: {rows[0]['episodes']} held-out random scenes a cell, priorities 1 / 2 / 3",
+            ("policy", "program", *header),
+            [(row["policy"], row["program"], *(text(row) for _, text in _COLUMNS)) for row in rows],
+        )
+        for name, rows in figures.items()
+    }
+
+
+def _three(values: list[float], scale: float = 1.0, digits: int = 2) -> str:
+    return " / ".join(f"{scale * value:.{digits}f}" for value in values)
+
+
+_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
+    ("success [%]", lambda row: f"{100.0 * row['success']:.1f}"),
+    ("return", lambda row: f"{row['return']:.1f}"),
+    ("entered [%]", lambda row: _three(row["entered"], 100.0, 1)),
+    ("time inside [s]", lambda row: _three(row["seconds_inside"])),
+    ("deepest [m]", lambda row: _three(row["deepest_m"], digits=3)),
+    ("rms ‖u − u*‖ [m/s²]", lambda row: f"{row['intervention_rms']:.2f}"),
+    ("falls [%]", lambda row: f"{100.0 * row['fell']:.0f}"),
+)
 
 
 def rom_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
@@ -88,27 +94,16 @@ def rom_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
     policy: Policy = PDTracker.for_env(env) if name == "pd" else policies.load(name, env)
     if program != UNFILTERED:
         env = wrappers.VectorSafetyFilter(env, program, **SHOWN_OPTIONS.get(program, {}))
-    observation, info = env.reset(seed=0)
+    run = rollout_batch(env, policy, seed=0)
     m = len(_PRIORITY)
-    least, inside = info["min_h"][:, :m].copy(), np.zeros((episodes, m))
-    returns, steps, changed = np.zeros(episodes), np.zeros(episodes), np.zeros(episodes)
-    reached, done = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
-    for _ in range(MAX_EPISODE_STEPS):
-        observation, reward, terminated, truncated, info = env.step(
-            np.asarray(policy(observation, info), dtype=np.float64)
-        )
-        running = ~done
-        least[running] = np.minimum(least, info["min_h"][:, :m])[running]
-        inside += CONTROL_DT * (info["h"][:, :m] < 0.0) * running[:, None]
-        returns += running * reward
-        steps += running
-        if program != UNFILTERED:
-            changed += running * info["safety_filter"]["intervention"] ** 2
-        reached |= running & terminated
-        done |= terminated | truncated
-    env.close()
-    rms = np.sqrt(changed / steps)
-    return _figures(reached, returns, least, inside, rms, np.zeros(episodes))
+    return _figures(
+        run.terminated,
+        run.reward.sum(axis=0),
+        run.min_h[:, :m],
+        run.seconds_inside[:, :m],
+        run.intervention_rms,
+        np.zeros(episodes),
+    )
 
 
 def a1_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
@@ -163,9 +158,3 @@ def _figures(
         "intervention_rms": float(intervention.mean()),
         "fell": float(fell.mean()),
     }
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, list) and value and isinstance(value[0], float):
-        return " / ".join(f"{entry:.3g}" for entry in value)
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -5,9 +5,8 @@ from typing import Any
 import joblib
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
+from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.gait import GAITS
 from hcbf_gym.locomotion.state import RobotState
@@ -45,7 +44,7 @@ BREAKING: dict[str, list[float]] = {  # the last value of each is one too many
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Take all figures, print them and return them."""
+    """Take all figures and return them."""
     parts = [
         steady_figures(quick),
         manoeuvre_figures(),
@@ -55,15 +54,19 @@ def run(quick: bool) -> dict[str, Any]:
         speed_figures(quick),
     ]
     figures = [figure for part in parts for figure in part]
-    table = Table(title="Unitree A1, flat floor, 500 Hz, self-collision on")
-    for column in ("", "", "figure", "unit", "asked", "met"):
-        table.add_column(column, justify="left" if column in ("", "unit") else "right")
-    for f in figures:
-        asked = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {f.bound:g}"
-        met = {None: "", True: "yes", False: "no"}[f.met]
-        table.add_row(f.section, f.name, f"{f.value:.4g}", f.unit, asked, met)
-    Console().print(table)
     return {"figures": [f._asdict() | {"value": float(f.value), "met": f.met} for f in figures]}
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return every figure beside what is asked of it."""
+    rows = []
+    for f in figures["figures"]:
+        asked = "" if f["bound"] is None else f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}"
+        met = {None: "", True: "yes", False: "no"}[f["met"]]
+        value = "fell" if f["value"] is None else f"{f['value']:.4g}"
+        rows.append((f"{f['section']}: {f['name']}", value, f["unit"], asked, met))
+    title = "Unitree A1, flat floor, 500 Hz, self-collision on"
+    return {"all": Table(title, ("", "figure", "unit", "asked", "met"), rows)}
 
 
 def parallel(function: Any, jobs: list[Any]) -> list[Any]:

@@ -5,12 +5,11 @@ from typing import Any
 import joblib
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from hcbf_gym import policies
 from hcbf_gym.evaluation.rollouts import Case, rollout
+from hcbf_gym.evaluation.tables import Table
 
 MARGINS = (0.0, 0.03)
 FEEDBACKS = ("measured", "position", "rom")
@@ -31,9 +30,6 @@ def run(quick: bool) -> dict[str, Any]:
     jobs = [(*setting, seed) for setting in settings for seed in range(episodes)]
     runs = parallel(joblib.delayed(least_strict_h)(*job) for job in jobs)
     least = np.array(list(track(runs, "episodes", total=len(jobs)))).reshape(len(settings), -1)
-    table = Table(title=f"least strict h on the A1, lex-cbf-qp, {episodes} random scenes each")
-    for column in ("feedback", "noise [m/s²]", "margin [m]", "least h [m]", "scenes entered"):
-        table.add_column(column, justify="right")
     rows = []
     for (margin, feedback, noise), values in zip(settings, least, strict=True):
         entered = int((values < 0.0).sum())
@@ -47,11 +43,26 @@ def run(quick: bool) -> dict[str, Any]:
                 "episodes": episodes,
             }
         )
-        table.add_row(
-            feedback, f"{noise:.0f}", f"{margin:.2f}", f"{values.min():+.4f}", str(entered)
-        )
-    Console().print(table)
     return {"margin": rows}
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the least strict h of every setting."""
+    rows = figures["margin"]
+    header = ("feedback", "noise added to u* [m/s²]", "margin [m]", "least strict h [m]")
+    cells = [
+        (
+            row["feedback"],
+            f"{row['noise']:.0f}",
+            f"{row['margin']:.2f}",
+            f"{row['least_h']:+.4f}",
+            str(row["entered"]),
+        )
+        for row in rows
+    ]
+    count = rows[0]["episodes"]
+    title = f"least strict h on the A1, lex-cbf-qp, {count} random scenes each"
+    return {"all": Table(title, (*header, f"scenes entered, of {count}"), cells)}
 
 
 def least_strict_h(margin: float, feedback: str, noise: float, seed: int) -> float:

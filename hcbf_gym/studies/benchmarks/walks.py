@@ -15,6 +15,7 @@ from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.matrices import cross
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.robots import a1
 
 Array = NDArray[np.float64]
@@ -154,7 +155,7 @@ def follow_course(
 
     def u(t: float, _reference: BodyReference, state: RobotState) -> Array:
         position, velocity = course(t)
-        pd = 2.0 * (position - state.position[:2]) + 3.0 * (velocity - state.linear_velocity[:2])
+        pd = pd_law(position - state.position[:2], velocity - state.linear_velocity[:2])
         return pd + course.acceleration(t) if feedforward else pd
 
     direction = course(20.0)[0]

@@ -15,6 +15,7 @@ from hcbf_gym import programs
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels, layout
 from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import Box
+from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.programs import FilterStatus
 
 Array = NDArray[np.float64]
@@ -168,7 +169,7 @@ def _nominal(
         return LIMIT * towards / np.linalg.norm(towards, axis=1, keepdims=True)
     share = min(t / TRAVEL_TIME, 1.0)
     velocity = GOAL / TRAVEL_TIME if share < 1.0 else np.zeros(2)
-    u = 2.0 * (share * GOAL - x[:, :2]) + 3.0 * (velocity - x[:, 2:])
+    u = pd_law(share * GOAL - x[:, :2], velocity - x[:, 2:])
     return u + noise.normal(0.0, 3.0, u.shape) if policy == "noisy" else u
 
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -18,6 +17,7 @@ from hcbf_gym import scenarios
 from hcbf_gym.envs.scene_plot import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.rollouts import Case, Episode, in_parallel, make_policy
+from hcbf_gym.records import whole
 
 Array = NDArray[np.float64]
 
@@ -111,10 +111,8 @@ def _run(job: Job, path: Path) -> None:
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:
-    """Write a file, whole or not at all, whoever else writes it."""
-    partial = path.with_suffix(f".{os.getpid()}.partial.npz")
-    np.savez_compressed(partial, **arrays)
-    partial.replace(path)
+    with whole(path) as partial:
+        np.savez_compressed(partial, **arrays)
 
 
 def _load(path: Path) -> Episode:

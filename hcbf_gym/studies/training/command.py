@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
+from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.studies.training import TrainingConfig, train
 from hcbf_gym.studies.training.curves import plot_curves
 
@@ -47,6 +48,6 @@ def main(args: Args) -> None:
             train(config, folder, args.resume, args.tensorboard, show)
         text = (folder / "training.json").read_text(encoding="utf-8")
         curves[f"seed {seed}"] = json.loads(text)["curve"]
-    (args.output / "curves.json").write_text(json.dumps(curves, indent=1), encoding="utf-8")
+    write_json(args.output / "curves.json", curves)
     plot_curves(curves, args.output / "curves.png")
     Console().print(f"policies and curves in {args.output}")

@@ -9,7 +9,8 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
-from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.policies.learned import LearnedPolicy
 from hcbf_gym.studies.training.config import make_vector
 
@@ -80,24 +81,10 @@ def report(
         episodes: the number of scenes.
         seed: of the first.
     """
-    env = make_vector(scenario, episodes, program)
-    observation, info = env.reset(seed=seed)
-    done, reached = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
-    returns, steps, intervention = np.zeros(episodes), np.zeros(episodes), 0.0
-    for _ in range(MAX_EPISODE_STEPS):
-        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
-        returns += reward * ~done
-        steps += ~done
-        if program is not None:
-            intervention += float((info["safety_filter"]["intervention"] * ~done).sum())
-        reached |= terminated & ~done
-        done |= terminated | truncated
-        if done.all():
-            break
-    env.close()
+    run = rollout_batch(make_vector(scenario, episodes, program), policy, seed)
     return Report(
-        success=float(reached.mean()),
-        returns=float(returns.mean()),
-        seconds=float(CONTROL_DT * steps.mean()),
-        intervention=intervention / float(steps.sum()),
+        success=float(run.terminated.mean()),
+        returns=float(run.reward.sum(axis=0).mean()),
+        seconds=float(CONTROL_DT * run.steps.mean()),
+        intervention=float(run.intervention.sum() / run.steps.sum()),
     )

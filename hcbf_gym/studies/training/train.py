@@ -1,6 +1,5 @@
 """One training run from its configuration to a policy file, new or resumed."""
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -9,6 +8,7 @@ from pathlib import Path
 import torch
 from stable_baselines3.common.callbacks import CallbackList
 
+from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.policies.learned import LearnedPolicy, read
 from hcbf_gym.studies.training import checkpoint
 from hcbf_gym.studies.training.callbacks import LearnFromFiltered, Reports
@@ -58,9 +58,7 @@ def train(
         model.learn(
             remaining, CallbackList([*callbacks, reports]), reset_num_timesteps=found is None
         )
-    (folder / "training.json").write_text(
-        json.dumps(about | {"curve": curve}, indent=1), encoding="utf-8"
-    )
+    write_json(folder / "training.json", about | {"curve": curve})
     return read(folder / "policy.npz")
 
 

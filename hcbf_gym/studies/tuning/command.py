@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
@@ -74,6 +74,12 @@ def main(args: Args) -> None:
             f"got workers {args.workers}, samples {args.samples} and compare {args.compare}, "
             "expected >= 1, >= 1 and >= 0"
         )
+    if args.compare:
+        require("--compare", "benchmark", "osqp")
+        if args.env != "HCBF-Regions-v0":
+            raise InvalidInputError(f"compare: got {args.env}, expected HCBF-Regions-v0")
+    if "cmaes" in args.sampler:
+        require("--sampler cmaes", "studies", "cmaes")
     cost = Cost(args.w_i, args.w_f, args.w_delta)
     problem = Problem(args.env, args.scenario, args.program, seed=args.seed, cost=cost)
     normal = Normal(args.mean, args.covariance)
@@ -166,8 +172,6 @@ def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table
 
 def _compare(problem: Problem, samples: Samples, count: int, console: Console) -> None:
     """Time the batch against a loop over single programs with OSQP, per sample, in one run."""
-    if problem.env != "HCBF-Regions-v0":
-        raise InvalidInputError(f"compare: got {problem.env}, expected HCBF-Regions-v0")
     start = time.perf_counter()
     problem.costs(samples.gamma0, samples.delta_gamma)
     batch = (time.perf_counter() - start) / len(samples.cost)

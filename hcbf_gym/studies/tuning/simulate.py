@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import policies, wrappers
-from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.studies.tuning.cost import relaxation
 
 Array = NDArray[np.float64]
@@ -77,37 +77,30 @@ def simulate(
     """
     gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
     n = len(gamma0)
-    env: Any = wrappers.VectorSafetyFilter(
-        gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario),  # type: ignore[arg-type]
+    env = wrappers.VectorSafetyFilter(
+        gym.make_vec(
+            "HCBF-Regions-v0",
+            num_envs=n,
+            scenario=scenario,  # type: ignore[arg-type]
+            autoreset_mode="Disabled",  # type: ignore[arg-type]
+        ),
         program=program,
         gamma0=gamma0[:, None],
         delta_gamma=delta_gamma[:, None],
         **(options or {}),
     )
-    inner = env.unwrapped
-    policy = policies.PDTracker.for_env(env)
-    observation, info = env.reset(seed=[seed] * n)
-    priority = inner.barrier_set.priority[0]
-    position, h, least = [inner.rom_state[:, :2]], [info["h"]], info["min_h"].copy()
-    error, relaxed = [info["tracking_error"]], []
-    alive, final_error = np.ones(n, dtype=np.bool_), np.zeros(n)
-    while alive.any():
-        observation, _, terminated, truncated, info = env.step(policy(observation, info))
-        position.append(inner.rom_state[:, :2])
-        h.append(info["h"])
-        error.append(np.where(alive, info["tracking_error"], 0.0))
-        delta = relaxation(info["safety_filter"]["delta"], priority)
-        relaxed.append(np.where(alive, delta, 0.0))
-        least[alive] = np.minimum(least, info["min_h"])[alive]
-        final_error[alive] = error[-1][alive]
-        alive &= ~(terminated | truncated)
-    env.close()
-    error[-1] = final_error
+    inner: Any = env.unwrapped
+    episodes = rollout_batch(env, policies.PDTracker.for_env(env), [seed] * n)
+    # what comes after an episode's end costs nothing, but for the error at the end
+    last = episodes.tracking_error[episodes.steps, np.arange(n)]
+    error = episodes.tracking_error.copy()
+    error[1:][~episodes.running] = 0.0
+    error[-1] = last
     return WeightRollouts(
-        time=CONTROL_DT * np.arange(len(error), dtype=np.float64),
-        position=np.array(position),
-        h=np.array(h),
-        min_h=least,
-        tracking_error=np.array(error),
-        relaxation=np.array(relaxed),
+        time=episodes.time,
+        position=episodes.position,
+        h=episodes.h,
+        min_h=episodes.min_h,
+        tracking_error=error,
+        relaxation=relaxation(episodes.delta, inner.barrier_set.priority[0]),
     )

@@ -1,0 +1,104 @@
+"""N episodes of the reduced-order model at once, each up to its own end."""
+
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.policies import Policy
+
+Array = NDArray[np.float64]
+
+
+class BatchEpisodes(NamedTuple):
+    """N episodes, k + 1 states and k steps; k is the length of the longest.
+
+    Attributes:
+        time: (k + 1,) [s].
+        position: (k + 1, N, 2) [m].
+        h: (k + 1, N, m) barrier values at the control times.
+        min_h: (N, m) their least values over all physics steps.
+        tracking_error: (k + 1, N) ‖p_ref − p‖ [m].
+        reward: (k, N), zero after an episode's end.
+        intervention: (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter.
+        delta: (k, N, m) the program's own relaxation [m/s²], likewise.
+        running: (k, N) whether the step belongs to the episode.
+        terminated: (N,) whether the episode ended by itself: in a "reach" scene, at the goal.
+    """
+
+    time: Array
+    position: Array
+    h: Array
+    min_h: Array
+    tracking_error: Array
+    reward: Array
+    intervention: Array
+    delta: Array
+    running: NDArray[np.bool_]
+    terminated: NDArray[np.bool_]
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """(N,) the length of each episode in control steps."""
+        return self.running.sum(axis=0)
+
+    @property
+    def seconds_inside(self) -> Array:
+        """(N, m) time that each episode spent with h < 0 [s]."""
+        return CONTROL_DT * ((self.h[1:] < 0.0) & self.running[..., None]).sum(axis=0)
+
+    @property
+    def intervention_rms(self) -> Array:
+        """(N,) root mean square of ‖u − u*‖ over each episode [m/s²]."""
+        return np.sqrt((self.intervention**2).sum(axis=0) / self.steps)
+
+
+def rollout_batch(
+    env: gym.vector.VectorEnv, policy: Policy, seed: int | list[int]
+) -> BatchEpisodes:
+    """Run an episode in each of N environments to its end, and close them.
+
+    Args:
+        env: native environments of this package with ``autoreset_mode="Disabled"``, filtered or
+            not.
+        policy: acts on all of them at once.
+        seed: of the first environment, or of each.
+    """
+    inner: Any = env.unwrapped
+    seeds: Any = seed  # Gymnasium's vector form takes one or many
+    observation, info = env.reset(seed=seeds)
+    n, m = info["h"].shape
+    idle = {"intervention": np.zeros(n), "delta": np.zeros((n, m))}
+    alive, terminated_itself = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    least = info["min_h"].copy()
+    position, h, error = [inner.rom_state[:, :2]], [info["h"]], [info["tracking_error"]]
+    reward, intervention, delta, running = [], [], [], []
+    while alive.any():
+        u = np.asarray(policy(observation, info), dtype=np.float64)
+        observation, gained, terminated, truncated, info = env.step(u)
+        filtered = info.get("safety_filter", idle)
+        position.append(inner.rom_state[:, :2])
+        h.append(info["h"])
+        error.append(info["tracking_error"])
+        reward.append(np.where(alive, gained, 0.0))
+        intervention.append(np.where(alive, filtered["intervention"], 0.0))
+        delta.append(np.where(alive[:, None], filtered["delta"], 0.0))
+        running.append(alive.copy())
+        least[alive] = np.minimum(least, info["min_h"])[alive]
+        terminated_itself |= alive & terminated
+        alive &= ~(terminated | truncated)
+    env.close()
+    return BatchEpisodes(
+        time=CONTROL_DT * np.arange(len(h), dtype=np.float64),
+        position=np.array(position),
+        h=np.array(h),
+        min_h=least,
+        tracking_error=np.array(error),
+        reward=np.array(reward),
+        intervention=np.array(intervention),
+        delta=np.array(delta),
+        running=np.array(running),
+        terminated=terminated_itself,
+    )
