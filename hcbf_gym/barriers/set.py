@@ -112,9 +112,13 @@ class BarrierSet:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""
         h = np.empty(self.kind.shape)
         kernels.values(self.kind, self.parameters, x, t, h)
+        self.write_own_values(x, t, h)
+        return h
+
+    def write_own_values(self, x: Array, t: Array, h: Array) -> None:
+        """Write into h (N, m) the values of users' own barriers, which the kernels pass over."""
         for scenes, k, barrier in self._shared():
             h[scenes, k] = barrier.batch(x[scenes], t[scenes]).h
-        return h
 
     def along(self, x: Array, t: Array) -> Array:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""

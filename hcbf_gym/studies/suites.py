@@ -78,6 +78,15 @@ SUITES = {
     "guidance": Suite(
         "benchmarks.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
     ),
+    "held-rows": Suite(
+        "benchmarks.held_rows", "held rows under friendly and hostile policies, without margin", 8
+    ),
+    "estimation": Suite(
+        "benchmarks.estimation",
+        "how well the A1 knows where it is",
+        2,
+        A1,
+    ),
     "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
 }
 """name → suite; `hcbf benchmark --suite NAME`, ``docs/results/NAME.json``."""
