@@ -52,8 +52,11 @@ def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
     height, height_nx, height_ny = -np.inf, 0.0, 0.0
     nearest, offset_x, offset_y = np.inf, 0.0, 0.0
     on_edge, edge_nx, edge_ny = False, 0.0, 0.0
+    first = layout.FIRST_VERTEX
     for i in range(corners):
-        ax, ay, ex, ey = polygon_edge(c, i)
+        j = i + 1 if i + 1 < corners else 0
+        ax, ay = c[first + 2 * i], c[first + 1 + 2 * i]
+        ex, ey = c[first + 2 * j] - ax, c[first + 1 + 2 * j] - ay
         length2 = ex * ex + ey * ey
         length = np.sqrt(length2)
         nx, ny = ey / length, -ex / length
@@ -116,11 +119,8 @@ def planar_value(kind: int, c: Array, x: float, y: float) -> float:
         zx = c[layout.MAP_XX] * dx + c[layout.MAP_XY] * dy
         zy = c[layout.MAP_YX] * dx + c[layout.MAP_YY] * dy
         return c[layout.SHORTER_AXIS] * (np.sqrt(zx * zx + zy * zy) - 1.0)
-    return _polygon_value(c, x, y) if kind == CONVEX_POLYGON else np.inf
-
-
-@njit(cache=True)
-def _polygon_value(c: Array, x: float, y: float) -> float:
+    if kind != CONVEX_POLYGON:
+        return np.inf
     nearest2, outside = np.inf, False
     corners, first = int(c[layout.VERTEX_COUNT]), layout.FIRST_VERTEX
     ax, ay = c[first + 2 * corners - 2], c[first + 2 * corners - 1]

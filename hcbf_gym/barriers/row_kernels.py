@@ -44,6 +44,7 @@ def rows(
         a: (N, m, 2) the gradients.
         out: (4, N, m) b, h, α₂(ψ) and ψ.
     """
+    alpha1, alpha2 = settings[ALPHA1 : ALPHA1 + 4], settings[ALPHA2 : ALPHA2 + 4]
     for i in range(x.shape[0]):
         for k in range(kind.shape[1]):
             which, c = kind[i, k], parameters[i, k]
@@ -54,7 +55,7 @@ def rows(
                 a[i, k, 0], a[i, k, 1] = -x[i, 2] / v_max, -x[i, 3] / v_max
                 h = speed_limit(c, x[i, 2], x[i, 3])
                 b, alpha2_psi, psi = _speed_row(
-                    h - margin[0, i, k], margin[1, i, k], x[i, 2], x[i, 3], v_max, settings
+                    h - margin[0, i, k], margin[1, i, k], x[i, 2], x[i, 3], v_max, alpha2, settings
                 )
             else:
                 qx = x[i, 0] - c[layout.VELOCITY_X] * t[i]
@@ -65,36 +66,46 @@ def rows(
                 kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
                 sideways = abs(tx * rx + ty * ry)
                 if settings[HELD] == 0.0:
-                    b, alpha2_psi, psi = _usual_row(kept, rate, sideways, distance, settings)
+                    b, alpha2_psi, psi = _usual_row(kept, rate, sideways, distance, alpha1, alpha2)
                 else:
                     speed = np.sqrt(rx * rx + ry * ry)
                     if which == CONVEX_POLYGON:
                         reach = _reach(speed, settings)
                         distance, sideways = _polygon_core(c, qx, qy, h, reach, sideways)
                     kept -= _rounding(which, c, settings)
-                    b, alpha2_psi, psi = _held_row(kept, rate, speed, sideways, distance, settings)
+                    b, alpha2_psi, psi = _held_row(
+                        kept, rate, speed, sideways, distance, alpha1, alpha2, settings
+                    )
             out[B, i, k], out[H, i, k] = b, h
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
 
 
 @njit(cache=True)
-def _usual_row(kept: float, rate: float, sideways: float, distance: float, s: Array) -> Row:
+def _usual_row(
+    kept: float, rate: float, sideways: float, distance: float, alpha1: Array, alpha2: Array
+) -> Row:
     """Return b, α₂(ψ) and ψ of a barrier on the position, looked at in this instant alone."""
-    alpha1 = s[ALPHA1 : ALPHA1 + 4]
     psi = rate + class_k.value(alpha1, kept)
-    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], psi)
+    alpha2_psi = class_k.value(alpha2, psi)
     curving = sideways * sideways / distance
     return -alpha2_psi - curving - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi
 
 
 @njit(cache=True)
 def _held_row(
-    kept: float, rate: float, speed: float, sideways: float, distance: float, s: Array
+    kept: float,
+    rate: float,
+    speed: float,
+    sideways: float,
+    distance: float,
+    alpha1: Array,
+    alpha2: Array,
+    s: Array,
 ) -> Row:
     """Return b, α₂(ψ) and ψ of a barrier on the position while u is held for T."""
-    alpha1, period = s[ALPHA1 : ALPHA1 + 4], s[PERIOD]
+    period = s[PERIOD]
     psi = rate + class_k.value(alpha1, kept)
-    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], psi)
+    alpha2_psi = class_k.value(alpha2, psi)
 
     half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
     end = kept + rate * period
@@ -171,10 +182,16 @@ def _polygon_core(
 
 @njit(cache=True)
 def _speed_row(
-    kept: float, margin_rate: float, vx: float, vy: float, v_max: float, s: Array
+    kept: float,
+    margin_rate: float,
+    vx: float,
+    vy: float,
+    v_max: float,
+    alpha2: Array,
+    s: Array,
 ) -> Row:
     """Return b, α₂(ψ) and ψ = h of a speed limit; h is concave in v, so that u costs ‖u‖²."""
-    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], kept)
+    alpha2_psi = class_k.value(alpha2, kept)
     b = -alpha2_psi
     if s[HELD] != 0.0:
         period = s[PERIOD]
