@@ -76,7 +76,8 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 def walk(sensors: Any, seeds: Iterable[int], steps: int) -> list[Walk]:
     """Walk an episode for each seed."""
-    env = gym.make("HCBF-A1Regions-v0", scenario="random", estimation=sensors)
+    options = {"estimation": sensors, "feedback": "measured"}
+    env = gym.make("HCBF-A1Regions-v0", scenario="random", **options)
     walks = [_episode(env, seed, steps) for seed in seeds]
     env.close()
     return walks
