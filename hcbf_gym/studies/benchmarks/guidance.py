@@ -143,7 +143,7 @@ def episodes(
     goal = np.array([one.goal for one in scenes])
     start, is_row = batch.x[:, :2].copy(), program == "lex-cbf-qp"
     guide = Guide(kind, batch.barrier_set, goal, start, through, is_row)
-    act = _policy(policy, scene)
+    act = policy_of(policy, scene)
     solve = programs.make_batch(program, **options)
     reached, seconds = np.zeros(count, dtype=np.bool_), np.full(count, np.inf)
     deadlock, change = np.zeros(count), np.zeros(count)
@@ -153,7 +153,7 @@ def episodes(
     for step in range(MAX_EPISODE_STEPS):
         u_nominal = np.asarray(act(observation, {}), dtype=np.float64)
         x, t, running = batch.x.copy(), batch.time, ~reached
-        u, without = _filtered(guide, solve, batch.barrier_set, x, t, u_nominal)
+        u, without = filtered(guide, solve, batch.barrier_set, x, t, u_nominal)
         result = batch.step(u)
         observation = result.observation
         distance = np.linalg.norm(batch.x[:, :2] - goal, axis=1)
@@ -177,7 +177,7 @@ def episodes(
     )
 
 
-def _filtered(
+def filtered(
     guide: Guide,
     solve: programs.BatchProgram,
     barriers: BarrierSet,
@@ -198,7 +198,8 @@ def _filtered(
     return solve(u_nominal + lack[:, None] * a, rows).u, without
 
 
-def _policy(name: str, scene: str) -> Policy:
+def policy_of(name: str, scene: str) -> Policy:
+    """Return a policy by name for the scenes of a family."""
     env = gym.make_vec("HCBF-Regions-v0", num_envs=1, scenario=scene)
     policy = PDTracker.for_env(env) if name == "pd" else policies.load(name, env)
     env.close()

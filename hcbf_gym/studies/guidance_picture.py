@@ -1,0 +1,110 @@
+"""Draw a field with ranked costs and a path, and a deadlock beside its escape."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import guidance, programs, scenarios
+from hcbf_gym.barriers import BarrierSet
+from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.guidance import field as fields
+from hcbf_gym.guidance.row import descent
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.studies.benchmarks.guidance import Guide, filtered, policy_of
+
+Array = NDArray[np.float64]
+
+COLOURS = {1: "tab:red", 2: "tab:orange", 3: "gold"}
+STRIP = (5.0, 10.0, 15.0)
+"""When the strip looks at the robot [s]."""
+
+
+def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004) -> None:
+    """Draw the field of a scene, its level lines, and the path down the field from the start."""
+    scenario = scenarios.make(scene, np.random.default_rng(seed))
+    way = guidance.Geodesic()
+    way.reset(scenario.barriers, scenario.goal, start=scenario.start)
+    view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
+    points = [np.array(scenario.start)]
+    while np.linalg.norm(points[-1] - goal) > 1e-9:
+        points.append(np.array(descent(view, geometry, goal, *points[-1], geometry[2])))
+    x = geometry[0] + geometry[2] * np.arange(view.shape[1])
+    y = geometry[1] + geometry[2] * np.arange(view.shape[0])
+    figure, axes = plt.subplots(figsize=(8.0, 4.2))
+    _regions(axes, scenario, x, y)
+    levels = np.arange(0.0, 16.0, 0.5)
+    axes.contour(x, y, view, levels=levels, colors="tab:blue", linewidths=0.5)
+    line = np.array(points)
+    axes.plot(line[:, 0], line[:, 1], "k-", linewidth=2.0)
+    _finish(axes, scenario)
+    figure.savefig(path, dpi=80, bbox_inches="tight")
+    plt.close(figure)
+
+
+def escape_strip(path: Path, scene: str = "random-traps", seed: int = 10_001) -> None:
+    """Draw PD under lex-cbf-qp at three times, without guidance above and with it below."""
+    scenario = scenarios.make(scene, np.random.default_rng(seed))
+    figure, rows = plt.subplots(2, len(STRIP), figsize=(11.0, 5.2), sharex=True, sharey=True)
+    x, y = np.linspace(-0.8, scenario.goal[0] + 0.8, 220), np.linspace(-3.2, 3.2, 160)
+    for kind, line in zip(("none", "geodesic"), rows, strict=True):
+        walked = walk(scenario, scene, kind, STRIP[-1])
+        for axes, until in zip(line, STRIP, strict=True):
+            _regions(axes, scenario, x, y)
+            so_far = walked[: int(until / 0.02)]
+            axes.plot(so_far[:, 0], so_far[:, 1], "k-")
+            axes.plot(*so_far[-1], "ko")
+            _finish(axes, scenario)
+            axes.set_title(f"{'guided' if kind == 'geodesic' else 'not guided'}, {until:.0f} s")
+    figure.savefig(path, dpi=60, bbox_inches="tight")
+    plt.close(figure)
+
+
+def walk(scenario: Scenario, name: str, kind: str, until: float) -> Array:
+    """Return (k, 2) where PD gets under lex-cbf-qp; it stays where it is at the goal."""
+    batch, solve = RegionsBatch([scenario]), programs.make_batch("lex-cbf-qp")
+    goal, start = scenario.goal[None], batch.x[:, :2].copy()
+    guide, act = Guide(kind, batch.barrier_set, goal, start, 0, True), policy_of("pd", name)
+    observation, _, _ = batch.look()
+    positions = [batch.x[0, :2].copy()]
+    for _ in range(int(until / 0.02)):
+        u_nominal = np.asarray(act(observation, {}), dtype=np.float64)
+        state, t = batch.x.copy(), batch.time
+        u, _ = filtered(guide, solve, batch.barrier_set, state, t, u_nominal)
+        observation = batch.step(u).observation
+        positions.append(batch.x[0, :2].copy())
+    return np.array(positions)
+
+
+def _regions(axes: Any, scenario: Scenario, x: Array, y: Array) -> None:
+    """Fill the regions in the colours of their ranks, the highest on top."""
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    state = np.hstack([points, np.zeros_like(points)])
+    h = BarrierSet([scenario.barriers]).along(state, np.zeros(len(state)))
+    rank = np.array([barrier.priority for barrier in scenario.barriers])
+    for priority in sorted(set(rank.tolist()), reverse=True):
+        inside = h[:, rank == priority].min(axis=1).reshape(len(y), len(x)) < 0.0
+        axes.contourf(x, y, inside, levels=[0.5, 1.5], colors=[COLOURS[priority]], alpha=0.7)
+
+
+def _finish(axes: Any, scenario: Scenario) -> None:
+    axes.plot(*scenario.start, "o", color="white", markeredgecolor="black")
+    axes.plot(*scenario.goal, "*", color="white", markeredgecolor="black", markersize=12)
+    axes.set_aspect("equal")
+
+
+def main() -> None:
+    """Write both pictures to docs/images."""
+    folder = Path("docs/images")
+    field_picture(folder / "guidance-field.png")
+    escape_strip(folder / "guidance-escape.png")
+
+
+if __name__ == "__main__":
+    main()
