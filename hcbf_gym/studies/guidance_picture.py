@@ -34,7 +34,8 @@ def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004)
     view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9:
-        points.append(np.array(descent(view, geometry, goal, *points[-1], geometry[2])))
+        x, y = points[-1]
+        points.append(np.array(descent(view, geometry, goal, x, y, geometry[2])))
     x = geometry[0] + geometry[2] * np.arange(view.shape[1])
     y = geometry[1] + geometry[2] * np.arange(view.shape[0])
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
