@@ -4,11 +4,12 @@ import gymnasium as gym
 import numpy as np
 from stable_baselines3 import PPO
 
-from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_gym.wrappers import SafetyFilter, VectorHoldAction, VectorSafetyFilter
 from hcbf_gym.wrappers.sb3 import Sb3VecEnv
 
 robots = gym.make_vec("HCBF-Regions-v0", num_envs=256, scenario="random", autoreset_mode="Disabled")
-robots = Sb3VecEnv(VectorSafetyFilter(robots, program="lex-cbf-qp"), hold=5)
+robots = VectorSafetyFilter(robots, program="lex-cbf-qp")
+robots = Sb3VecEnv(VectorHoldAction(robots, 5, "Disabled"))
 agent = PPO("MlpPolicy", robots, n_steps=64, batch_size=2048, n_epochs=5, seed=0, device="cpu")
 agent.learn(1_000_000)
 

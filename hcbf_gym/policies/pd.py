@@ -76,11 +76,10 @@ class PDTracker:
             gains: kp, kd, feed_forward.
 
         Raises:
-            InvalidInputError: if the environment's action space is not a Box of accelerations.
+            InvalidInputError: if the actions are no accelerations, or a wrapper changes actions or
+                observations.
         """
-        space = (
-            env.single_action_space if isinstance(env, gym.vector.VectorEnv) else env.action_space
-        )
+        space = _read_space(env)
         if not isinstance(space, spaces.Box) or space.shape != (2,):
             raise InvalidInputError(f"action space: got {space}, expected a Box of shape (2,)")
         return cls(space.low.astype(np.float64), space.high.astype(np.float64), **gains)
@@ -91,3 +90,31 @@ class PDTracker:
         if self.feed_forward:
             u = u + observation[..., 6:8]
         return np.clip(u, self.low, self.high).astype(np.float32)
+
+
+_CHANGE_OBSERVATIONS = (gym.ObservationWrapper, gym.vector.VectorObservationWrapper)
+
+
+def _read_space(env: Any) -> spaces.Space:
+    """Return the space of one environment's actions.
+
+    Raises:
+        InvalidInputError: if a wrapper stands between that makes other actions or observations.
+    """
+    inner = env.unwrapped
+    while env is not inner:
+        same_spaces = all(
+            getattr(env, space) == getattr(inner, space)
+            for space in ("action_space", "observation_space")
+        )
+        if isinstance(env, _CHANGE_OBSERVATIONS) or not same_spaces:
+            raise InvalidInputError(
+                f"environment: got {type(env).__name__}, which changes actions or observations; "
+                f"expected those of {inner}"
+            )
+        env = env.env
+    if isinstance(inner, gym.vector.SyncVectorEnv):
+        return _read_space(inner.envs[0])
+    return (
+        inner.single_action_space if isinstance(inner, gym.vector.VectorEnv) else inner.action_space
+    )

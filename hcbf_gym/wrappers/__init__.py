@@ -1,13 +1,14 @@
 """Wrappers around the environments; `wrappers.sb3`, which needs the extra `rl`, by its own name."""
 
-from hcbf_gym.wrappers.cost import CostStep
+from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.intervention import InterventionPenalty, VectorInterventionPenalty
 from hcbf_gym.wrappers.safety_filter import SafetyFilter, VectorSafetyFilter
 
 __all__ = [
-    "CostStep",
+    "HoldAction",
     "InterventionPenalty",
     "SafetyFilter",
+    "VectorHoldAction",
     "VectorInterventionPenalty",
     "VectorSafetyFilter",
 ]

@@ -23,30 +23,26 @@ class Sb3VecEnv(VecEnv):
     """N native environments behind SB3's interface, actions scaled to [−1, 1].
 
     Finished episodes restart within the step; their last observation, return, length and success
-    are in the infos under SB3's names.
+    are in the infos under SB3's names, beside what a single environment reports.
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N, autoreset_mode="Disabled", …)``,
-            possibly in vector wrappers.
-        hold: control steps of 0.02 s for which one action is held, rewards summed.
+            possibly in vector wrappers, such as ``VectorHoldAction(env, 5, "Disabled")``.
 
     Raises:
-        InvalidInputError: if the environment resets itself, or `hold` is below 1.
+        InvalidInputError: if the environment resets itself.
 
     Attributes:
-        applied: (N, 2) what reached the robots in the last step, in [−1, 1] and averaged over the
-            hold; differs from the action where a filter stands between.
+        applied: (N, 2) what reached the robots in the last step, in [−1, 1]; the mean where a
+            decision is held. It differs from the action where a filter stands between.
     """
 
-    def __init__(self, env: VectorEnv, hold: int = 1):
+    def __init__(self, env: VectorEnv):
         if env.metadata["autoreset_mode"] is not AutoresetMode.DISABLED:
             raise InvalidInputError(
                 f"autoreset_mode: got {env.metadata['autoreset_mode']}, expected 'Disabled'"
             )
-        if hold < 1:
-            raise InvalidInputError(f"hold: got {hold}, expected >= 1")
         self.env = env
-        self.hold = hold
         bounds = env.single_action_space
         assert isinstance(bounds, spaces.Box)
         self._center = 0.5 * (bounds.high + bounds.low).astype(np.float64)
@@ -60,7 +56,8 @@ class Sb3VecEnv(VecEnv):
 
     def reset(self) -> Array:
         """Start new episodes everywhere, with the seed that `seed` left."""
-        observation, _ = self.env.reset(seed=self._seeds[0])
+        observation, infos = self.env.reset(seed=self._seeds[0])
+        self.reset_infos = _split(infos)
         self._reset_seeds()
         self._returns[:] = 0.0
         self._lengths[:] = 0
@@ -71,44 +68,40 @@ class Sb3VecEnv(VecEnv):
         self._actions = np.asarray(actions, dtype=np.float64)
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Hold the actions and restart what has ended."""
+        """Step, and restart what has ended."""
         u = self._center + self._reach * self._actions
-        reward, self.applied = np.zeros(self.num_envs), np.zeros((self.num_envs, 2))
-        terminated = np.zeros(self.num_envs, dtype=np.bool_)
-        truncated, last = terminated.copy(), np.empty(0)
-        for held in range(self.hold):
-            observation, gained, ends, stops, info = self.env.step(u)
-            running = ~(terminated | truncated)
-            last = observation if held == 0 else np.where(running[:, None], observation, last)
-            reward += running * gained
-            terminated |= running & ends
-            truncated |= running & stops
-            safe = info["safety_filter"]["u_safe"] if "safety_filter" in info else u
-            self.applied += (safe - self._center) / self._reach / self.hold
-            self._lengths += running
+        observation, reward, terminated, truncated, info = self.env.step(u)
+        safe = info["safety_filter"]["u_safe"] if "safety_filter" in info else u
+        self.applied = (safe - self._center) / self._reach
         self._returns += reward
-        done = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self._lengths += 1
+        infos, done = _split(info), terminated | truncated
         for i in np.flatnonzero(done):
-            infos[i] = {
-                "terminal_observation": last[i],
+            infos[i] |= {
+                "terminal_observation": observation[i],
                 "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
                 "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": 0.0},
-                "is_success": bool(terminated[i]),
             }
         if done.any():
             self._returns[done], self._lengths[done] = 0.0, 0
-            last, _ = self.env.reset(options={"reset_mask": done})
-        return last, reward, done, infos
+            fresh, _ = self.env.reset(options={"reset_mask": done})
+            observation = np.where(done[:, None], fresh, observation)
+        return observation, reward, done, infos
 
     def close(self) -> None:
         """Close the environment."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return the vector environment's attribute once for each index."""
-        value = getattr(self.env, attr_name)
-        return [value for _ in self._get_indices(indices)]
+        """Return each environment's attribute, or a wrapper's for all of them."""
+        wrapper: Any = self.env
+        while wrapper is not wrapper.unwrapped and not hasattr(wrapper, attr_name):
+            wrapper = wrapper.env
+        if wrapper is wrapper.unwrapped:
+            values = wrapper.get_attr(attr_name)
+        else:
+            values = [getattr(wrapper, attr_name)] * self.num_envs
+        return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refuse: the environments share their attributes.
@@ -131,3 +124,13 @@ class Sb3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Return False for each index: episodes are recorded by the adapter itself."""
         return [False for _ in self._get_indices(indices)]
+
+
+def _split(infos: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return each environment's infos, as a single environment gives them."""
+    columns = {
+        key: _split(value) if isinstance(value, dict) else value
+        for key, value in infos.items()
+        if not key.startswith("_")
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -13,22 +13,28 @@ from hcbf_gym import policies, wrappers
 ID = "HCBF-Regions-v0"
 N, LIMIT = 3, 90
 MODES = list(AutoresetMode)
-STACKS = ("bare", "filter", "penalty")
+STACKS = ("bare", "filter", "penalty", "held")
+HELD = 4  # does not divide the limit
 
 
 def single(scenario, stack="bare", limit=LIMIT):
     env = gym.make(ID, scenario=scenario, max_episode_steps=limit)
     if stack != "bare":
         env = wrappers.SafetyFilter(env, program="lex-cbf-qp")
+    if stack == "held":
+        return wrappers.HoldAction(env, HELD)
     return wrappers.InterventionPenalty(env) if stack == "penalty" else env
 
 
 def native(scenario, stack="bare", mode=AutoresetMode.NEXT_STEP, limit=LIMIT, n=N):
+    inner = AutoresetMode.DISABLED if stack == "held" else mode
     env = gym.make_vec(
-        ID, num_envs=n, scenario=scenario, autoreset_mode=mode, max_episode_steps=limit
+        ID, num_envs=n, scenario=scenario, autoreset_mode=inner, max_episode_steps=limit
     )
     if stack != "bare":
         env = wrappers.VectorSafetyFilter(env, program="lex-cbf-qp")
+    if stack == "held":
+        return wrappers.VectorHoldAction(env, HELD, mode)
     return wrappers.VectorInterventionPenalty(env) if stack == "penalty" else env
 
 

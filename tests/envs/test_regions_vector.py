@@ -176,22 +176,6 @@ def test_a_penalty_without_a_filter_is_refused():
         wrappers.VectorInterventionPenalty(native("random"))
 
 
-def test_the_cost_stands_between_reward_and_ends():
-    plain, with_cost = gym.make(ID), wrappers.CostStep(gym.make(ID))
-    for env in (plain, with_cost):
-        env.reset(seed=0)
-    entered = 0.0
-    for _ in range(300):
-        u = np.array([-1.0, 1.0], dtype=np.float32)
-        observation, reward, cost, terminated, truncated, info = with_cost.step(u)
-        expected = plain.step(u)
-        np.testing.assert_array_equal(observation, expected[0])
-        assert (reward, terminated, truncated) == expected[1:4]
-        assert cost == info["cost"] == pytest.approx(info["violation"].sum())
-        entered += cost
-    assert entered > 0.0
-
-
 @pytest.mark.parametrize(
     "wrong", [{"n": 0}, {"limit": 0}, {"mode": "Sometimes"}], ids=["n", "limit", "mode"]
 )

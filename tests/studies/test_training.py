@@ -22,6 +22,7 @@ from hcbf_gym.studies.training import TrainingConfig, checkpoint, train  # noqa:
 from hcbf_gym.studies.training.callbacks import LearnFromFiltered  # noqa: E402
 from hcbf_gym.studies.training.config import make_env, make_model, make_vector  # noqa: E402
 from hcbf_gym.studies.training.export import export  # noqa: E402
+from hcbf_gym.wrappers import VectorHoldAction  # noqa: E402
 from hcbf_gym.wrappers.sb3 import Sb3VecEnv  # noqa: E402
 
 TINY = {
@@ -170,7 +171,8 @@ def test_learning_from_filtered_actions_remembers_what_the_robots_did(algorithm)
 
 def test_the_adapter_reports_ends_as_sb3_expects():
     native = make_vector("random", 3, None)
-    env = VecNormalize(Sb3VecEnv(native, hold=5), norm_obs=False, norm_reward=False)
+    held = VectorHoldAction(native, 5, "Disabled")
+    env = VecNormalize(Sb3VecEnv(held), norm_obs=False, norm_reward=False)
     env.seed(0)
     env.reset()
     goal = native.unwrapped.scenes[0].goal
@@ -187,9 +189,9 @@ def test_the_adapter_reports_ends_as_sb3_expects():
     first = dict(reversed(endings))
     assert first[0]["is_success"]
     assert not first[0]["TimeLimit.truncated"]
-    assert first[0]["episode"]["l"] < 1000
+    assert first[0]["episode"]["l"] < 200
     assert first[1]["TimeLimit.truncated"]
-    assert first[1]["episode"] == {"r": pytest.approx(0.0), "l": 1000, "t": 0.0}
+    assert first[1]["episode"] == {"r": pytest.approx(0.0), "l": 200, "t": 0.0}
 
 
 def test_a_policy_for_another_observation_shape_is_refused_with_both_shapes(tmp_path):

@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, finite_float
-from hcbf_gym.wrappers import VectorInterventionPenalty, VectorSafetyFilter
+from hcbf_gym.wrappers import VectorHoldAction, VectorInterventionPenalty, VectorSafetyFilter
 
 try:
     from stable_baselines3 import PPO, SAC, TD3
@@ -117,7 +117,8 @@ def make_env(config: TrainingConfig) -> VecNormalize:
     env = make_vector(config.scenario, config.n, config.program if filtered else None)
     if config.filter == "penalty":
         env = VectorInterventionPenalty(env, config.penalty)
-    return VecNormalize(Sb3VecEnv(env, hold=config.hold), gamma=config.gamma)
+    held = VectorHoldAction(env, config.hold, "Disabled")
+    return VecNormalize(Sb3VecEnv(held), gamma=config.gamma)
 
 
 def make_model(config: TrainingConfig, env: VecNormalize, tensorboard: str | None) -> BaseAlgorithm:

@@ -1,0 +1,179 @@
+"""Decisions that are held for several control steps."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
+from numpy.typing import NDArray
+
+from hcbf_gym.envs import infos as vector_infos
+from hcbf_gym.errors import InvalidInputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SUMMED = ("cost", "fallbacks")
+"""Infos that a held decision sums over its steps, beside the reward's terms."""
+LEAST = ("min_h",)
+GREATEST = ("status", "slack", "model_error", "obstacle_force")
+AVERAGED = ("u_safe", "intervention")
+
+
+class HoldAction(gym.Wrapper, RecordConstructorArgs):
+    """Holds each action for several steps of the environment, or until the episode ends.
+
+    Rewards, their terms in the infos and `cost` are summed; `min_h` is the least; of the filter's
+    report, `status`, `slack` and `model_error` are the greatest, `u_safe` and `intervention` the
+    mean, `fallbacks` the sum. All else is what the last step says. Put it outside the filter, which
+    then looks at every step.
+
+    Args:
+        env: any environment, filtered or not.
+        steps: for which an action is held.
+
+    Raises:
+        InvalidInputError: if `steps` is no whole number from 1 on.
+    """
+
+    def __init__(self, env: gym.Env, steps: int):
+        self.steps = _check_steps(steps)
+        RecordConstructorArgs.__init__(self, steps=steps)
+        gym.Wrapper.__init__(self, env)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Hold the action and return what came of it."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        total = float(reward)
+        for count in range(2, self.steps + 1):
+            if terminated or truncated:
+                break
+            observation, reward, terminated, truncated, now = self.env.step(action)
+            total += float(reward)
+            info = _merge(info, now, count)
+        return observation, total, terminated, truncated, info
+
+
+class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
+    """`HoldAction` for the native vector environment: equal to it around each single environment.
+
+    An environment whose episode ends within a hold keeps what it had then; it starts over when the
+    hold is over.
+
+    Args:
+        env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N, autoreset_mode="Disabled")``, possibly in
+            vector wrappers.
+        steps: for which an action is held.
+        autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled", of the held decisions.
+
+    Raises:
+        InvalidInputError: if `steps` is no whole number from 1 on, the environment resets itself,
+            or it joins single ones, around each of which a `HoldAction` belongs.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv,
+        steps: int,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    ):
+        self.steps = _check_steps(steps)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if isinstance(env.unwrapped, SyncVectorEnv | AsyncVectorEnv):
+            raise InvalidInputError(
+                f"environment: got {env}, expected the native vector environment; around single "
+                "environments put a HoldAction on each before they are joined"
+            )
+        if env.metadata["autoreset_mode"] is not AutoresetMode.DISABLED:
+            raise InvalidInputError(
+                f"environment: got autoreset_mode {env.metadata['autoreset_mode']}, expected "
+                "'Disabled'; give VectorHoldAction the mode instead"
+            )
+        RecordConstructorArgs.__init__(self, steps=steps, autoreset_mode=self.autoreset_mode.value)
+        VectorWrapper.__init__(self, env)
+        self.metadata = env.metadata | {"autoreset_mode": self.autoreset_mode}
+        self._ended = np.zeros(env.num_envs, dtype=np.bool_)
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start new episodes."""
+        self._ended[:] = False
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Hold the actions and return what came of them."""
+        observation, reward, terminated, truncated, infos = self.env.step(actions)
+        for count in range(2, self.steps + 1):
+            running = ~(terminated | truncated)
+            if not running.any():
+                break
+            now, gained, ends, stops, report = self.env.step(actions)
+            observation = np.where(running[:, None], now, observation)
+            reward = reward + running * gained
+            terminated, truncated = terminated | running & ends, truncated | running & stops
+            infos = _merge(infos, report, count, running)
+        return self._start_over(observation, reward, terminated, truncated, infos)
+
+    def _start_over(
+        self, observation: Any, reward: Any, terminated: Mask, truncated: Mask, infos: Any
+    ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Restart what the mode says."""
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
+            restarted = self._ended
+            fresh, fresh_infos = self.env.reset(options={"reset_mask": restarted})
+            observation = np.where(restarted[:, None], fresh, observation)
+            reward = np.where(restarted, 0.0, reward)
+            terminated, truncated = terminated & ~restarted, truncated & ~restarted
+            vector_infos.put(infos, restarted, fresh_infos)
+        ended = terminated | truncated
+        self._ended = ended
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
+            fresh, fresh_infos = self.env.reset(options={"reset_mask": ended})
+            vector_infos.start_over(infos, ended, observation, fresh_infos)
+            observation = np.where(ended[:, None], fresh, observation)
+        return observation, reward, terminated, truncated, infos
+
+
+def _check_steps(steps: Any) -> int:
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+        raise InvalidInputError(f"steps: got {steps!r}, expected a whole number >= 1")
+    return int(steps)
+
+
+def _merge(
+    held: dict[str, Any], now: dict[str, Any], count: int, running: Mask | None = None
+) -> dict[str, Any]:
+    """Return the infos of a decision so far.
+
+    Args:
+        held: over the steps before.
+        now: of step number `count`.
+        count: from 2 on.
+        running: (N,) where the step belongs to the episode; None for a single environment.
+    """
+    merged: dict[str, Any] = {}
+    for key, value in now.items():
+        if key not in held:
+            merged[key] = value
+        elif isinstance(value, dict):
+            merged[key] = _merge(held[key], value, count, running)
+        else:
+            merged[key] = _combine(key, held[key], value, count)
+            if running is not None and not running.all():
+                where = running.reshape(-1, *[1] * (np.ndim(value) - 1))
+                merged[key] = np.where(where, merged[key], held[key])
+    return merged
+
+
+def _combine(key: str, held: Any, now: Any, count: int) -> Any:
+    if key.startswith("reward_") or key in SUMMED:
+        return held + now
+    if key in LEAST:
+        return np.minimum(held, now)
+    if key in GREATEST:
+        return np.maximum(held, now)
+    if key in AVERAGED:
+        return held + (now - held) / count
+    return now
