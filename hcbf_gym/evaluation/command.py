@@ -57,8 +57,8 @@ class Args:
     """Slope Δγ of the weight, likewise [default: h 1.3]."""
     margin: float | None = None
     """What strict rows keep between h and zero [m; default: the environment's]."""
-    solver: str = "daqp"
-    """daqp, clarabel, or any solver that qpsolvers finds installed."""
+    solver: str | None = None
+    """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
     feedback: Literal["measured", "position", "rom"] = "measured"
     """On which state the A1 closes its loop."""
     episodes: int = 1

@@ -83,13 +83,13 @@ def _trade_inequalities(
 def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
     """Return a minimiser of ``Σ w_k δ_k²`` over the inputs.
 
-    In at most two free directions exactly, on a polygon; in rational arithmetic where rows differ
-    too much in steepness. Else by proximal points, which converge to a minimiser.
+    In at most two free directions exactly, on a polygon; else by proximal points. Where rows differ
+    too much in steepness, or proximal points do not settle, in rational arithmetic.
 
     Raises:
         SolverError: if nobody finds it.
     """
-    a, point = soft.a @ inputs.basis, inputs.point
+    a = soft.a @ inputs.basis
     slope = np.sqrt(np.einsum("ij,ij->i", a, a))
     norm = np.sqrt(np.einsum("ij,ij->i", soft.a, soft.a))
     steers = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
@@ -97,42 +97,41 @@ def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
         return inputs.nearest()
     least = None if soft.least is None else soft.least[steers]
     soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
-    z = _least_cost(inputs, a[steers], soft)
-    return _proximal(inputs, soft, slope[steers]) if z is None else point + inputs.basis @ z
+    u = _on_polygon(inputs, soft) if a.shape[1] <= 2 else _proximal(inputs, soft)
+    return _exactly(inputs, soft) if u is None else u
 
 
-def _least_cost(inputs: "SolverInputs", a: Array, soft: SoftRows) -> Array | None:
-    """Return a minimiser z (r,) in the free directions; None if doubles and a solver will do."""
+def _on_polygon(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
+    """Minimise in one or two free directions; None where rows are too steep beside others."""
+    rows, lower = inputs.reduced()
+    free = inputs.basis.shape[1]
+    pad = ((0, 0), (0, 2 - free))
     target = soft.target - soft.a @ inputs.point
     least = np.zeros(target.size) if soft.least is None else soft.least
-    rows, lower = inputs.reduced()
-    free, one_sided = a.shape[1], soft.least is not None
-    if free <= 2:
-        pad = ((0, 0), (0, 2 - free))
-        table = np.column_stack((np.pad(a, pad), target, soft.weight, least))
-        x, y, fits = planar.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
-        if fits:
-            return np.array([x, y][:free])
-    elif not _graded(a, target - least, soft.weight, one_sided, 2.0 * inputs.radius):
+    table = np.column_stack((np.pad(soft.a @ inputs.basis, pad), target, soft.weight, least))
+    one_sided = soft.least is not None
+    x, y, fits = planar.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
+    return inputs.point + inputs.basis @ np.array([x, y][:free]) if fits else None
+
+
+def _proximal(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
+    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
+    steepness = np.sqrt(soft.weight) * np.linalg.norm(soft.a @ inputs.basis, axis=1)
+    if steepness.max() > GRADED * steepness.min():
         return None
-    inputs.solver.fallbacks += 1
-    stage = projection.Stage(a, target, soft.weight, soft.least)
-    return projection.least_cost(stage, inputs.centre(), rows, lower)
-
-
-def _graded(a: Array, kink: Array, weight: Array, one_sided: bool, radius: float) -> bool:
-    """Tell whether the rows that matter differ by more than `GRADED` in ``√w_k ‖a_k‖``."""
-    norm = np.linalg.norm(a, axis=1)
-    steepness = (np.sqrt(weight) * norm)[(kink > -norm * radius) | (not one_sided)]
-    return bool(steepness.size and steepness.max() > GRADED * steepness.min())
-
-
-def _proximal(inputs: "SolverInputs", soft: SoftRows, slope: Array) -> Array:
-    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``."""
-    steep = soft._replace(weight=soft.weight * (PULL / (soft.weight * slope**2).max()))
+    steep = soft._replace(weight=soft.weight * (PULL / steepness.max() ** 2))
     u = inputs.nearest()
-    for _ in range(50):
+    for _ in range(20):
         previous, u = u, trade(inputs, steep, u)
         if np.abs(u - previous).max() <= SETTLED * (1.0 + np.abs(u).max()):
-            break
-    return u
+            return u
+    return None
+
+
+def _exactly(inputs: "SolverInputs", soft: SoftRows) -> Array:
+    """Minimise in rational arithmetic."""
+    inputs.solver.fallbacks += 1
+    target = soft.target - soft.a @ inputs.point
+    stage = projection.Stage(soft.a @ inputs.basis, target, soft.weight, soft.least)
+    z = projection.least_cost(stage, inputs.centre(), *inputs.reduced())
+    return inputs.point + inputs.basis @ z

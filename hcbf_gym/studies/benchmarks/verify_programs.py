@@ -1,11 +1,12 @@
 """Every program against its solution in rational arithmetic, on random problems of every kind."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import joblib
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
@@ -13,15 +14,17 @@ from rich.table import Table
 from hcbf_gym import programs
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
-from hcbf_gym.programs.exact.rational import Polygon, rational
-from hcbf_gym.studies.benchmarks.exact import Exact, gap, nearest
+from hcbf_gym.studies.benchmarks.judge import Judge
+
+Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """Largest |Δu| that counts as the same input."""
-COST_TOLERANCE = 1e-9
-"""Largest relative excess of a stage's cost where inputs differ by more."""
 GROUP = 100
 """Problems that share a program with its options."""
+INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "7 inputs": 7}
+"""The forms that are compared, and their numbers of inputs: `make_batch`, `make`, DAQP's."""
+FORMS = tuple(INPUTS)
 
 INPUT_SETS: tuple[InputSet, ...] = (
     Box.symmetric(5.0),
@@ -36,20 +39,28 @@ class Tally:
 
     Attributes:
         problems: how many were compared.
-        largest_difference: |Δu| of those with the same input to `TOLERANCE`.
-        equal_cost: other inputs, for which the first stage that differs by more than
-            `COST_TOLERANCE`, if any, costs less.
-        wrong: all others.
+        largest_difference: the largest |Δu| among those that are not wrong.
+        wrong: how many differ by more than `TOLERANCE`.
         backups: answers with status BACKUP.
         fallbacks: problems with a stage that the second solver or rational arithmetic answered.
     """
 
     problems: int = 0
     largest_difference: float = 0.0
-    equal_cost: int = 0
     wrong: int = 0
     backups: int = 0
     fallbacks: int = 0
+
+    def add(self, answer: FilterResult, wanted: Array) -> None:
+        """Compare one answer with the exact input."""
+        difference = float(np.abs(answer.u - wanted).max())
+        self.problems += 1
+        self.backups += int(answer.status == FilterStatus.BACKUP)
+        self.fallbacks += int(answer.fallbacks > 0)
+        if difference <= TOLERANCE:
+            self.largest_difference = max(self.largest_difference, difference)
+        else:
+            self.wrong += 1
 
     def __add__(self, other: "Tally") -> "Tally":
         """Return the tally of both."""
@@ -61,16 +72,16 @@ class Tally:
         return Tally(**both)
 
 
-def random_rows(rng: np.random.Generator, count: int, m: int) -> CbfRows:
+def random_rows(rng: np.random.Generator, count: int, m: int, n_u: int = 2) -> CbfRows:
     """Return m rows for each of `count` states, a share of them degenerate.
 
     Beside plain ones there are rows with gradients down to 1e-9, zero rows, and copies of an
     earlier row, scaled by a power of two (so that they are parallel exactly), with the same or the
     opposite sign, and with the same bound or another.
     """
-    angle = rng.uniform(0.0, 2.0 * np.pi, (count, m))
+    direction = rng.normal(0.0, 1.0, (count, m, n_u))
     length = rng.lognormal(0.0, 0.7, (count, m))
-    a = length[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+    a = direction * (length / np.linalg.norm(direction, axis=-1))[..., None]
     b = (
         length
         * rng.normal(0.0, 4.0, (count, m))
@@ -98,7 +109,9 @@ def random_rows(rng: np.random.Generator, count: int, m: int) -> CbfRows:
 
 def random_nominal(rng: np.random.Generator, count: int, input_set: InputSet) -> np.ndarray:
     """Return nominal inputs inside U, on its border, at its corners and far outside."""
-    u = rng.normal(0.0, 3.0, (count, 2)) * rng.choice([1.0, 30.0], (count, 1), p=[0.8, 0.2])
+    u = rng.normal(0.0, 3.0, (count, input_set.n_u)) * rng.choice(
+        [1.0, 30.0], (count, 1), p=[0.8, 0.2]
+    )
     vertices = input_set.vertices()
     corner = vertices[rng.integers(0, len(vertices), count)]
     border = np.stack([input_set.project(point) for point in 10.0 * u])
@@ -122,95 +135,119 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
     return {key: value for key, value in every.items() if key in programs.options(name)}
 
 
-def verify(name: str, samples: int, seed: int = 0, jobs: int = 1) -> Iterator[dict[str, Tally]]:
-    """Compare both forms of a program with its exact solution; yield the tallies as they grow.
+def verify(
+    name: str, samples: int, seed: int = 0, jobs: int = 1, forms: Sequence[str] = FORMS
+) -> Iterator[dict[str, Tally]]:
+    """Compare the forms of a program with its exact solution; yield the tallies as they grow.
 
     Args:
         name: the program.
         samples: how many problems, rounded up to whole groups.
         seed: decides all of them.
         jobs: how many processes share the work; −1 is one for each core.
+        forms: among `FORMS`.
 
     Yields:
-        The tallies of "batch" and "single", after each group of problems.
+        The tallies of each form, after each group of problems.
     """
     groups = range(-(-samples // GROUP))
-    work = (joblib.delayed(verify_group)(name, [seed, group]) for group in groups)
-    total = {"batch": Tally(), "single": Tally()}
+    work = (joblib.delayed(verify_group)(name, [seed, group], forms) for group in groups)
+    total: dict[str, Tally] = {}
     done: Any = joblib.Parallel(jobs, return_as="generator")(work)
     for tallies in done:
-        total = {form: total[form] + tally for form, tally in tallies.items()}
+        total = {form: total.get(form, Tally()) + tally for form, tally in tallies.items()}
         yield total
 
 
-def verify_group(name: str, seed: list[int]) -> dict[str, Tally]:
-    """Compare a program, under options of the group's own, on `GROUP` problems."""
-    rng = np.random.default_rng([programs.names().index(name), *seed])
-    input_set = INPUT_SETS[rng.integers(len(INPUT_SETS))]
-    options = random_options(rng, name)
-    batch = programs.make_batch(name, input_set=input_set, **options)
-    one = programs.make(name, input_set=input_set, **options)
-    rows = random_rows(rng, GROUP, int(rng.integers(1, 9)))
-    u_nominal = random_nominal(rng, GROUP, input_set)
-    together = batch(u_nominal, rows)
-    tallies = {"batch": Tally(), "single": Tally()}
-    for i in range(GROUP):
-        row = CbfRows(*(field[i] for field in rows if field is not None))
-        problem = Exact.of(
-            input_set.vertices(), u_nominal[i], row,
-            one.cascade.weights.of(row.priority, row.h), one.cascade.least_slack(row),
-            one.cascade.lambda_u,
-        )  # fmt: skip
-        choices = problem.choices(name)
-        answer = FilterResult(*(field[i] for field in together))
-        _judge(tallies["batch"], name, problem, choices, answer)
-        _judge(tallies["single"], name, problem, choices, one(u_nominal[i], row))
+def verify_group(
+    name: str, seed: list[int], forms: Sequence[str] = FORMS, size: int = GROUP
+) -> dict[str, Tally]:
+    """Compare a program, under options of the group's own, on `size` problems."""
+    tallies = {form: Tally() for form in forms}
+    for n_u in sorted({INPUTS[form] for form in forms}):
+        rng = np.random.default_rng([programs.names().index(name), *seed, n_u])
+        input_set = _input_set(rng, n_u)
+        options = random_options(rng, name)
+        rows = random_rows(rng, size, int(rng.integers(1, 9)), n_u)
+        u_nominal = random_nominal(rng, size, input_set)
+        exact = None
+        for form in forms:
+            if INPUTS[form] != n_u:
+                continue
+            if exact is None:
+                exact = _exact(name, input_set, u_nominal, rows, options)
+            answers = _answers(form, name, input_set, u_nominal, rows, options)
+            for answer, wanted in zip(answers, exact, strict=True):
+                tallies[form].add(answer, wanted)
     return tallies
 
 
-def _judge(tally: Tally, name: str, problem: Exact, choices: Polygon, answer: FilterResult) -> None:
-    u = answer.u
-    tally.problems += 1
-    tally.backups += int(answer.status == FilterStatus.BACKUP)
-    tally.fallbacks += int(answer.fallbacks > 0)
-    exact = nearest(choices, problem.u_nominal)
-    difference = max(abs(float(exact[0]) - u[0]), abs(float(exact[1]) - u[1]))
-    if difference <= TOLERANCE:
-        tally.largest_difference = max(tally.largest_difference, float(difference))
-        return
-    found = (rational(float(u[0])), rational(float(u[1])))
-    got, least = problem.costs(name, found), problem.costs(name, exact)
-    if len(choices) > 1:  # then the distance from u* decides
-        got.append(gap(found, problem.u_nominal))
-        least.append(gap(exact, problem.u_nominal))
-    excess = [float((x - y) / (1 + y)) for x, y in zip(got, least, strict=True)]
-    # the first stage that differs decides, as it does in the programs
-    first = next((k for k, x in enumerate(excess) if abs(x) > COST_TOLERANCE), None)
-    if first is None or excess[first] < 0.0:
-        tally.equal_cost += 1
-    else:
-        tally.wrong += 1
+def _input_set(rng: np.random.Generator, n_u: int) -> InputSet:
+    if n_u == 2:
+        return INPUT_SETS[rng.integers(len(INPUT_SETS))]
+    lopsided = Box(-rng.uniform(0.5, 2.0, n_u), rng.uniform(1.0, 5.0, n_u))
+    return lopsided if rng.random() < 0.5 else Box.symmetric(5.0, n_u=n_u)
+
+
+def _one(rows: CbfRows, i: int) -> CbfRows:
+    return CbfRows(*(field[i] for field in rows if field is not None))
+
+
+def _exact(
+    name: str, input_set: InputSet, u_nominal: Array, rows: CbfRows, options: dict[str, Any]
+) -> list[Array]:
+    program = programs.make(name, input_set=input_set, **options)
+    return [
+        Judge.of(input_set, u, _one(rows, i), program).solve(name).astype(np.float64)
+        for i, u in enumerate(u_nominal)
+    ]
+
+
+def _answers(
+    form: str,
+    name: str,
+    input_set: InputSet,
+    u_nominal: Array,
+    rows: CbfRows,
+    options: dict[str, Any],
+) -> list[FilterResult]:
+    if form == "batch":
+        together = programs.make_batch(name, input_set=input_set, **options)(u_nominal, rows)
+        return [FilterResult(*(field[i] for field in together)) for i in range(len(u_nominal))]
+    solver = None if form == "single" else "daqp"
+    program = programs.make(name, input_set=input_set, solver=solver, **options)
+    return [program(u, _one(rows, i)) for i, u in enumerate(u_nominal)]
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Verify every program on 100,000 problems (2,000 if quick), print and return the tallies."""
-    samples = 2_000 if quick else 100_000
-    table = Table(title=f"{samples:,} problems for each program, against rational arithmetic")
-    for header in ("program", "form", "max |Δu|", "equal cost", "wrong"):
-        table.add_column(header, justify="right")
-    for header in ("backups", "second solver or rational"):
-        table.add_column(header, justify="right")
-    figures: dict[str, Any] = {}
+    """Verify every program, print and return the tallies.
+
+    Two inputs on 100,000 problems (200 if quick), one, three and seven on 20,000 (100).
+    """
+    figures: dict[str, Any] = {name: {} for name in programs.names()}
+    planar, general = ("batch", "single"), ("1 input", "3 inputs", "7 inputs")
+    counts = {planar: 200 if quick else 100_000, general: 100 if quick else 20_000}
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
-        for name in programs.names():
-            bar = progress.add_task(name, total=samples)
-            for tallies in verify(name, samples, jobs=-1):
-                progress.update(bar, completed=tallies["batch"].problems)
-                figures[name] = {form: asdict(tally) for form, tally in tallies.items()}
-            for form, tally in figures[name].items():
-                cells = [f"{tally['largest_difference']:.1e}"]
-                keys = ("equal_cost", "wrong", "backups", "fallbacks")
-                table.add_row(name, form, *cells, *(str(tally[key]) for key in keys))
-    Console().print(table)
+        for forms, samples in counts.items():
+            for name in programs.names():
+                bar = progress.add_task(f"{name}, {forms[0]}", total=samples)
+                for tallies in verify(name, samples, jobs=-1, forms=forms):
+                    progress.update(bar, completed=tallies[forms[0]].problems)
+                    figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
+    print_figures(figures)
     return figures
+
+
+def print_figures(figures: dict[str, Any]) -> None:
+    """Print the tallies as a table."""
+    table = Table(title="Against rational arithmetic")
+    for header in ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks"):
+        table.add_column(header, justify="right")
+    for name, forms in figures.items():
+        for form, tally in forms.items():
+            counts = (tally[key] for key in ("wrong", "backups", "fallbacks"))
+            largest = f"{tally['largest_difference']:.1e}"
+            cells = (f"{tally['problems']:,}", largest, *(f"{count:,}" for count in counts))
+            table.add_row(name, form, *cells)
+    Console().print(table)
