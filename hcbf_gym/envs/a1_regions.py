@@ -83,8 +83,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     ## Arguments
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
       a `Scenario`.
-    * `feedback`: "measured" closes the loop on the trunk's position and velocity, "position" on
-      its position and the reduced-order model's velocity, "rom" on that model's own state.
+    * `feedback`: "position" closes the loop on the trunk's position and the reduced-order model's
+      velocity, which does not sway with every step; "measured" on the trunk's position and
+      velocity, "rom" on that model's own state.
     * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
     * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
     * `gait`: "trot", "walk", or "stand" (which trots when something is asked or disturbs).
@@ -112,7 +113,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     def __init__(
         self,
         scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
-        feedback: str = "measured",
+        feedback: str = "position",
         xml_file: str | None = None,
         timestep: float = task.PHYSICS_DT,
         gait: str = "trot",
@@ -170,6 +171,17 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
         return self.estimate.x
+
+    @property
+    def lag(self) -> Array:
+        """(4,) the trunk's position [m] and velocity [m/s] less the reduced-order model's."""
+        reference = self.controller.reference
+        return self._measured - np.concatenate([reference.position, reference.velocity])
+
+    @property
+    def heading(self) -> float:
+        """Yaw of the trunk [rad]."""
+        return self.simulation.yaw
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:

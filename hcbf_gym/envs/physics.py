@@ -1,5 +1,6 @@
 """The plant: the robot, the ground and boxes in MuJoCo, stepped one physics tick at a time."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -8,18 +9,21 @@ from typing import Any, NoReturn
 import mujoco
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Conditions, Randomization
-from hcbf_gym.errors import InvalidInputError, RobotModelError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.locomotion.rotation import turned
 from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
 from hcbf_gym.robots import a1
+from hcbf_gym.robots.motors import drive
+from hcbf_gym.robots.reader import compile_spec, foot_name, read_robot
 
 MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
 MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
+
+CONTACT_FORCE = 5.0  # [N] of the floor on a foot, above which the foot stands on it
 
 # standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
 VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
@@ -66,7 +70,8 @@ class Physics:
         timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
         self._randomization = Randomization.from_dict(randomization)
         self._disturbance = disturbance_from_dict(disturbances)
-        spec = scene.robot_spec(Path(xml_file or a1.XML_FILE))
+        self.robot = read_robot(a1.XML_FILE if xml_file is None else xml_file)
+        spec = scene.robot_spec(self.robot)
         scene.set_physics(spec, timestep)
         scene.add_ground(spec, terrain)
         scene.add_boxes(spec, obstacles)
@@ -74,17 +79,20 @@ class Physics:
             scene.add_payload(spec, self._randomization.payload_position)
         if decorate is not None:
             decorate(spec)
-        self.model = spec.compile()
+        self.model = compile_spec(spec, self.robot.xml_file)
         self.data = mujoco.MjData(self.model)
 
         self._trunk = self.model.body(a1.TRUNK).id
-        self._feet = np.array([_foot_geom(self.model, leg) for leg in a1.LEGS])
+        self._feet = np.array([self.model.geom(foot_name(leg)).id for leg in a1.LEGS])
         self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
         self._forces = np.zeros(len(self._boxes))
-        self._start_height = a1.HOME_HEIGHT + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
+        self._start_height = self.robot.home_height + (
+            scene.ROUGH_STEP if terrain == "rough" else 0.0
+        )
         # the robot comes first in the scene, so these are its own
         self._qpos, self._qvel = self.data.qpos[:19], self.data.qvel[:18]
-        self._ctrl = self.data.ctrl
+        self._rate, self._ctrl = self.data.qvel[6:18], self.data.ctrl
+        self._foot_forces = self.data.sensordata[:12]  # (3,) of each foot
         self._rng = np.random.default_rng(0)
         self._pushes: list[Push] = []
         self._delayed: deque[Array] = deque()
@@ -118,7 +126,7 @@ class Physics:
         self._qpos[:2] = position + offset
         self._qpos[2] = self._start_height
         self._qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
-        self._qpos[7:] = a1.HOME_JOINTS
+        self._qpos[7:] = self.robot.home_joints
         self._arrive()
 
     def state(self, known: Array | None = None) -> RobotState:
@@ -151,7 +159,14 @@ class Physics:
             torque = self._delayed.popleft()
         if self._pushes:
             self.push(self._scheduled_force())
-        np.multiply(torque, self.conditions.motor_strength, out=self._ctrl)
+        drive(
+            self.robot.stall_torque,
+            self.robot.no_load_speed,
+            self._rate,
+            self.conditions.motor_strength,
+            torque,
+            self._ctrl,
+        )
         mujoco.mj_step2(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
@@ -161,8 +176,7 @@ class Physics:
         """Compute what follows from the new positions and velocities, and note them."""
         mujoco.mj_step1(self.model, self.data)
         self.truth = np.empty(STATE_SIZE)
-        pairs = self.data.contact.geom
-        self.diverged = not read_state(self._qpos, self._qvel, self._feet, pairs, self.truth)
+        self.diverged = not read_state(self._qpos, self._qvel, self._foot_forces, self.truth)
 
     def push(self, force: Array) -> None:
         """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
@@ -172,6 +186,12 @@ class Physics:
     def base_state(self) -> Array:
         """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
         return self.truth[BASE]
+
+    @property
+    def yaw(self) -> float:
+        """Heading of the trunk, without noise [rad]."""
+        w, x, y, z = self._qpos[3:7].tolist()
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     @property
     def fallen(self) -> bool:
@@ -217,8 +237,7 @@ class Physics:
 def read_state(
     qpos: Array,
     qvel: Array,
-    feet: NDArray[np.int64],
-    pairs: NDArray[np.int32],
+    foot_forces: Array,
     state: Array,
 ) -> bool:
     """Fill in the vector of a `RobotState` and return whether it is finite.
@@ -226,33 +245,11 @@ def read_state(
     Args:
         qpos: (19,) of the robot.
         qvel: (18,).
-        feet: (4,) their geoms.
-        pairs: (n, 2) the geoms that touch each other.
+        foot_forces: (12,) the ground's force on each foot in the last tick, in the world [N].
         state: (41,) filled in.
     """
     state[:19] = qpos
     state[19:37] = qvel
     for foot in range(4):
-        touches = False
-        for contact in range(pairs.shape[0]):
-            if pairs[contact, 0] == feet[foot] or pairs[contact, 1] == feet[foot]:
-                touches = True
-        state[37 + foot] = touches
+        state[37 + foot] = abs(foot_forces[3 * foot + 2]) > CONTACT_FORCE
     return bool(np.isfinite(state).all())
-
-
-def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
-    """Return the sphere at the end of a leg.
-
-    Raises:
-        RobotModelError: if its calf carries none.
-    """
-    name = f"{leg}_calf"
-    calf = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-    on_calf = (model.geom_bodyid == calf) & (model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
-    spheres = np.flatnonzero(on_calf)
-    if calf < 0 or len(spheres) != 1:
-        raise RobotModelError(
-            f"xml_file: got {len(spheres)} sphere(s) in body {name!r}, expected one as the foot"
-        )
-    return int(spheres[0])

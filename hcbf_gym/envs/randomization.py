@@ -40,7 +40,8 @@ class Randomization:
         payload: strapped to the trunk [kg].
         payload_position: (3,) where, in the trunk's axes [m].
         motor_strength: share of the commanded torque that arrives, positive.
-        delay: between a measurement and the torque it leads to [s], rounded to physics ticks.
+        delay: between a measurement and the torque it leads to [s], rounded to physics ticks; of
+            the nominal plant one tick of the 500 Hz loop.
         sensor_noise: scale of white noise on what the controller is told; 1 means standard
             deviations of .1 m/s, .2 rad/s, .005 rad on the trunk, .01 rad and .6 rad/s on the
             joints, and one contact in 200 reported wrongly.
@@ -55,7 +56,7 @@ class Randomization:
     payload: Range = (0.0, 0.0)
     payload_position: tuple[float, float, float] = (0.0, 0.0, 0.08)
     motor_strength: Range = (1.0, 1.0)
-    delay: Range = (0.0, 0.0)
+    delay: Range = (0.002, 0.002)
     sensor_noise: Range = (0.0, 0.0)
     start_distance: Range = (0.0, 0.0)
     start_yaw: Range = (0.0, 0.0)

@@ -1,64 +1,71 @@
 """The scene as an MjSpec: the robot, the ground under it and boxes in its way."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from hcbf_gym.errors import RobotModelError, choose
+from hcbf_gym.constants import GRAVITY
+from hcbf_gym.errors import choose
 from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import Robot, foot_name, load_spec
 
 FIXED_BOX_RGBA = (0.55, 0.42, 0.30, 1.0)
 LIGHT_BOX_RGBA = (0.95, 0.80, 0.15, 1.0)
 FLOOR_RGBA = (0.8, 0.8, 0.8, 1.0)
 
+FLOOR = "floor"
+_NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world's axes
+
 ROUGH_STEP = 0.03  # [m] the highest step
 ROUGH_BLOCK = 0.25  # [m] edge of a block of one height
 ROUGH_CELL = 0.05  # [m] over which one block rises to the next
-ROUGH_HALF_SIZE = 20.0  # [m] of the field, centred at the origin
+ROUGH_HALF_SIZE = 20.0  # [m] of the field, centred at the origin; walls stand around it
+WALL_HEIGHT = 0.5  # [m]
 
 PAYLOAD = "payload"
 PAYLOAD_HALF_SIZE = (0.06, 0.05, 0.04)  # [m]
 
 
-def robot_spec(xml_file: Path) -> mujoco.MjSpec:
-    """Return the robot alone, its actuators replaced by torque motors.
-
-    Raises:
-        RobotModelError: if MuJoCo refuses the file, or trunk, joints or feet are not the A1's.
-    """
-    if not xml_file.is_file():
-        raise RobotModelError(f"xml_file: got {str(xml_file)!r}, expected an existing MJCF file")
-    try:
-        spec = mujoco.MjSpec.from_file(str(xml_file))
-    except ValueError as error:
-        raise RobotModelError(f"xml_file: MuJoCo refuses {xml_file}: {error}") from error
-    hinges = [joint.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE]
-    free = [joint.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
-    if hinges != list(a1.JOINTS) or len(spec.joints) != 13 or len(free) != 1:
-        raise RobotModelError(
-            f"xml_file: got {len(free)} free joint(s) and the hinges {hinges}, "
-            f"expected one and {list(a1.JOINTS)}"
-        )
-    if spec.body(a1.TRUNK) is None:
-        bodies = sorted(body.name for body in spec.bodies)
-        raise RobotModelError(f"xml_file: got the bodies {bodies}, expected one named {a1.TRUNK!r}")
-    for element in (*spec.actuators, *spec.keys):  # keys would no longer fit the scene's qpos
+def robot_spec(robot: Robot) -> mujoco.MjSpec:
+    """Return the robot alone, its actuators replaced by torque motors, its feet named and felt."""
+    spec = load_spec(robot.xml_file)
+    for element in (*spec.actuators, *spec.keys, *spec.sensors):  # keys would not fit the scene
         spec.delete(element)
-    for name in a1.JOINTS:
+    for name, limit in zip(a1.JOINTS, robot.stall_torque.tolist(), strict=True):
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
         motor.forcelimited = True
-        motor.forcerange = (-a1.TORQUE_LIMIT, a1.TORQUE_LIMIT)
+        motor.forcerange = (-limit, limit)
+    for leg in a1.LEGS:
+        _add_foot_sensor(spec, leg)
     return spec
+
+
+def _add_foot_sensor(spec: mujoco.MjSpec, leg: str) -> None:
+    """Let the simulation report the net force between a foot and the floor."""
+    calf = spec.joint(f"{leg}_calf_joint").parent
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+    spheres = [geom for geom in calf.geoms if geom.type == sphere and geom.contype]
+    foot = min(spheres, key=lambda geom: geom.pos[2])
+    foot.name = foot_name(leg)
+    spec.add_sensor(
+        name=foot.name,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_GEOM,
+        objname=foot.name,
+        reftype=mujoco.mjtObj.mjOBJ_GEOM,
+        refname=FLOOR,
+        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), _NET_FORCE, 1),
+    )
 
 
 def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
     """Choose integrator and contact model: stiff feet that neither creep nor sink."""
     option = spec.option
     option.timestep = timestep
+    option.gravity = (0.0, 0.0, -GRAVITY)
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 100.0
@@ -72,7 +79,8 @@ def add_ground(spec: mujoco.MjSpec, terrain: str) -> None:
 
     Args:
         spec: of the scene.
-        terrain: "flat", or "rough": blocks of random height up to `ROUGH_STEP`, always the same.
+        terrain: "flat" without end, or "rough": blocks of random height up to `ROUGH_STEP`, always
+            the same, between four walls.
     """
     choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})(spec)
     spec.worldbody.add_light(
@@ -82,7 +90,7 @@ def add_ground(spec: mujoco.MjSpec, terrain: str) -> None:
 
 def _add_plane(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), rgba=FLOOR_RGBA
+        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), rgba=FLOOR_RGBA
     )
 
 
@@ -92,15 +100,23 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
     heights = np.random.default_rng(0).random((blocks, blocks))
     field = np.kron(heights, np.ones((cells, cells)))
     spec.add_hfield(
-        name="floor",
+        name=FLOOR,
         nrow=field.shape[0],
         ncol=field.shape[1],
         size=(ROUGH_HALF_SIZE, ROUGH_HALF_SIZE, ROUGH_STEP, 0.1),
         userdata=field.ravel(),
     )
     spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="floor", rgba=FLOOR_RGBA
+        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FLOOR, rgba=FLOOR_RGBA
     )
+    far, half = ROUGH_HALF_SIZE, 0.5 * WALL_HEIGHT
+    for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far)):
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=(x, y, half),
+            size=(0.1 if x else far, 0.1 if y else far, half),
+            rgba=FIXED_BOX_RGBA,
+        )
 
 
 def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:

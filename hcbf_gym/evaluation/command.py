@@ -59,7 +59,7 @@ class Args:
     """What strict rows keep between h and zero [m; default: the environment's]."""
     solver: str | None = None
     """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
-    feedback: Literal["measured", "position", "rom"] = "measured"
+    feedback: Literal["measured", "position", "rom"] = "position"
     """On which state the A1 closes its loop."""
     episodes: int = 1
     """Episodes of each pair, with the seeds seed, seed + 1, …"""

@@ -43,7 +43,8 @@ WORKSPACE = np.dtype(
             ("z", "f8", 12),
             ("feedforward", "f8", 12),  # τ of the latest solution [N·m]
             ("feedback", "f8", 12),  # of the joint impedance [N·m]
-            ("torque", "f8", 12),  # their sum within the limit [N·m]
+            ("limits", "f8", (2, 12)),  # least and largest torque of each joint [N·m]
+            ("torque", "f8", 12),  # feedforward and feedback within the limits [N·m]
         ],
     )
 )
@@ -123,7 +124,7 @@ def condense(
     stance: NDArray[np.bool_],
     tasks: TaskAccelerations,
     friction: float,
-    torque_limit: float,
+    limits: Array,
     out: np.record,
 ) -> int:
     """Fill in the program in z (12,) and return how many feet stand, c.
@@ -137,7 +138,7 @@ def condense(
         stance: (4,) bool, feet that do not move.
         tasks: the accelerations to come close to.
         friction: µ of the friction pyramid.
-        torque_limit: of every joint [N·m].
+        limits: (2, 12) least and largest torque of each joint [N·m].
         out: a `WORKSPACE` record; the rows ``A[: 12 + 4c]`` count.
     """
     beta = np.empty((4, 3))
@@ -218,8 +219,8 @@ def condense(
             f[i] += e * miss[12]
     A[:12] = torque[:, :12]
     out.torque_offset[:] = torque[:, 12]
-    lower[12:24] = -torque_limit - out.torque_offset
-    upper[12:24] = torque_limit - out.torque_offset
+    lower[12:24] = limits[0] - out.torque_offset
+    upper[12:24] = limits[1] - out.torque_offset
     return (row - 12) // 4
 
 
@@ -268,15 +269,15 @@ def free_minimiser(program: np.record, rows: int) -> bool:
 
 
 @njit(cache=True)
-def set_torque(work: np.record, torque_limit: float) -> None:
-    """Add up feedforward and feedback within ±torque_limit [N·m]."""
+def set_torque(work: np.record) -> None:
+    """Add up feedforward and feedback within the limits."""
     for joint in range(12):
         total = work.feedforward[joint] + work.feedback[joint]
-        work.torque[joint] = min(max(total, -torque_limit), torque_limit)
+        work.torque[joint] = min(max(total, work.limits[0, joint]), work.limits[1, joint])
 
 
 @njit(cache=True)
-def take_solution(work: np.record, torque_limit: float) -> None:
+def take_solution(work: np.record) -> None:
     """Set the torques of the solution in ``work.z``."""
     work.feedforward[:] = apply(work.A[:12], work.z) + work.torque_offset
-    set_torque(work, torque_limit)
+    set_torque(work)

@@ -19,6 +19,7 @@ from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
 from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import read_robot
 
 
 class Diagnostics(NamedTuple):
@@ -57,7 +58,7 @@ class LocomotionController:
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
         heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
-        height: of the trunk above the ground [m].
+        height: of the trunk above the ground [m]; None is that of the home pose.
         formulation: of the task-space QP, "condensed" or "full"; both give the same torques.
 
     Raises:
@@ -74,19 +75,26 @@ class LocomotionController:
         gait: str = "trot",
         heading: str = "velocity",
         max_speed: float | None = None,
-        height: float = a1.HOME_HEIGHT,
+        height: float | None = None,
         formulation: str = "condensed",
     ) -> None:
-        self.model = RobotModel(xml_file)
+        self.robot = read_robot(xml_file)
+        self.model = RobotModel(self.robot)
         chosen_gait = choose("gait", gait, GAITS)
         settings = (
             finite_float("timestep", timestep, minimum=0.0, exclusive=True),
             finite_float("friction", friction, minimum=0.0, exclusive=True),
-            a1.TORQUE_LIMIT,
-            finite_float("height", height, minimum=0.0, exclusive=True),
+            self.robot.stall_torque,
+            self.robot.no_load_speed,
+            finite_float(
+                "height",
+                self.robot.home_height if height is None else height,
+                minimum=0.0,
+                exclusive=True,
+            ),
             _speed_cap(chosen_gait, max_speed),
             choose("heading", heading, {"velocity": True, "fixed": False}),
-            a1.FOOT_RADIUS,
+            self.robot.foot_radius,
             chosen_gait,
             self.model.legs,
             nominal_stance(self.model.legs.hip),
@@ -115,7 +123,7 @@ class LocomotionController:
         memory.reference.position[:] = state.position[:2]
         memory.reference.yaw = yaw_of(R)
         memory.clock = RESTING if self._settings[0].gait.rests else 0.0
-        memory.ground = feet[:, 2].mean() - a1.FOOT_RADIUS
+        memory.ground = feet[:, 2].mean() - self.robot.foot_radius
         for foot in range(4):
             stand(memory.targets, foot, feet[foot])
         self._form.feedforward[:] = 0.0

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.constants import GRAVITY
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.state import Array
 
-GRAVITY = 9.81  # [m/s²]
 FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter
 
 

@@ -50,17 +50,17 @@ class CondensedForm:
         solution = qp.solve(self.program)
         if solution.x is not None:
             self._workspace["z"][0] = solution.x
-        finish_condensed(self._workspace, self._settings, solution.x is not None)
+        finish_condensed(self._workspace, solution.x is not None)
         return self._torque.copy(), solution
 
 
 @njit(cache=True)
-def finish_condensed(workspace: Records, settings: Records, solved: bool) -> None:
+def finish_condensed(workspace: Records, solved: bool) -> None:
     """Set the torques after the solver has been asked."""
     if solved:
-        take_solution(workspace[0], settings[0].torque_limit)
+        take_solution(workspace[0])
     else:
-        set_torque(workspace[0], settings[0].torque_limit)
+        set_torque(workspace[0])
 
 
 class FullForm:
@@ -71,7 +71,7 @@ class FullForm:
         self._workspace = np.zeros(1, dtype=FULL_WORKSPACE)
         work = self._workspace[0]
         self._programs = [program_views(work, contacts) for contacts in range(5)]
-        self._limit, self._feedback = float(settings[0].torque_limit), work.feedback
+        self._limits, self._feedback = work.limits, work.feedback
         self.feedforward = np.zeros(12)
         self.program = self._programs[0]
 
@@ -83,5 +83,4 @@ class FullForm:
         if solution.x is not None:
             self.feedforward = solution.x[18:30].copy()
         torque = self.feedforward + self._feedback
-        np.minimum(torque, self._limit, out=torque)
-        return np.maximum(torque, -self._limit, out=torque), solution
+        return torque.clip(*self._limits), solution

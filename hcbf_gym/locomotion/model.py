@@ -9,21 +9,23 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.dynamics import Bodies
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import Robot
 
 
 class RobotModel:
     """A floating trunk with four abad–hip–knee legs.
 
     Args:
-        xml_file: the robot alone, no ``<include>``.
+        robot: as read from its file, which may hold no ``<include>``.
 
     Raises:
-        RobotModelError: if the file cannot be read, or is not a quadruped with the A1's joints.
+        RobotModelError: if Pinocchio cannot read the file, or the closed form does not cover its
+            legs.
     """
 
-    def __init__(self, xml_file: Path) -> None:
-        self.pinocchio = _read(xml_file)
-        self.legs = _leg_geometry(self.pinocchio, xml_file)
+    def __init__(self, robot: Robot) -> None:
+        self.pinocchio = _read(robot.xml_file)
+        self.legs = _leg_geometry(self.pinocchio, robot)
         self.bodies = _bodies(self.pinocchio)
 
 
@@ -40,8 +42,6 @@ def _bodies(model: pin.Model) -> Bodies:
 
 
 def _read(xml_file: Path) -> pin.Model:
-    if not Path(xml_file).is_file():
-        raise RobotModelError(f"xml_file: got {str(xml_file)!r}, expected an existing MJCF file")
     try:
         model = pin.buildModelFromMJCF(str(xml_file))
     except Exception as error:  # Pinocchio raises whatever its parser throws
@@ -58,7 +58,7 @@ def _read(xml_file: Path) -> pin.Model:
     return model
 
 
-def _leg_geometry(model: pin.Model, xml_file: Path) -> LegGeometry:
+def _leg_geometry(model: pin.Model, robot: Robot) -> LegGeometry:
     """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
     placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
     axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]
@@ -69,7 +69,7 @@ def _leg_geometry(model: pin.Model, xml_file: Path) -> LegGeometry:
     expected = ["JointModelRX", "JointModelRY", "JointModelRY"] * 4
     if axes != expected or not (straight and plain and equal):
         raise RobotModelError(
-            f"xml_file: {xml_file} has joint axes {axes} and offsets {offsets.tolist()}, expected "
+            f"xml_file: {robot.xml_file} has joint axes {axes} and offsets {offsets.tolist()}, expected "
             "an abad axis x, hip and knee axes y, the hip straight beside the abad joint, the knee "
             "straight below the hip, and legs of one length"
         )
@@ -77,5 +77,5 @@ def _leg_geometry(model: pin.Model, xml_file: Path) -> LegGeometry:
         hip=offsets[:, 0].copy(),
         offset=offsets[:, 1, 1].copy(),
         thigh=float(-offsets[0, 2, 2]),
-        calf=a1.CALF_LENGTH,
+        calf=robot.calf,
     )

@@ -45,6 +45,7 @@ FULL_WORKSPACE = np.dtype(
             ("lower", "f8", 42 + 46),
             ("upper", "f8", 42 + 46),
             ("feedback", "f8", 12),  # of the joint impedance [N·m]
+            ("limits", "f8", (2, 12)),  # least and largest torque of each joint [N·m]
         ],
     )
 )
@@ -110,14 +111,14 @@ def full_form(
     stance: NDArray[np.bool_],
     tasks: TaskAccelerations,
     friction: float,
-    torque_limit: float,
+    limits: Array,
     out: np.record,
 ) -> int:
     """Fill in the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)) and return how many.
 
     ``min ‖J_y q̈ + J̇_y q̇ − ÿ‖² + w‖F‖²`` subject to ``D q̈ + H = Sᵀτ + J_cᵀF``,
-    ``J_c q̈ + J̇_c q̇ = 0``, ``|F_x|, |F_y| ≤ µ F_z`` and ``|τ| ≤ τ_max``: the contact wrench cone
-    of point feet, as a pyramid.
+    ``J_c q̈ + J̇_c q̇ = 0``, ``|F_x|, |F_y| ≤ µ F_z`` and ``τ_min ≤ τ ≤ τ_max``: the contact wrench
+    cone of point feet, as a pyramid.
 
     Args:
         M: (18, 18) D.
@@ -128,7 +129,7 @@ def full_form(
         stance: (4,) bool, feet that do not move.
         tasks: the accelerations ÿ to come close to.
         friction: µ.
-        torque_limit: τ_max [N·m].
+        limits: (2, 12) least and largest τ of each joint [N·m].
         out: a `FULL_WORKSPACE` record; read it through `program_views`.
 
     Source: section II-B of the paper, "Task-Space Controller".
@@ -160,7 +161,7 @@ def full_form(
             A[i, j] = M[i, j]
     for joint in range(12):
         A[6 + joint, 18 + joint] = -1.0
-        lower[18 + joint], upper[18 + joint] = -torque_limit, torque_limit
+        lower[18 + joint], upper[18 + joint] = limits[0, joint], limits[1, joint]
 
     force, contact_row, pyramid_row = 30, 18, equalities
     for foot in range(4):

@@ -44,7 +44,7 @@ def task_accelerations(
     feet: FootKinematics,
     reference: BodyReference,
     targets: FootTargets,
-    trunk_height: float,
+    too_low: float,
     max_speed: float,
 ) -> TaskAccelerations:
     """Return the accelerations that the task-space QP shall come close to.
@@ -58,7 +58,7 @@ def task_accelerations(
         feet: the feet's kinematics in the trunk's axes.
         reference: of the trunk in the plane.
         targets: of the feet.
-        trunk_height: desired height of the trunk in the world [m].
+        too_low: desired height of the trunk less the measured one [m].
         max_speed: cap on the reference's speed [m/s].
     """
     position, velocity, omega = state.position, state.linear_velocity, state.angular_velocity
@@ -70,7 +70,7 @@ def task_accelerations(
     scale = min(1.0, (max_speed + CATCH_UP) / max(speed, 1e-9))
     for i in range(2):
         linear[i] = reference.acceleration[i] + PLANE_KD * (scale * linear[i] - velocity[i])
-    linear[2] = HEIGHT_KP * (trunk_height - position[2]) - HEIGHT_KD * velocity[2]
+    linear[2] = HEIGHT_KP * too_low - HEIGHT_KD * velocity[2]
 
     turn = rotation_vector_to_yaw(R, reference.yaw)
     up = R[2]  # the world's vertical in the trunk's axes

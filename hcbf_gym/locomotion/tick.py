@@ -22,8 +22,11 @@ from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, StateViews, state_views
 from hcbf_gym.locomotion.task_space import full_form
 from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
+from hcbf_gym.robots.motors import torque_limits
 
 GROUND_GAIN = 0.02  # per tick, by which the ground's estimate follows the standing feet
+# what the model leaves out (impacts, latency) grows with the speed and would lift the trunk
+HEIGHT_KI, MAX_LIFT = 300.0, 8.0  # [1/s³], [m/s²]
 
 # a gait that rests may rest while all of these stay below
 QUIET_INPUT = 0.02  # [m/s²] asked of the robot, and [m/s] of its reference
@@ -37,7 +40,8 @@ SETTINGS = np.dtype(
         [
             ("timestep", "f8"),  # [s]
             ("friction", "f8"),  # µ of the friction pyramid
-            ("torque_limit", "f8"),  # of every joint [N·m]
+            ("stall_torque", "f8", 12),  # of the joints at rest [N·m]
+            ("no_load_speed", "f8", 12),  # of the joints [rad/s]
             ("height", "f8"),  # of the trunk above the ground [m]
             ("max_speed", "f8"),  # cap on the reference's speed [m/s]
             ("follow_velocity", "u1"),  # whether the heading does
@@ -58,6 +62,7 @@ MEMORY = np.dtype(
             ("targets", TARGETS),
             ("clock", "f8"),  # of the gait [s]
             ("ground", "f8"),  # estimated height of the ground [m]
+            ("lift", "f8"),  # learnt acceleration upwards that holds the trunk's height [m/s²]
         ],
     )
 )
@@ -157,8 +162,11 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
         memory.ground + settings.foot_radius,
         dt,
     )
-    trunk_height = memory.ground + settings.height
-    tasks = task_accelerations(state, R, feet, reference, targets, trunk_height, settings.max_speed)
+    too_low = memory.ground + settings.height - state.position[2]
+    memory.lift += dt * HEIGHT_KI * too_low
+    memory.lift = min(max(memory.lift, -MAX_LIFT), MAX_LIFT)
+    tasks = task_accelerations(state, R, feet, reference, targets, too_low, settings.max_speed)
+    tasks.linear[2] += memory.lift
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
     memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
@@ -184,14 +192,17 @@ def tick_condensed(
         state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    friction, limit = settings[0].friction, settings[0].torque_limit
+    friction, own = settings[0].friction, settings[0]
     work, stance = workspace[0], memory[0].targets.stance
-    p = plan(settings[0], memory[0], state_views(state), u)
-    contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit, work)
+    torque_limits(
+        own.stall_torque, own.no_load_speed, state_views(state).joint_velocity, work.limits
+    )
+    p = plan(own, memory[0], state_views(state), u)
+    contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)
     work.feedback[:] = p.feedback
     free = free_minimiser(work, 12 + 4 * contacts)
     if free:
-        take_solution(work, limit)
+        take_solution(work)
     return contacts, free
 
 
@@ -204,8 +215,11 @@ def tick_full(
     u: Array,
 ) -> int:
     """Fill in the QP of this tick in (q̈, τ, F), a `FULL_WORKSPACE`; see `tick_condensed`."""
-    friction, limit = settings[0].friction, settings[0].torque_limit
+    friction, own = settings[0].friction, settings[0]
     work, stance = workspace[0], memory[0].targets.stance
-    p = plan(settings[0], memory[0], state_views(state), u)
+    torque_limits(
+        own.stall_torque, own.no_load_speed, state_views(state).joint_velocity, work.limits
+    )
+    p = plan(own, memory[0], state_views(state), u)
     work.feedback[:] = p.feedback
-    return full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, limit, work)
+    return full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)

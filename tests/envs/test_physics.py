@@ -274,8 +274,8 @@ def test_bad_options_are_refused_with_the_choices(options, error, message):
 
 def test_the_home_pose_stands_on_the_ground():
     state = fresh().state()
-    assert state.position[2] == a1.HOME_HEIGHT
-    np.testing.assert_array_equal(state.joint_position, a1.HOME_JOINTS)
+    assert state.position[2] == 0.27
+    np.testing.assert_array_equal(state.joint_position, np.tile([0.0, 0.9, -1.8], 4))
 
 
 def test_a_robot_with_position_servos_is_driven_by_torques(tmp_path):

@@ -20,8 +20,10 @@ from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import StateViews
 from hcbf_gym.locomotion.task_space import foot_bias, foot_jacobian
 from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import read_robot
 
-MODEL = RobotModel(a1.XML_FILE)
+ROBOT = read_robot()
+MODEL = RobotModel(ROBOT)
 
 
 def random_state(seed: int) -> StateViews:
@@ -113,7 +115,7 @@ def test_foot_jacobians_and_their_drift_agree_with_mujoco_and_pinocchio(seed):
     for foot, leg in enumerate(a1.LEGS):
         calf = model.body(f"{leg}_calf").id
         place = state.position + R @ feet.position[foot]
-        expected = data.xpos[calf] + data.xmat[calf].reshape(3, 3) @ [0, 0, -a1.CALF_LENGTH]
+        expected = data.xpos[calf] + data.xmat[calf].reshape(3, 3) @ [0, 0, -ROBOT.calf]
         np.testing.assert_allclose(place, expected, atol=1e-9)
 
         J, J_dot = np.zeros((3, 18)), np.zeros((3, 18))
@@ -139,7 +141,7 @@ def test_foot_acceleration_agrees_with_pinocchio(seed):
     pin.forwardKinematics(model, data, q, v, acceleration)
     for foot, leg in enumerate(a1.LEGS):
         knee = model.getJointId(f"{leg}_calf_joint")
-        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -a1.CALF_LENGTH]))
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -ROBOT.calf]))
         frame = pin.Frame(f"{leg}_foot", knee, place, pin.FrameType.OP_FRAME)
         expected = pin.getFrameClassicalAcceleration(
             model, data, frame.parentJoint, place, pin.LOCAL_WORLD_ALIGNED
@@ -158,7 +160,7 @@ def test_foot_acceleration_agrees_with_pinocchio(seed):
     knee=st.floats(-2.69, -0.92),
 )
 def test_inverse_kinematics_undoes_the_forward_one(leg, abad, hip, knee):
-    joints = np.tile(a1.HOME_JOINTS[:3], 4)
+    joints = np.tile(ROBOT.home_joints[:3], 4)
     joints[3 * leg : 3 * leg + 3] = abad, hip, knee
     foot = foot_kinematics(MODEL.legs, joints, np.zeros(12)).position[leg]
     assume((foot - MODEL.legs.hip[leg])[2] < -0.1)  # the branch a walking leg is on
@@ -187,14 +189,14 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("build", [RobotModel, Physics])
+@pytest.mark.parametrize("build", [read_robot, Physics])
 def test_a_robot_with_other_joints_is_refused_with_the_joints_named(tmp_path, build):
     path = edited(tmp_path, "FR_calf_joint", "front_right_knee")
     with pytest.raises(RobotModelError, match=r"front_right_knee.*FR_calf_joint"):
         build(path)
 
 
-@pytest.mark.parametrize("build", [RobotModel, Physics])
+@pytest.mark.parametrize("build", [read_robot, Physics])
 def test_a_missing_or_broken_robot_file_is_refused(tmp_path, build):
     with pytest.raises(RobotModelError, match=r"nowhere\.xml"):
         build(tmp_path / "nowhere.xml")
@@ -209,7 +211,7 @@ def test_a_leg_that_the_closed_form_does_not_cover_is_refused(tmp_path):
         tmp_path, '<body name="FR_calf" pos="0 0 -0.2">', '<body name="FR_calf" pos=".1 0 -0.2">'
     )
     with pytest.raises(RobotModelError, match="straight below"):
-        RobotModel(path)
+        RobotModel(read_robot(path))
 
 
 def test_a_robot_without_a_spherical_foot_is_refused(tmp_path):

@@ -6,6 +6,7 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.constants import GRAVITY
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.gait import GAITS
@@ -85,7 +86,8 @@ def steady_figures(quick: bool) -> list[Measure]:
     ):
         name = f"v = ({velocity[0]:g}, {velocity[1]:g}) m/s"
         rms = 0.07 if velocity[0] > 1.1 else 0.06
-        bounds = (rms, 0.005, 5.0, 1.5, 2.0, 0.5)
+        walks_at_1 = velocity == (1.0, 0.0)
+        bounds = (rms, 0.005, 5.0, 1.5, 2.0, 0.5, 1.5 if walks_at_1 else None, None, None, 0.0)
         labels = (
             ("velocity RMS", "m/s"),
             ("velocity RMS, stride average", "m/s"),
@@ -93,6 +95,10 @@ def steady_figures(quick: bool) -> list[Measure]:
             ("roll or pitch", "°"),
             ("slip a step", "mm"),
             ("yaw drift", "°/min"),
+            ("cost of transport", ""),
+            ("peak torque", "N·m"),
+            ("peak joint speed", "rad/s"),
+            ("ticks with a saturated motor", ""),
         )
         figures += [
             Measure(label, name, value, unit, bound)
@@ -102,16 +108,24 @@ def steady_figures(quick: bool) -> list[Measure]:
 
 
 def steady(velocity: tuple[float, float], seconds: float) -> tuple[float, ...]:
-    """Return the six figures of `steady_figures` for one velocity (2,) [m/s]."""
+    """Return the figures of `steady_figures` for one velocity (2,) [m/s].
+
+    The cost of transport is the joints' positive mechanical power over weight and speed, ``mean
+    Σ max(τ q̇, 0) / (m g v)``: braking gives nothing back. It is infinite on the spot.
+    """
     goal = np.array(velocity)
     walked = walk(seconds, towards(goal, 2.0), heading="fixed")
     if walked.fell:
-        return (np.inf,) * 6
+        return (np.inf,) * 10
     start = round(4.0 / DT)  # the start's transient has gone
     error = walked.state.linear_velocity[start:, :2] - goal
     height = walked.state.position[start:, 2]
     yaw, tilt = orientation(walked)
     heading = stride_average(yaw[start:])
+    rate, torque = walked.state.joint_velocity[start:], walked.torque[start:]
+    during = 0.5 * (rate[:-1] + rate[1:])
+    power = float(np.maximum(torque[:-1] * during, 0.0).sum(axis=1).mean())
+    weight, speed = GRAVITY * walked.mass, float(np.linalg.norm(goal))
     drift = np.polyfit(np.arange(len(heading)), heading, 1)[0] * 60.0 / GAITS["trot"].period
     return (
         root_mean_square(error),
@@ -120,6 +134,10 @@ def steady(velocity: tuple[float, float], seconds: float) -> tuple[float, ...]:
         float(np.degrees(tilt[start:].max())),
         1e3 * slip_per_step(walked, start),
         float(np.degrees(abs(drift))),
+        power / (weight * speed) if speed > 0.0 else np.inf,
+        float(np.abs(torque).max()),
+        float(np.abs(rate).max()),
+        float(walked.saturated[start:].sum()),
     )
 
 

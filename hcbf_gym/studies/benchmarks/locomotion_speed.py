@@ -93,8 +93,8 @@ def recorded_episode() -> tuple[gym.Env[Any, Any], Array, Array]:
     step = simulation.step
 
     def recorded(torque: Array) -> None:
-        torques.append(torque.copy())
         step(torque)
+        torques.append(simulation.data.ctrl.copy())
 
     simulation.step = recorded
     env.reset(seed=0)

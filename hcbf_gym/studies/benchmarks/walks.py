@@ -16,7 +16,8 @@ from hcbf_gym.locomotion.matrices import cross
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.policies.pd import pd_law
-from hcbf_gym.robots import a1
+from hcbf_gym.robots.motors import torque_limits
+from hcbf_gym.robots.reader import Robot
 
 Array = NDArray[np.float64]
 Input = Callable[[float, BodyReference, RobotState], Array]
@@ -32,7 +33,10 @@ class Walk(NamedTuple):
     Attributes:
         state: of the robot, as arrays stacked along time.
         reference: (n, 5) position, velocity and yaw of the body reference.
+        torque: (n, 12) what the motors delivered in the tick that follows [N·m].
+        saturated: (n,) whether a motor delivered all that it can at its speed.
         sole: (n, 4, 2) velocity along the ground of each foot's lowest point [m/s].
+        mass: of the robot [kg].
         fell: whether it did.
         solved: task-space QPs solved.
         failed: task-space QPs without a solution.
@@ -40,7 +44,10 @@ class Walk(NamedTuple):
 
     state: RobotState
     reference: Array
+    torque: Array
+    saturated: NDArray[np.bool_]
     sole: Array
+    mass: float
     fell: bool
     solved: int
     failed: int
@@ -71,7 +78,7 @@ def walk(
     plant.reset(np.zeros(2), yaw, np.random.default_rng(seed))
     brain = LocomotionController(gait=gait, heading=heading, max_speed=SPEED_CAP)
     brain.reset(plant.state())
-    states, references = [], []
+    states, references, torques = [], [], []
     reference, command = brain.reference, np.zeros(2)
     for tick in range(round(seconds / DT)):
         state = plant.state()
@@ -80,15 +87,40 @@ def walk(
             command = np.clip(u(tick * DT, reference, state), -5.0, 5.0)
         plant.step(brain.step(state, command))
         states.append(state)
+        torques.append(plant.data.ctrl.copy())
         references.append([*reference.position, *reference.velocity, reference.yaw])
         if plant.fallen:
             break
     stacked = RobotState(np.array([state.vector for state in states]))
-    sole = np.array([_sole_velocity(brain.model.legs, state) for state in states])
-    return Walk(stacked, np.array(references), sole, plant.fallen, brain.solved, brain.failed)
+    sole = np.array(
+        [_sole_velocity(brain.model.legs, plant.robot.foot_radius, state) for state in states]
+    )
+    torque = np.array(torques)
+    saturated = _saturated(plant.robot, stacked, torque)
+    return Walk(
+        stacked,
+        np.array(references),
+        torque,
+        saturated,
+        sole,
+        float(brain.model.bodies.mass.sum()),
+        plant.fallen,
+        brain.solved,
+        brain.failed,
+    )
 
 
-def _sole_velocity(legs: Any, state: RobotState) -> Array:
+def _saturated(robot: Robot, state: RobotState, torque: Array) -> NDArray[np.bool_]:
+    limits = np.empty((2, 12))
+    saturated = np.zeros(len(torque), dtype=np.bool_)
+    for tick, (rate, delivered) in enumerate(zip(state.joint_velocity, torque, strict=True)):
+        torque_limits(robot.stall_torque, robot.no_load_speed, rate, limits)
+        at_limit = (delivered <= limits[0] + 1e-9) | (delivered >= limits[1] - 1e-9)
+        saturated[tick] = at_limit.any()
+    return saturated
+
+
+def _sole_velocity(legs: Any, foot_radius: float, state: RobotState) -> Array:
     """Return (4, 2) how fast the lowest point of each foot moves along the ground."""
     rotation = rotation_matrix(state.quaternion)
     feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
@@ -102,7 +134,7 @@ def _sole_velocity(legs: Any, state: RobotState) -> Array:
         spin = rotation @ (
             state.angular_velocity + [rate[0], 0.0, 0.0] + (rate[1] + rate[2]) * abad
         )
-        rolling = cross(spin, np.array([0.0, 0.0, -a1.FOOT_RADIUS]))
+        rolling = cross(spin, np.array([0.0, 0.0, -foot_radius]))
         sole[foot] = (state.linear_velocity + swing + own + rolling)[:2]
     return sole
 
