@@ -69,9 +69,9 @@ def _leg_geometry(model: pin.Model, robot: Robot) -> LegGeometry:
     expected = ["JointModelRX", "JointModelRY", "JointModelRY"] * 4
     if axes != expected or not (straight and plain and equal):
         raise RobotModelError(
-            f"xml_file: {robot.xml_file} has joint axes {axes} and offsets {offsets.tolist()}, expected "
-            "an abad axis x, hip and knee axes y, the hip straight beside the abad joint, the knee "
-            "straight below the hip, and legs of one length"
+            f"xml_file: {robot.xml_file} has joint axes {axes} and offsets {offsets.tolist()}, "
+            "expected an abad axis x, hip and knee axes y, the hip straight beside the abad joint, "
+            "the knee straight below the hip, and legs of one length"
         )
     return LegGeometry(
         hip=offsets[:, 0].copy(),

@@ -192,12 +192,10 @@ def tick_condensed(
         state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    friction, own = settings[0].friction, settings[0]
-    work, stance = workspace[0], memory[0].targets.stance
-    torque_limits(
-        own.stall_torque, own.no_load_speed, state_views(state).joint_velocity, work.limits
-    )
-    p = plan(own, memory[0], state_views(state), u)
+    robot, work, stance = settings[0], workspace[0], memory[0].targets.stance
+    friction, now = robot.friction, state_views(state)
+    torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
+    p = plan(robot, memory[0], now, u)
     contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)
     work.feedback[:] = p.feedback
     free = free_minimiser(work, 12 + 4 * contacts)
@@ -215,11 +213,9 @@ def tick_full(
     u: Array,
 ) -> int:
     """Fill in the QP of this tick in (q̈, τ, F), a `FULL_WORKSPACE`; see `tick_condensed`."""
-    friction, own = settings[0].friction, settings[0]
-    work, stance = workspace[0], memory[0].targets.stance
-    torque_limits(
-        own.stall_torque, own.no_load_speed, state_views(state).joint_velocity, work.limits
-    )
-    p = plan(own, memory[0], state_views(state), u)
+    robot, work, stance = settings[0], workspace[0], memory[0].targets.stance
+    friction, now = robot.friction, state_views(state)
+    torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
+    p = plan(robot, memory[0], now, u)
     work.feedback[:] = p.feedback
     return full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)
