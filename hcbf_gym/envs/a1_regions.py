@@ -158,7 +158,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self._estimator = (
             None
             if estimation is None
-            else Estimator(self.controller.model.legs, a1.FOOT_RADIUS, estimation, timestep)
+            else Estimator(
+                self.controller.model.legs, self.simulation.robot.foot_radius, estimation, timestep
+            )
         )
         self._known: Array | None = None  # the robot's state as estimated
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
@@ -171,17 +173,6 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
         return self.estimate.x
-
-    @property
-    def lag(self) -> Array:
-        """(4,) the trunk's position [m] and velocity [m/s] less the reduced-order model's."""
-        reference = self.controller.reference
-        return self._measured - np.concatenate([reference.position, reference.velocity])
-
-    @property
-    def heading(self) -> float:
-        """Yaw of the trunk [rad]."""
-        return self.simulation.yaw
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
@@ -204,7 +195,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             "position": np.concatenate([body[:2], model[2:]]),
             "rom": model,
         }[self.feedback]
-        covariance, yaw = None, reference.yaw
+        covariance, yaw = None, self.simulation.yaw
         if self._estimator is not None:
             known = self._estimator.estimate
             covariance, yaw = known.covariance, known.yaw

@@ -4,14 +4,14 @@ import pytest
 from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import read_robot
 
 WALK = 1500  # ticks
 
 
 @pytest.fixture(scope="session")
 def legs():
-    return RobotModel(a1.XML_FILE).legs
+    return RobotModel(read_robot()).legs
 
 
 @pytest.fixture(scope="session")

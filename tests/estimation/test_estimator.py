@@ -8,7 +8,7 @@ from hcbf_gym.estimation.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import state_views
-from hcbf_gym.robots import a1
+from hcbf_gym.robots.reader import read_robot
 
 BASE = [0, 1, 19, 20]
 
@@ -26,7 +26,7 @@ def run(estimator, walk, seed):
 
 
 def make(legs, source, timestep=0.002):
-    return Estimator(legs, a1.FOOT_RADIUS, source, timestep)
+    return Estimator(legs, read_robot().foot_radius, source, timestep)
 
 
 @pytest.mark.physics
@@ -95,7 +95,7 @@ def test_standing_feet_show_the_velocity_of_the_trunk(legs, walk):
         feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
         touching = np.where(truth[37:] > 0.0, touching + 1, 0)
         for leg in np.flatnonzero(touching > 5):
-            foot = trunk_velocity(feet, a1.FOOT_RADIUS, leg, state, rotation)
+            foot = trunk_velocity(feet, read_robot().foot_radius, leg, state, rotation)
             errors.append(np.linalg.norm(foot.velocity - truth[19:21]))
     assert np.median(errors) < 0.015
     assert np.quantile(errors, 0.99) < 0.08
