@@ -84,12 +84,7 @@ class PlanarCore(FilterCore):
         if self._way is not None:
             clearance = self.uncertainty.distance + self.uncertainty.body
             self._way.reset(
-                scene,
-                np.asarray(goal, dtype=np.float64),
-                extent,
-                clearance,
-                self._x[:, :2],
-                self._fresh,
+                scene, goal, extent, clearance, start=self._x[:, :2], mask=self._fresh
             )
         self._fresh[:] = False
         remembered = self._memory.copy()
