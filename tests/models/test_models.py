@@ -31,10 +31,11 @@ MODELS = (
     KinematicBicycle(),
     PENDULUM,
 )
+NAMES = [*map(str, MODELS[:-1]), "pendulum"]
 LINEAR = LinearClassK(2.0)
 
 
-@pytest.mark.parametrize("model", MODELS, ids=str)
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
 def test_shapes_and_jacobian_of_the_drift(model):
     rng = np.random.default_rng(0)
     for x in rng.normal(size=(10, model.n)):
@@ -45,7 +46,7 @@ def test_shapes_and_jacobian_of_the_drift(model):
         np.testing.assert_allclose(model.f_jacobian(x), expected, atol=1e-8)
 
 
-@pytest.mark.parametrize("model", MODELS, ids=str)
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
 def test_step_follows_the_flow(model):
     rng = np.random.default_rng(1)
     x, u = rng.normal(size=model.n), rng.normal(size=model.n_u)

@@ -6,6 +6,7 @@ take DAQP's place. No solver is believed: its status is read and its point is ch
 """
 
 import functools
+import importlib
 import warnings
 from collections.abc import Callable
 from enum import Enum
@@ -13,7 +14,6 @@ from typing import Any, NamedTuple
 
 import daqp
 import numpy as np
-import qpsolvers
 import scipy.sparse
 from clarabel import (
     clarabel,  # pyright: ignore[reportAttributeAccessIssue]  # compiled, comes without stubs
@@ -79,7 +79,7 @@ Backend = Callable[[QpProblem], tuple[Array | None, QpStatus]]
 
 def solver_names() -> list[str]:
     """Return the names that `solver` may take on this machine."""
-    return sorted({"daqp", "clarabel", *qpsolvers.available_solvers})
+    return sorted({"daqp", "clarabel", *_qpsolvers().available_solvers})
 
 
 def check_solver(name: str) -> str:
@@ -88,6 +88,8 @@ def check_solver(name: str) -> str:
     Raises:
         UnknownNameError: if no solver of that name is installed; the message lists those that are.
     """
+    if name in ("daqp", "clarabel"):
+        return name
     return choose("solver", name, {known: known for known in solver_names()})
 
 
@@ -157,7 +159,13 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
 
 
+def _qpsolvers() -> Any:
+    """Return the module, imported at need: it imports all that it finds, JAX and others for 1 s."""
+    return importlib.import_module("qpsolvers")
+
+
 def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    qpsolvers = _qpsolvers()
     centre, a, lower = problem
     matrix = np.asarray if name in qpsolvers.dense_solvers else scipy.sparse.csc_matrix
     quadratic = qpsolvers.Problem(matrix(_identity(centre.size)), -centre, matrix(-a), -lower)

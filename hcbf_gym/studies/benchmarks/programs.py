@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from hcbf_gym import programs
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import CbfRows
 from hcbf_gym.programs.general.qp import solver_names
 
@@ -27,7 +26,7 @@ ROW_COUNTS = (4, 8, 16, 32, 64)
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Take all figures, print them and return them; times in µs, medians."""
+    """Take all figures; times in µs, medians."""
     repeats = 50 if quick else 400
     figures: dict[str, Any] = {
         "single": _single(repeats),
@@ -44,7 +43,6 @@ def run(quick: bool) -> dict[str, Any]:
         name: float(np.log(times[-1] / times[0]) / rows)
         for name, times in figures["growth"].items()
     }
-    _print(figures)
     return figures
 
 
@@ -146,23 +144,36 @@ def _peers(repeats: int, batch_repeats: int) -> dict[str, float]:
     return times | {"qpax vmap, per action": time_of_batch / BATCH}
 
 
-def _print(figures: dict[str, Any]) -> None:
-    table = Table(title="A filtered action, 4 rows, rows included: medians")
-    for header in ("program", "single [µs]", "batch [µs]", "actions/s", "gain", "m^p, 4 to 64"):
-        table.add_column(header, justify="right")
-    for name, single in figures["single"].items():
-        table.add_row(
-            name,
-            f"{single:.0f}",
-            f"{figures['batch'][name]:.2f}",
-            f"{figures['actions_per_second'][name]:,.0f}",
-            f"{figures['batch_gain'][name]:.0f}",
-            f"{figures['growth_exponent'][name]:.2f}",
-        )
-    console = Console()
-    console.print(table)
-    for name, times in figures["solvers"].items():
-        line = ", ".join(f"{solver} {time:.0f}" for solver, time in times.items())
-        console.print(f"{name} by solver [µs]: {line}")
-    line = ", ".join(f"{name} {time:.1f}" for name, time in figures["peers"].items())
-    console.print(f"in turn with peers [µs]: {line or 'not installed'}")
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the programs' times, those of the general form by solver, and the peers'."""
+    names = list(figures["single"])
+    program = Table(
+        "A filtered action, 4 rows, rows included: medians",
+        ("program", "single [µs]", "batch [µs]", "actions/s", "gain", "m^p, 4 to 64"),
+        [
+            (
+                f"`{name}`",
+                f"{figures['single'][name]:.0f}",
+                f"{figures['batch'][name]:.2f}",
+                f"{figures['actions_per_second'][name]:,.0f}",
+                f"{figures['batch_gain'][name]:.0f}",
+                f"{figures['growth_exponent'][name]:.2f}",
+            )
+            for name in names
+        ],
+    )
+    solvers = list(next(iter(figures["solvers"].values())))
+    solver = Table(
+        "The same through a QP solver [µs]",
+        ("program", *solvers),
+        [
+            (f"`{name}`", *(f"{times[solver]:.0f}" for solver in solvers))
+            for name, times in figures["solvers"].items()
+        ],
+    )
+    peers = Table(
+        "In turn with peers [µs]",
+        ("filter", "a filtered action"),
+        [(name, f"{time:.1f}") for name, time in figures["peers"].items()],
+    )
+    return {"programs": program, "solvers": solver, "peers": peers}

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
-from rich.table import Table
 
 from hcbf_gym import programs
+from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
 from hcbf_gym.studies.benchmarks.judge import Judge
@@ -220,7 +220,7 @@ def _answers(
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Verify every program, print and return the tallies.
+    """Verify every program and return the tallies.
 
     Two inputs on 100,000 problems (200 if quick), one, three and seven on 20,000 (100).
     """
@@ -235,19 +235,21 @@ def run(quick: bool) -> dict[str, Any]:
                 for tallies in verify(name, samples, jobs=-1, forms=forms):
                     progress.update(bar, completed=tallies[forms[0]].problems)
                     figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
-    print_figures(figures)
     return figures
 
 
-def print_figures(figures: dict[str, Any]) -> None:
-    """Print the tallies as a table."""
-    table = Table(title="Against rational arithmetic")
-    for header in ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks"):
-        table.add_column(header, justify="right")
-    for name, forms in figures.items():
-        for form, tally in forms.items():
-            counts = (tally[key] for key in ("wrong", "backups", "fallbacks"))
-            largest = f"{tally['largest_difference']:.1e}"
-            cells = (f"{tally['problems']:,}", largest, *(f"{count:,}" for count in counts))
-            table.add_row(name, form, *cells)
-    Console().print(table)
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the tallies of every program in every form."""
+    rows = [
+        (
+            f"`{name}`",
+            form,
+            f"{tally['problems']:,}",
+            f"{tally['largest_difference']:.1e}",
+            *(f"{tally[key]:,}" for key in ("wrong", "backups", "fallbacks")),
+        )
+        for name, forms in figures.items()
+        for form, tally in forms.items()
+    ]
+    header = ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks")
+    return {"all": Table("Against rational arithmetic", header, rows)}
