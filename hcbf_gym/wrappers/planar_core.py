@@ -83,9 +83,7 @@ class PlanarCore(FilterCore):
         self._take(estimate)
         if self._way is not None:
             clearance = self.uncertainty.distance + self.uncertainty.body
-            self._way.reset(
-                scene, goal, extent, clearance, start=self._x[:, :2], mask=self._fresh
-            )
+            self._way.reset(scene, goal, extent, clearance, start=self._x[:, :2], mask=self._fresh)
         self._fresh[:] = False
         remembered = self._memory.copy()
         many = np.ndim(estimate.x) == 2
