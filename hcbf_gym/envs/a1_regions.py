@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
+from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
@@ -34,11 +35,22 @@ V_MAX = 1.2
 FASTEST = 1.8
 """The highest cap [m/s] that a scenario may set: the trot falls not far above it."""
 
-MARGIN = 0.03
-"""What strict rows keep by default [m]: the hold between two actions and the trot's sway."""
+UNCERTAINTY = Uncertainty(
+    distance=0.03,
+    per_velocity=0.2,
+    per_lead=2.0,
+    cap=0.2,
+    confidence=4.0,
+    speed=0.3,
+)
+"""What the trunk does beside its reduced-order model; `hcbf benchmark --suite strict` is the ground
+of these numbers."""
 
-SPEED_MARGIN = 0.08
-"""What the speed limit's row keeps [m/s]: the trunk's speed sways around its model's."""
+BODY_RADIUS = 0.42
+"""Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
+`strict` reports the greatest reach."""
+
+_BODIES = {"point": 0.0, "footprint": BODY_RADIUS}
 
 _FEEDBACK = {
     "measured": "position and velocity of the trunk",
@@ -97,6 +109,8 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     * `estimation`: None lets the loop see the true state; "motion-capture", "lidar", "uwb" or a
       plain dict of `hcbf_gym.estimation.Sensors`' fields lets controller, observation and safety
       filter see an estimate. h, rewards, ends and costs are always the truth's.
+    * `body`: what must stay outside: "point", the trunk's centre as in the paper, or "footprint",
+      the whole robot, for which infos then have `body_h` and `min_body_h` (m,) besides.
     * `diagnostics`: adds `info["locomotion"]`: stance, foot targets, torques, the QP's status and
       residual.
     * `render_mode`: None, "rgb_array", or "human" (a window).
@@ -122,12 +136,13 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         randomization: Mapping[str, Any] | None = None,
         disturbances: Mapping[str, Any] | None = None,
         estimation: str | Mapping[str, Any] | None = None,
+        body: str = "point",
         diagnostics: bool = False,
         render_mode: str | None = None,
     ):
         EzPickle.__init__(
             self, scenario, feedback, xml_file, timestep, gait, friction, terrain, randomization,
-            disturbances, estimation, diagnostics, render_mode,
+            disturbances, estimation, body, diagnostics, render_mode,
         )  # fmt: skip
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidInputError(
@@ -135,6 +150,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
                 f"{self.metadata['render_modes']}"
             )
         choose("feedback", feedback, _FEEDBACK)
+        self._body_radius = choose("body", body, _BODIES)
         self.render_mode = render_mode
         self.feedback = feedback
         self._scenes = SceneSource(scenario)
@@ -151,6 +167,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             randomization=randomization,
             disturbances=disturbances,
         )
+        self._footprint = None if body == "point" else Footprint(self.simulation.model, a1.TRUNK)
         self._v_max = _speed_limit(self.scenario)
         self.controller = LocomotionController(
             robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
@@ -177,12 +194,12 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def barriers(self) -> tuple[Barrier, ...]:
         """The scenario's barriers, then the environment's own, in the order of info["h"]."""
-        return task.barriers_of(self.scenario, self._v_max, SPEED_MARGIN)
+        return task.barriers_of(self.scenario, self._v_max)
 
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self, Uncertainty(MARGIN))
+        return plant_of(self, UNCERTAINTY._replace(body=self._body_radius))
 
     @property
     def estimate(self) -> Estimate:
@@ -245,6 +262,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self.artist.restart()
         h = self.barrier_set.along(self._truth[None], np.zeros(1))
         info = task.first(task.reset_info(self.scenario.task, h, self._error()))
+        if self._footprint is not None:
+            body_h = self._footprint.h(self.simulation.data, self.barrier_set, 0.0)
+            info |= {"body_h": body_h, "min_body_h": body_h.copy()}
         return self._observe(), info | {
             "fallen": np.float64(0.0),
             "qp_failures": np.float64(0.0),
@@ -257,13 +277,17 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         task.check_started(self._started)
         distance_before = self._error()
         path, forces = [], [np.zeros(len(self.scenario.obstacles))]
-        for _ in self._ticks:
+        bodies: list[Array] = []
+        for tick in self._ticks:
             self.simulation.step(self.controller.step(self.simulation.state(self._known), u))
             if self.simulation.diverged:  # the last finite state stands
                 break
             if self._estimator is not None:
                 self._known = self._estimator.tick(self.simulation.truth)
             path.append(self.simulation.truth)
+            if self._footprint is not None:
+                now = self.time + tick
+                bodies.append(self._footprint.h(self.simulation.data, self.barrier_set, now))
             forces.append(self.simulation.obstacle_forces())
         fallen = self.simulation.fallen
         walked = np.array(path).take(BASE, axis=1) if path else self._truth[None]
@@ -284,6 +308,11 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             "qp_failures": np.float64(self.controller.failed),
             "obstacle_force": np.maximum.reduce(forces),
         }
+        if self._footprint is not None:
+            bodies = bodies or [
+                self._footprint.h(self.simulation.data, self.barrier_set, self.time)
+            ]
+            info |= {"body_h": bodies[-1], "min_body_h": np.minimum.reduce(bodies)}
         if self._diagnostics:
             info["locomotion"] = _plain(self.controller.diagnostics)
         if self.render_mode == "human":

@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers.set import BarrierSet
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,30 @@ class Body(NamedTuple):
     geom: NDArray[np.int64]
     place: Array
     radius: Array
+
+
+class Footprint:
+    """How near the whole robot comes to the barriers of a scene.
+
+    Args:
+        model: the compiled scene.
+        trunk: the name of the robot's first body.
+    """
+
+    def __init__(self, model: mujoco.MjModel, trunk: str):
+        self._trunk = model.body(trunk).id
+        self._body = body_of(model, self._trunk)
+
+    def h(self, data: mujoco.MjData, barriers: BarrierSet, t: float) -> Array:
+        """Return the least h (m,) of each barrier over the whole body at time t [s]."""
+        least = np.empty(barriers.kind.shape[1])
+        scene = barriers.kind[0], barriers.parameters[0]
+        body_h(*self._body, data.geom_xpos, data.geom_xmat, *scene, t, least)
+        return least
+
+    def reach(self, data: mujoco.MjData) -> float:
+        """Return the greatest horizontal distance of the body from the trunk's origin [m]."""
+        return reach(*self._body, data.geom_xpos, data.geom_xmat, data.xpos[self._trunk])
 
 
 def body_of(model: mujoco.MjModel, root: int) -> Body:
@@ -64,26 +89,37 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
 
 
 @njit(cache=True)
-def reach(body: Body, position: Array, rotation: Array, centre: Array) -> float:
+def reach(
+    geom: NDArray[np.int64],
+    place: Array,
+    radius: Array,
+    position: Array,
+    rotation: Array,
+    centre: Array,
+) -> float:
     """Return the greatest horizontal distance of the body from a point (2,) [m].
 
     Args:
-        body: the points.
+        geom: (P,) of the points, as in `Body`.
+        place: (P, 3) [m].
+        radius: (P,) [m].
         position: (ngeom, 3) of the geoms in the world [m].
         rotation: (ngeom, 9) of the geoms, row by row.
         centre: (2,) [m].
     """
     farthest = 0.0
-    for p in range(body.geom.size):
-        x, y = _world(body, p, position, rotation)
-        distance = np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2) + body.radius[p]
+    for p in range(geom.size):
+        x, y = _world(place[p], position[geom[p]], rotation[geom[p]])
+        distance = np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2) + radius[p]
         farthest = max(farthest, distance)
     return farthest
 
 
 @njit(cache=True)
 def body_h(
-    body: Body,
+    geom: NDArray[np.int64],
+    place: Array,
+    radius: Array,
     position: Array,
     rotation: Array,
     kind: NDArray[np.int64],
@@ -96,7 +132,9 @@ def body_h(
     ``h_body = min_p h(p) − r_p``; as ‖∇h‖ ≤ 1 it is no greater than h anywhere on the ball.
 
     Args:
-        body: the points.
+        geom: (P,) of the points, as in `Body`.
+        place: (P, 3) [m].
+        radius: (P,) [m].
         position: (ngeom, 3) of the geoms in the world [m].
         rotation: (ngeom, 9) of the geoms, row by row.
         kind: (m,) which kernel evaluates each barrier.
@@ -105,23 +143,20 @@ def body_h(
         h: (m,) to be written [m].
     """
     h[:] = np.inf
-    for p in range(body.geom.size):
-        x, y = _world(body, p, position, rotation)
+    for p in range(geom.size):
+        x, y = _world(place[p], position[geom[p]], rotation[geom[p]])
         for k in range(kind.size):
             if kind[k] >= layout.SPEED_LIMIT:
                 continue
             c = parameters[k]
             qx, qy = x - c[layout.VELOCITY_X] * t, y - c[layout.VELOCITY_Y] * t
-            h[k] = min(h[k], kernels.planar_value(kind[k], c, qx, qy) - body.radius[p])
+            h[k] = min(h[k], kernels.planar_value(kind[k], c, qx, qy) - radius[p])
 
 
 @njit(cache=True)
-def _world(body: Body, p: int, position: Array, rotation: Array) -> tuple[float, float]:
-    """Return where a point is in the plane of the world [m]."""
-    g = body.geom[p]
-    r = rotation[g]
-    a, b, c = body.place[p]
+def _world(place: Array, position: Array, rotation: Array) -> tuple[float, float]:
+    """Return where a point of a geom is in the plane of the world [m]."""
     return (
-        position[g, 0] + r[0] * a + r[1] * b + r[2] * c,
-        position[g, 1] + r[3] * a + r[4] * b + r[5] * c,
+        position[0] + rotation[0] * place[0] + rotation[1] * place[1] + rotation[2] * place[2],
+        position[1] + rotation[3] * place[0] + rotation[4] * place[1] + rotation[5] * place[2],
     )
