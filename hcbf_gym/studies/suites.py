@@ -58,6 +58,15 @@ class Suite(NamedTuple):
 
 SUITES = {
     "course": Suite("benchmarks.course", "the paper's course on the A1, the README's table", 1, A1),
+    "filter": Suite(
+        "benchmarks.filter",
+        "what SafetyFilter adds to a step, beside cbfpy",
+        1,
+        ROM,
+        extra="benchmark",
+        needs=("cbfpy",),
+    ),
+    "strict": Suite("strict.suite", "attacks on the strict rank", 60, A1),
     "programs": Suite("benchmarks.programs", "time of each filter, beside peers", 4),
     "verify-programs": Suite(
         "benchmarks.verify_programs", "each filter against exact solutions", 60

@@ -63,12 +63,21 @@ class Sensed(NamedTuple):
 
 
 class Way(NamedTuple):
-    """The fields of N scenes, as `guidance.Geodesic` holds them; no cells means no guidance."""
+    """What guides N plants.
+
+    Attributes:
+        field: (N, capacity) as `guidance.Geodesic` holds it; no cells means no field.
+        through: (N, capacity) likewise.
+        geometry: (N, 5) likewise.
+        goal: (N, 2) [m].
+        row: (N, 3) a_x, a_y and b of guidance rows made beforehand; (0, 3) for none.
+    """
 
     field: NDArray[np.float32]
     through: NDArray[np.int8]
     geometry: Array
     goal: Array
+    row: Array
 
 
 class Work(NamedTuple):
@@ -142,7 +151,7 @@ def filter_plants(
     constants: Constants,
     scene: tuple[Integers, Array, Integers, Array],
     sensed: tuple[Array, Array, Array, Array, Array],
-    way: tuple[NDArray[np.float32], NDArray[np.int8], Array, Array],
+    way: tuple[NDArray[np.float32], NDArray[np.int8], Array, Array, Array],
     work: tuple[Array, Array, Integers, Array, Array],
     memory: Array,
     u_nominal: Array,
@@ -185,7 +194,12 @@ def filter_plants(
         w.u[i] = u_nominal[i]
         answer.reachable[i] = 0.0
         if fields.field.shape[1]:
-            answer.reachable[i] = _guide(i, fields, Pull(*pull), plants, lexicographic, through, w)
+            a_x, a_y, b, rank = _down_the_field(i, fields, Pull(*pull), plants.x[i])
+            answer.reachable[i] = rank
+            _guide(i, (a_x, a_y, b), rank, lexicographic, through, w)
+        elif fields.row.shape[0]:
+            a_x, a_y, b = fields.row[i]
+            _guide(i, (a_x, a_y, b), 0, lexicographic, through, w)
     status = np.empty(count, dtype=np.int64)
     fallbacks = np.empty(count, dtype=np.int64)
     rows = CbfRows(w.a, w.rows[0], w.rows[1], w.priority, w.rows[2])
@@ -237,27 +251,30 @@ def _make_rows(
 
 
 @njit(cache=True)
+def _down_the_field(i: int, way: Way, pull: Pull, x: Array) -> tuple[float, float, float, int]:
+    """Return the guidance row (a_x, a_y, b) of one state, and through which rank its way leads."""
+    a_x, a_y, b = guidance_row.row(way.field[i], way.geometry[i], way.goal[i], x, pull)
+    return a_x, a_y, b, guidance_row.reachable(way.through[i], way.geometry[i], x[0], x[1])
+
+
+@njit(cache=True)
 def _guide(
     i: int,
-    fields: Way,
-    pull: Pull,
-    plants: Sensed,
+    row: tuple[float, float, float],
+    rank: int,
     lexicographic: bool,
     through: int,
     w: Work,
-) -> float:
-    """Write the guidance row of one state, or shape its u*; return through which rank it leads."""
-    field, geometry = fields.field[i], fields.geometry[i]
-    ax, ay, b = guidance_row.row(field, geometry, fields.goal[i], plants.x[i], pull)
-    way = guidance_row.reachable(fields.through[i], geometry, plants.x[i, 0], plants.x[i, 1])
+) -> None:
+    """Give a lexicographic program the guidance row of one state; shape the others' u* by it."""
+    a_x, a_y, b = row
+    if not lexicographic:
+        w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
+        return
     last = w.priority.shape[1] - 1
-    if lexicographic:
-        guidance_row.insert(w.priority[i, :last].copy(), way, through, w.priority[i])
-        w.a[i, last, 0], w.a[i, last, 1] = ax, ay
-        w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
-    else:
-        w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], ax, ay, b)
-    return float(way)
+    guidance_row.insert(w.priority[i, :last].copy(), rank, through, w.priority[i])
+    w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
+    w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
 
 
 @njit(cache=True)

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import guidance, programs
+from hcbf_gym import programs
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, check_options, choose
+from hcbf_gym.guidance.geodesic import Geodesic
+from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant
@@ -52,13 +54,14 @@ class PlanarCore(FilterCore):
             tuple(map(float, self.uncertainty)),
             0.0 if plant.period is None else float(plant.period),
             self._through,
-            tuple(Pull() if self._way is None else self._way.pull),
+            tuple(Pull()),
         )
         self._no_way = (
             np.zeros((count, 0), dtype=np.float32),
             np.zeros((count, 0), dtype=np.int8),
             np.zeros((count, 5)),
             np.zeros((count, 2)),
+            np.zeros((0, 3)),
         )
         self._memory = np.zeros((count, fused.MEMORY))
         self._x, self._t = np.zeros((count, 4)), np.zeros(count)
@@ -81,7 +84,9 @@ class PlanarCore(FilterCore):
         """Look at the first states of new episodes, and return what the infos of a reset say."""
         scene = self._scene(barriers)
         self._take(estimate)
-        if self._way is not None:
+        if isinstance(self._way, Local):
+            self._way.reset(scene, mask=self._fresh)
+        elif self._way is not None:
             clearance = self.uncertainty.distance + self.uncertainty.body
             self._way.reset(scene, goal, extent, clearance, start=self._x[:, :2], mask=self._fresh)
         self._fresh[:] = False
@@ -89,6 +94,7 @@ class PlanarCore(FilterCore):
         many = np.ndim(estimate.x) == 2
         u, report = self.step(np.zeros((self.count, 2) if many else 2), barriers, estimate)
         self._memory[:] = remembered
+        self._steps -= 1.0
         outside = report["status"] == programs.FilterStatus.OUTSIDE
         report["status"] = report["status"] * outside
         report["u_safe"] = np.zeros_like(u)
@@ -103,10 +109,7 @@ class PlanarCore(FilterCore):
         scene = self._scene(barriers)
         self._take(estimate)
         self._steps += 1.0
-        way = self._no_way
-        if self._way is not None:
-            self._way.update(self._t)
-            way = (self._way.field, self._way.through, self._way.geometry, self._way.goal)
+        wanted = u_nominal if u_nominal.ndim == 2 else u_nominal[None]
         m = scene.kind.shape[1]
         work = self._space(m)
         given = bool(scene.own)
@@ -117,10 +120,10 @@ class PlanarCore(FilterCore):
             self._constants,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin),
             (self._x, self._t, self._model, self._lag, self._covariance),
-            way,
+            self._no_way if self._way is None else self._guided(self._way, wanted),
             work,
             self._memory,
-            u_nominal if u_nominal.ndim == 2 else u_nominal[None],
+            wanted,
             flat,
             given,
         )
@@ -131,6 +134,14 @@ class PlanarCore(FilterCore):
             self._finish(report, scene)
             monitor.warn_once(self._memory)
         return report["u_safe"], report
+
+    def _guided(self, way: Geodesic | Local, u_nominal: Array) -> tuple[Any, ...]:
+        """Return what guides the plants now, as the compiled call reads it."""
+        if isinstance(way, Local):
+            a, b = way.rows(self._x, self._t, u_nominal)
+            return (*self._no_way[:4], np.column_stack([a, b]))
+        way.update(self._t)
+        return way.field, way.through, way.geometry, way.goal, self._no_way[4]
 
     def _report(self, u_nominal: Array, flat: Array) -> dict[str, Any]:
         """Return the parts of an answer by their names."""
@@ -233,7 +244,7 @@ class PlanarCore(FilterCore):
         priority[:, :m] = scene.priority
 
 
-def _guidance(choice: Any, count: int) -> tuple[Any, int]:
+def _guidance(choice: Any, count: int) -> tuple[Geodesic | Local | None, int]:
     """Return what guides N plants, or None, and the highest rank that gives way to it.
 
     Raises:
@@ -244,7 +255,6 @@ def _guidance(choice: Any, count: int) -> tuple[Any, int]:
         return None, 0
     options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
     check_options("guidance", options, ("kind", "through"))
-    kinds = {"geodesic": guidance.Geodesic}
-    return choose("guidance", options.get("kind", "geodesic"), kinds)(count), int(
-        options.get("through", 0)
-    )
+    kinds = {"geodesic": Geodesic, "local": Local}
+    kind = choose("guidance", options.get("kind", "geodesic"), kinds)
+    return kind(count), int(options.get("through", 0))

@@ -39,9 +39,10 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
             than the planar double integrator, or of unknown period, have usual rows.
         guidance: "geodesic" leads to the plant's goal around the regions by a row of the last rank,
-            or, for programs with weights, by the input nearest u* that moves along the way; a dict
-            ``{"kind": "geodesic", "through": p}`` lets ranks from p on give way to it; None leaves
-            the way to the policy.
+            or, for programs with weights, by the input nearest u* that moves along the way; "local"
+            circulates around what stops u*, where no goal is known; a dict ``{"kind": "geodesic",
+            "through": p}`` lets ranks from p on give way to it; None leaves the way to the
+            policy.
         margin: what rows on the position keep between h and zero [m]; None derives it from what is
             uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
