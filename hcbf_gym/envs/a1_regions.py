@@ -18,7 +18,8 @@ from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
-from hcbf_gym.envs.rendering import OffscreenRenderer, SceneArtist, WindowRenderer
+from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
+from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.estimation import Estimator

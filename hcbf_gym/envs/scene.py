@@ -7,13 +7,14 @@ import mujoco
 import numpy as np
 
 from hcbf_gym.constants import GRAVITY
+from hcbf_gym.envs import palette
 from hcbf_gym.errors import choose
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import Robot, foot_name, load_spec
 
-FIXED_BOX_RGBA = (0.55, 0.42, 0.30, 1.0)
-LIGHT_BOX_RGBA = (0.95, 0.80, 0.15, 1.0)
-FLOOR_RGBA = (0.8, 0.8, 0.8, 1.0)
+FIXED_BOX_RGBA = palette.rgba(palette.FIXED_BOX)
+LIGHT_BOX_RGBA = palette.rgba(palette.LIGHT_BOX)
+TILE = 0.5  # [m] edge of a square of the floor
 
 FLOOR = "floor"
 _NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world's axes
@@ -82,15 +83,37 @@ def add_ground(spec: mujoco.MjSpec, terrain: str) -> None:
         terrain: "flat" without end, or "rough": blocks of random height up to `ROUGH_STEP`, always
             the same, between four walls.
     """
-    choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})(spec)
+    lay = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
+    _add_floor_material(spec)
+    lay(spec)
     spec.worldbody.add_light(
-        pos=(0, 0, 4), dir=(0.2, 0.2, -1), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        pos=(0, 0, 4),
+        dir=(0.2, 0.2, -1),
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        castshadow=False,  # shadows take half of a frame's time in software
     )
+
+
+def _add_floor_material(spec: mujoco.MjSpec) -> None:
+    """Make a chequered material, on which one sees the robot move."""
+    spec.add_texture(
+        name=FLOOR,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=palette.rgba(palette.FLOOR)[:3],
+        rgb2=palette.rgba(palette.FLOOR_TILE)[:3],
+        width=64,
+        height=64,
+    )
+    material = spec.add_material(
+        name=FLOOR, texuniform=True, texrepeat=(1 / TILE, 1 / TILE), specular=0.0
+    )
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
 
 
 def _add_plane(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), rgba=FLOOR_RGBA
+        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), material=FLOOR
     )
 
 
@@ -107,7 +130,7 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
         userdata=field.ravel(),
     )
     spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FLOOR, rgba=FLOOR_RGBA
+        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FLOOR, material=FLOOR
     )
     far, half = ROUGH_HALF_SIZE, 0.5 * WALL_HEIGHT
     for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far)):

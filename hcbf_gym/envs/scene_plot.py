@@ -6,28 +6,10 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Ellipse as EllipsePatch
 
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.envs import palette
 from hcbf_gym.scenarios import Scenario
 
-PRIORITY_COLORS = ("#c0392b", "#e69f00", "#56b4e9", "#8e6bbf", "#7f8c8d")
-"""Colours of the priorities 1, 2, …; the last one serves all that follow."""
-
-PROGRAM_COLORS = {
-    "none": "#7f7f7f",
-    "cbf-qp": "#8c564b",
-    "r-cbf-qp": "#000000",
-    "h-cbf-qp": "#0072b2",
-    "ih-cbf-qp": "#cc79a7",
-    "eh-cbf-qp": "#d55e00",
-    "lex-cbf-qp": "#009e73",
-}
-"""One colour for a program throughout all figures."""
-
 _FAR = 100.0
-
-
-def priority_color(priority: int) -> str:
-    """Return the colour of a priority (1, 2, …)."""
-    return PRIORITY_COLORS[min(priority, len(PRIORITY_COLORS)) - 1]
 
 
 def outline(barrier: Barrier, t: float = 0.0) -> Patch | None:
@@ -63,18 +45,18 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
         patch = outline(barrier, t)
         if patch is not None:
-            color = priority_color(barrier.priority)
+            color = palette.priority_color(barrier.priority)
             patch.set(facecolor=(color, 0.25), edgecolor=color, lw=1.2, zorder=1)
             axes.add_patch(patch)
     for box in scenario.obstacles:
         cos, sin = np.cos(box.yaw), np.sin(box.yaw)
         half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(box.size[:2]) / 2
         corners = half @ np.array([[cos, sin], [-sin, cos]]) + np.array(box.center)
-        color = "#f1c40f" if box.mass is not None else "#8d6e63"
+        color = palette.LIGHT_BOX if box.mass is not None else palette.FIXED_BOX
         axes.add_patch(Polygon(corners, facecolor=color, edgecolor="k", lw=0.6, zorder=2))
     times = np.linspace(0.0, scenario.reference.duration, 200)
     reference = np.array([scenario.reference(s)[0] for s in times])
-    axes.plot(*reference.T, "--", color="0.35", lw=1.0, zorder=3, label="reference")
+    axes.plot(*reference.T, "--", color=palette.REFERENCE, lw=1.0, zorder=3, label="reference")
     axes.plot(*scenario.start, "o", color="k", ms=4, zorder=3)
     axes.plot(*scenario.goal, "*", color="k", ms=10, zorder=3)
     low, high = limits(scenario)

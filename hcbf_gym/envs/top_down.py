@@ -5,6 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hcbf_gym.envs import palette
 from hcbf_gym.envs.scene_plot import draw_scene
 from hcbf_gym.scenarios import Scenario
 
@@ -31,8 +32,8 @@ class TopDownView:
         self._figure.clear()
         axes = self._figure.add_subplot()
         draw_scene(axes, scenario, t)
-        axes.plot(*path.T, color="#0072b2", lw=1.8, zorder=4)
-        axes.plot(*path[-1], "o", color="#0072b2", ms=8, zorder=5)
+        axes.plot(*path.T, color=palette.PATH, lw=1.8, zorder=4)
+        axes.plot(*path[-1], "o", color=palette.PATH, ms=8, zorder=5)
         axes.set_title(f"t = {t:.1f} s", fontsize=9)
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import hcbf_gym
 from hcbf_gym import scenarios
-from hcbf_gym.envs.scene_plot import PROGRAM_COLORS
+from hcbf_gym.envs.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.rollouts import Case, Episode, in_parallel, make_policy
 from hcbf_gym.records import whole
