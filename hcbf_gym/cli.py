@@ -56,6 +56,12 @@ COMMANDS = {
     "monte-carlo": Command(
         "hcbf_gym.studies.monte_carlo.command", "every program in random conflicting scenes"
     ),
+    "play": Command(
+        "hcbf_gym.play.command",
+        "a playground in the browser: steer, drag regions, push",
+        "play",
+        ("viser",),
+    ),
     "benchmark": Command(
         "hcbf_gym.studies.benchmarks.command",
         "speed and quality, beside others; the figures of every table",

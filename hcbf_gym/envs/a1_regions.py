@@ -272,6 +272,15 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             "obstacle_force": np.zeros(len(self.scenario.obstacles)),
         }
 
+    def change_scene(self, scenario: Scenario) -> None:
+        """Move, resize or rank regions anew in the midst of an episode.
+
+        Raises:
+            InvalidInputError: if the scene is of another kind than the environment's.
+        """
+        self._scenes.check({"scenario": scenario})
+        self._set_scene(scenario)
+
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         u = task.check_action(action, (2,)).clip(*self._bounds)
@@ -361,10 +370,13 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             self._renderer.close()
             self._renderer = None
 
-    def _take_scene(self, scenario: Scenario) -> None:
+    def _set_scene(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
+
+    def _take_scene(self, scenario: Scenario) -> None:
+        self._set_scene(scenario)
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0

@@ -169,6 +169,16 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         observation, info = self._batch.reset_infos()
         return observation[0], task.first(info)
 
+    def change_scene(self, scenario: Scenario) -> None:
+        """Move, resize or rank regions anew in the midst of an episode.
+
+        Raises:
+            InvalidInputError: if the scene is of another kind than the environment's.
+        """
+        self._scenes.check({"scenario": scenario})
+        self.scenario = scenario
+        self._batch.set_scene(0, scenario)
+
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the acceleration u (2,) [m/s²] for one control step.
 

@@ -105,6 +105,15 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Start a new episode, and report on its first state."""
         observation, info = self.env.reset(seed=seed, options=options)
+        return self.join(observation, info)
+
+    def join(self, observation: Any, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Begin to filter an episode that runs already, or whose scene has just changed.
+
+        Args:
+            observation: the environment's last one.
+            info: the environment's last one; it gets the filter's entry.
+        """
         self._observation, self._info = observation, info
         self._core.restart(np.ones(1, dtype=np.bool_))
         inner = self.env.unwrapped

@@ -1,0 +1,71 @@
+"""Open a playground in the browser: drag regions, steer, push, and watch who pays for whom."""
+
+import threading
+from dataclasses import dataclass
+from typing import Literal
+
+from hcbf_gym.play.page import Page
+from hcbf_gym.play.session import Session
+from hcbf_gym.play.settings import Settings
+
+
+@dataclass(frozen=True)
+class Args:
+    """Where the page is, and what is chosen at first; all of it can be changed in the page."""
+
+    host: str = "127.0.0.1"
+    """The address to listen at; 0.0.0.0 lets other machines in."""
+    port: int = 8080
+    """The first port to try; where it is taken, the next free one."""
+    model: Literal["a1", "reduced"] = "a1"
+    """The A1 with full physics, or the reduced-order model alone."""
+    body: Literal["point", "footprint"] = "point"
+    """What must stay outside: the trunk's centre, or the whole A1."""
+    scenario: str = "random"
+    """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    policy: str = "pd"
+    """pd, human, or a learned policy."""
+    program: str = "eh-cbf-qp"
+    """none, or a name from hcbf_gym.programs.names()."""
+    guidance: bool = False
+    """Lead to the goal around the regions."""
+    margin: float | None = None
+    """What rows on the position keep between h and zero [m; default: derived]."""
+    gamma0: float = 5.0
+    """Weight γ₀, where the program has one."""
+    delta_gamma: float = 1.3
+    """Slope Δγ of the weight, likewise."""
+    seed: int = 0
+    """Of random scenes and of the episode."""
+
+
+def main(args: Args) -> None:
+    """Serve the page until Ctrl-C."""
+    settings = Settings(
+        model=args.model,
+        body=args.body,
+        policy=args.policy,
+        program=args.program,
+        guidance=args.guidance,
+        margin=args.margin,
+        gamma0=args.gamma0,
+        delta_gamma=args.delta_gamma,
+        seed=args.seed,
+    )
+    session = Session(settings, args.scenario)
+    page = Page(session, args.host, args.port)
+    stop = threading.Event()
+    simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
+    if args.port not in (0, page.port):
+        print(f"Port {args.port} is taken.")
+    shown = "127.0.0.1" if args.host == "0.0.0.0" else args.host
+    print(f"The playground is at http://{shown}:{page.port}/ (Ctrl-C ends it)", flush=True)
+    simulation.start()
+    try:
+        page.run(stop, simulation)
+    except KeyboardInterrupt:
+        print()
+    finally:
+        stop.set()
+        simulation.join(timeout=5.0)
+        page.close()

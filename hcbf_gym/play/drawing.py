@@ -1,0 +1,219 @@
+"""What is seen of a session in three dimensions: floor, regions, robot, reference, path, field."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+
+from hcbf_gym import guidance
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.envs.scene_plot import priority_color
+from hcbf_gym.guidance.field import grid
+from hcbf_gym.play import editing
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+Rgb = tuple[int, int, int]
+
+WALL_LENGTH, WALL_DEPTH = 40.0, 0.6
+"""How much of a forbidden half-plane is drawn [m]."""
+COLLISION_GROUP = 3
+"""The group of geoms that MuJoCo's own viewer hides."""
+ARROWS = 25
+"""Arrows of the guidance field along the longer side of the scene."""
+PATH_POINTS = 400
+
+_GREY, _DARK, _BLUE = (110, 110, 115), (40, 40, 40), (0, 114, 178)
+
+
+class Stage:
+    """The three-dimensional scene of a page.
+
+    Args:
+        server: whose scene it is.
+    """
+
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._bodies: list[tuple[int, Any]] = []
+        self._regions: list[tuple[Barrier, Any]] = []
+        self._path: list[Array] = []
+        self._line: Any = None
+        self._field: list[Any] = []
+        self._scene.add_grid(
+            "/floor", width=60.0, height=60.0, cell_size=0.5, section_size=5.0, position=(0, 0, 0)
+        )
+        self._reference = self._scene.add_icosphere("/reference/now", 0.05, _DARK)
+
+    def show_scene(self, scenario: Scenario, t: float) -> None:
+        """Draw regions, boxes, reference and goal."""
+        for _, handle in self._regions:
+            handle.remove()
+        self._regions = [
+            (barrier, self._draw_region(k, barrier, t))
+            for k, barrier in enumerate(scenario.barriers)
+            if _flat(barrier) is not None
+        ]
+        times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
+        line = np.array([[*scenario.reference(s)[0], 0.012] for s in times])
+        self._scene.add_line_segments(
+            "/reference/line", np.stack([line[:-1:2], line[1::2]], axis=1), _GREY, thickness=0.02
+        )
+        self._scene.add_cylinder(
+            "/reference/goal", 0.1, 0.02, _DARK, position=(*scenario.goal, 0.01)
+        )
+
+    def show_robot(self, model: mujoco.MjModel | None) -> None:
+        """Draw another robot: every body of the A1's scene, or a disc for the reduced-order one."""
+        for _, handle in self._bodies:
+            handle.remove()
+        self._bodies = []
+        if model is None:
+            puck = self._scene.add_cylinder("/robot/body0", 0.12, 0.16, _BLUE)
+            self._bodies.append((-1, puck))
+            return
+        for body in range(1, model.nbody):
+            frame = self._scene.add_frame(f"/robot/body{body}", show_axes=False)
+            self._bodies.append((body, frame))
+            for geom in np.flatnonzero(model.geom_bodyid == body).tolist():
+                shape = _shape(model, geom)
+                if shape is not None and model.geom_group[geom] < COLLISION_GROUP:
+                    self._scene.add_mesh_simple(
+                        f"/robot/body{body}/geom{geom}",
+                        shape.vertices,
+                        shape.faces,
+                        color=tuple((255 * model.geom_rgba[geom, :3]).astype(int).tolist()),
+                        position=model.geom_pos[geom],
+                        wxyz=model.geom_quat[geom],
+                    )
+
+    def restart(self) -> None:
+        """Forget the path."""
+        self._path = []
+
+    def move(self, position: Array, poses: Array | None, reference: Array, t: float) -> None:
+        """Put the robot, what moves by itself and the reference's point where they are."""
+        for body, handle in self._bodies:
+            if poses is None:
+                handle.position = (*position.tolist(), 0.1)
+            else:
+                handle.position, handle.wxyz = poses[body, :3], poses[body, 3:]
+        for barrier, handle in self._regions:
+            velocity = barrier.frame_velocity  # type: ignore[attr-defined]
+            if velocity.any():
+                x, y = (velocity * t).tolist()
+                handle.position = (x, y, handle.position[2])
+        self._reference.position = (*reference.tolist(), 0.05)
+        if not self._path or np.linalg.norm(self._path[-1] - position) > 0.03:
+            self._path = [*self._path[-PATH_POINTS:], position]
+
+    def show_path(self) -> None:
+        """Draw the path walked."""
+        points = np.array([[*p, 0.02] for p in self._path])
+        if len(points) > 1:
+            pairs = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+        else:
+            pairs = np.zeros((1, 2, 3), dtype=np.float32)
+        if self._line is None:
+            self._line = self._scene.add_line_segments("/path", pairs, _BLUE, thickness=0.03)
+        self._line.points = pairs
+
+    def show_field(self, scenario: Scenario | None) -> None:
+        """Draw which way the guidance field leads from everywhere, or nothing.
+
+        Raises:
+            InvalidInputError: if there is no field, as where the goal lies in a strict region.
+        """
+        for handle in self._field:
+            handle.remove()
+        self._field = []
+        if scenario is None:
+            return
+        way = guidance.Geodesic()
+        way.reset(scenario.barriers, scenario.goal, start=scenario.start)
+        x0, y0, cell, _, _ = geometry = way.geometry[0]
+        values = np.array(grid(way.field[0], geometry), dtype=np.float64)
+        stride = max(1, max(values.shape) // ARROWS)
+        down: Any = np.gradient(-values)
+        rows, columns = np.meshgrid(
+            *(np.arange(stride // 2, n, stride) for n in values.shape), indexing="ij"
+        )
+        way_y, way_x = (part[rows, columns].ravel() for part in down)
+        length = np.hypot(way_x, way_y)
+        goes = np.isfinite(length) & (length > 0.0)
+        reach = 0.7 * stride * cell
+        starts = np.stack([x0 + cell * columns.ravel(), y0 + cell * rows.ravel()], axis=1)[goes]
+        ends = starts + reach * np.stack([way_x[goes], way_y[goes]], axis=1) / length[goes, None]
+        height = np.full((len(starts), 1), 0.03)
+        arrows = np.stack([np.hstack([starts, height]), np.hstack([ends, height])], axis=1)
+        self._field.append(
+            self._scene.add_arrows(
+                "/field", arrows, (80, 130, 90),
+                shaft_radius=0.06 * reach, head_radius=0.16 * reach, head_length=0.4 * reach,
+            )
+        )  # fmt: skip
+
+    def _draw_region(self, k: int, barrier: Barrier, t: float) -> Any:
+        corners = _flat(barrier)
+        assert corners is not None
+        height = 0.01 / barrier.priority
+        vertices = np.column_stack([corners, np.zeros(len(corners))])
+        fan = np.arange(1, len(corners) - 1)
+        faces = np.column_stack([np.zeros(len(fan), dtype=np.int64), fan, fan + 1])
+        return self._scene.add_mesh_simple(
+            f"/regions/{k}",
+            vertices,
+            faces,
+            color=rgb(barrier.priority),
+            opacity=0.75,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+            position=(*(t * barrier.frame_velocity), height),  # type: ignore[attr-defined]
+        )
+
+
+def rgb(priority: int) -> Rgb:
+    """Return a rank's colour, 0 … 255."""
+    color = priority_color(priority)
+    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
+
+
+def _flat(barrier: Barrier) -> Array | None:
+    """Return (k, 2) the corners of what a region forbids at time 0, None for what is no region."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    if isinstance(barrier, Disc):
+        return editing.position(barrier) + barrier.radius * circle
+    if isinstance(barrier, Ellipse):
+        cos, sin = np.cos(barrier.angle), np.sin(barrier.angle)
+        turned = np.array([[cos, sin], [-sin, cos]])
+        return editing.position(barrier) + (circle * np.array(barrier.semi_axes)) @ turned
+    if isinstance(barrier, ConvexPolygon):
+        return np.array(barrier.vertices)
+    if isinstance(barrier, HalfPlane):
+        normal = np.array(barrier.normal)
+        along = 0.5 * WALL_LENGTH * np.array([-normal[1], normal[0]])
+        foot, back = editing.position(barrier), WALL_DEPTH * normal
+        return np.array([foot - along, foot + along, foot + along - back, foot - along - back])
+    return None
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
+    """Return the surface of a geom, None for a kind that is not drawn."""
+    size, kind = model.geom_size[geom], mujoco.mjtGeom(int(model.geom_type[geom]))
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return trimesh.creation.box(extents=2.0 * size)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return trimesh.creation.capsule(height=2.0 * size[1], radius=size[0], count=(8, 12))
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=16)
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        ball = trimesh.creation.icosphere(subdivisions=2)
+        radii = size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0])
+        ball.apply_scale(radii)
+        return ball
+    return None

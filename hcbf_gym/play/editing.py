@@ -1,0 +1,139 @@
+"""A scene with one region moved, resized or ranked anew; every function returns another scene."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+
+def region(scenario: Scenario, name: str) -> Any:
+    """Return the region of that name.
+
+    Raises:
+        UnknownNameError: if there is none; the message lists the names.
+    """
+    return choose("region", name, {barrier.name: barrier for barrier in scenario.barriers})
+
+
+def position(barrier: Barrier, t: float = 0.0) -> Array:
+    """Return (2,) where a region is taken hold of at time t: its centre, or a point of a wall [m].
+
+    Raises:
+        InvalidInputError: if the barrier is no region.
+    """
+    if isinstance(barrier, HalfPlane):
+        return barrier.offset * np.array(barrier.normal)
+    if isinstance(barrier, Disc | Ellipse):
+        return np.array(barrier.center) + t * barrier.frame_velocity
+    if isinstance(barrier, ConvexPolygon):
+        return np.mean(barrier.vertices, axis=0) + t * barrier.frame_velocity
+    raise InvalidInputError(
+        f"{barrier.name}: got a {type(barrier).__name__}, expected a region to move"
+    )
+
+
+def size(barrier: Barrier) -> float | None:
+    """Return a radius, the larger semi-axis, or the way to the farthest corner [m].
+
+    A wall has no size.
+    """
+    if isinstance(barrier, Disc):
+        return barrier.radius
+    if isinstance(barrier, Ellipse):
+        return max(barrier.semi_axes)
+    if isinstance(barrier, ConvexPolygon):
+        return float(np.linalg.norm(barrier.vertices - position(barrier), axis=1).max())
+    return None
+
+
+def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> Scenario:
+    """Return the scene with a region where it is `to` (2,) [m] at time t [s].
+
+    Raises:
+        UnknownNameError: if there is no such region.
+        InvalidInputError: if the position is not finite.
+    """
+    barrier: Any = region(scenario, name)
+    target = finite_array(f"{name}: position", to, (2,))
+    step = target - position(barrier, t)
+    if isinstance(barrier, HalfPlane):
+        moved = replace(barrier, offset=float(target @ np.array(barrier.normal)))
+    elif isinstance(barrier, ConvexPolygon):
+        corners = np.array(barrier.vertices) + step
+        moved = replace(barrier, vertices=tuple(map(tuple, corners.tolist())))
+    else:
+        moved = replace(barrier, center=tuple((np.array(barrier.center) + step).tolist()))
+    return _with(scenario, barrier, moved)
+
+
+def resize(scenario: Scenario, name: str, new_size: float) -> Scenario:
+    """Return the scene with a region of another size [m], its shape kept.
+
+    Raises:
+        UnknownNameError: if there is no such region.
+        InvalidInputError: if the size is not positive, or the region is a wall.
+    """
+    barrier: Any = region(scenario, name)
+    old = size(barrier)
+    if old is None:
+        raise InvalidInputError(f"{name}: got a wall, expected a disc, an ellipse or a polygon")
+    new_size = finite_float(f"{name}: size", new_size, minimum=0.0, exclusive=True)
+    factor = new_size / old
+    if isinstance(barrier, Disc):
+        resized = replace(barrier, radius=new_size)
+    elif isinstance(barrier, Ellipse):
+        resized = replace(barrier, semi_axes=tuple(factor * a for a in barrier.semi_axes))
+    else:
+        center = position(barrier)
+        corners = center + factor * (np.array(barrier.vertices) - center)
+        resized = replace(barrier, vertices=tuple(map(tuple, corners.tolist())))
+    return _with(scenario, barrier, resized)
+
+
+def rank(scenario: Scenario, name: str, priority: int) -> Scenario:
+    """Return the scene with a region of another rank; ranks without a region close up.
+
+    Raises:
+        UnknownNameError: if there is no such region.
+        InvalidInputError: if the rank is no positive integer.
+    """
+    barrier = region(scenario, name)
+    ranked = replace(barrier, priority=priority)
+    others = tuple(ranked if other is barrier else other for other in scenario.barriers)
+    order = sorted({other.priority for other in others})
+    return replace(
+        scenario,
+        barriers=tuple(replace(b, priority=order.index(b.priority) + 1) for b in others),
+    )
+
+
+def to_json(scenario: Scenario) -> bytes:
+    """Return the scene as the JSON file that ``scenario=`` takes."""
+    return json.dumps(scenario.to_dict(), indent=2).encode()
+
+
+def from_json(content: bytes) -> Scenario:
+    """Return the scene that a file holds.
+
+    Raises:
+        InvalidInputError: if it is not JSON, or no scene.
+    """
+    try:
+        data = json.loads(content)
+    except ValueError as error:
+        raise InvalidInputError(f"scene file: got no JSON ({error}), expected a scene") from error
+    return scenarios.from_dict(data)
+
+
+def _with(scenario: Scenario, old: Barrier, new: Barrier) -> Scenario:
+    return replace(scenario, barriers=tuple(new if b is old else b for b in scenario.barriers))

@@ -1,0 +1,34 @@
+"""Who steers: of several browsers that watch, one."""
+
+import threading
+
+
+class Helm:
+    """The controls of a page: the first browser that touches them has them until it leaves."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holder: int | None = None
+
+    @property
+    def holder(self) -> int | None:
+        """The browser that steers; None while nobody does."""
+        return self._holder
+
+    def may(self, client: int) -> bool:
+        """Return whether a browser steers; it does from now on where nobody did."""
+        with self._lock:
+            if self._holder is None:
+                self._holder = client
+            return self._holder == client
+
+    def take(self, client: int) -> None:
+        """Give the controls to a browser, whoever had them."""
+        with self._lock:
+            self._holder = client
+
+    def leave(self, client: int) -> None:
+        """Free the controls if this browser had them."""
+        with self._lock:
+            if self._holder == client:
+                self._holder = None

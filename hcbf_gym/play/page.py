@@ -1,0 +1,120 @@
+"""The page of a session: what browsers see of it, sent as often as they can take it."""
+
+import contextlib
+import io
+import socket
+import threading
+import time
+
+import viser
+
+from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.play import readings
+from hcbf_gym.play.controls import Controls
+from hcbf_gym.play.drawing import Stage
+from hcbf_gym.play.helm import Helm
+from hcbf_gym.play.plots import Plots
+from hcbf_gym.play.session import Session
+
+RATE = 40.0
+"""How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
+SLOWER = 5
+
+
+class Page:
+    """A web server that shows a session and takes its commands.
+
+    Viser keeps only the newest of every value that a browser has not fetched yet, so a slow one
+    is neither waited for nor remembered.
+
+    Args:
+        session: what is shown.
+        host: the address to listen at.
+        port: the first port to try; one that is taken makes room for the next.
+
+    Attributes:
+        port: the port that it is.
+
+    Raises:
+        InvalidInputError: if nothing can listen at that address.
+    """
+
+    def __init__(self, session: Session, host: str, port: int):
+        _check_address(host, port)
+        with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner
+            self._server = viser.ViserServer(host=host, port=port, label="hcbf play", verbose=False)
+        self.port = self._server.get_port()
+        self._session, self._helm = session, Helm()
+        self._server.on_client_disconnect(lambda client: self._helm.leave(client.client_id))
+        self._server.gui.configure_theme(
+            show_logo=False, show_share_button=False, control_width="large"
+        )
+        self._words = self._server.gui.add_html("")
+        self._controls = Controls(self._server, session, self._helm)
+        self._plots = Plots(self._server, self._controls.plots)
+        self._stage = Stage(self._server)
+        x, y = session.latest.position.tolist()
+        self._server.initial_camera.position = (x - 3.5, y - 3.5, 4.0)
+        self._server.initial_camera.look_at = (x + 0.5, y, 0.0)
+        self._revision, self._time, self._body, self._count = -1, -1.0, object(), 0
+
+    def run(self, stop: threading.Event, alive: threading.Thread) -> None:
+        """Show the session until told to stop, or until its thread has ended."""
+        due = time.perf_counter()
+        while alive.is_alive() and not stop.is_set():
+            self.show()
+            due = max(due + 1.0 / RATE, time.perf_counter())
+            time.sleep(max(0.0, due - time.perf_counter()))
+
+    def close(self) -> None:
+        """Stop serving."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def show(self) -> None:
+        """Send what has changed since the last time."""
+        snapshot = self._session.latest
+        with self._server.atomic():
+            if snapshot.body is not self._body:
+                self._stage.show_robot(snapshot.body)
+                self._body = snapshot.body
+            if snapshot.time < self._time:
+                self._stage.restart()
+                self._plots.restart()
+            if snapshot.revision != self._revision or self._controls.stale():
+                self._stage.show_scene(snapshot.scenario, snapshot.time)
+                self._controls.agree(snapshot)
+                self._show_field(snapshot.scenario if self._controls.show_field else None)
+            self._revision, self._time = snapshot.revision, snapshot.time
+            self._stage.move(snapshot.position, snapshot.poses, snapshot.reference, snapshot.time)
+            self._controls.follow(snapshot)
+            if self._count % SLOWER == 0:
+                self._words.content = readings.html(snapshot, self._steering())
+                self._stage.show_path()
+                self._plots.show(snapshot)
+        self._count += 1
+
+    def _show_field(self, scenario: object) -> None:
+        try:
+            self._stage.show_field(scenario)  # type: ignore[arg-type]
+        except HcbfError as error:
+            for client in self._server.get_clients().values():
+                client.add_notification("no guidance field", str(error), auto_close_seconds=6.0)
+
+    def _steering(self) -> str:
+        watching, holder = len(self._server.get_clients()), self._helm.holder
+        who = "nobody steers yet" if holder is None else f"browser {holder} steers"
+        return f"{who}, {watching} connected"
+
+
+def _check_address(host: str, port: int) -> None:
+    """Refuse an address that nothing can listen at; viser would try a thousand ports there."""
+    if not 0 <= port <= 65535:
+        raise InvalidInputError(f"port: got {port}, expected 0 to 65535")
+    try:
+        with socket.create_server((host, 0)):
+            pass
+    except OSError as error:
+        raise InvalidInputError(
+            f"host: got {host!r} ({error}), expected an address of this machine, such as 127.0.0.1"
+        ) from error

@@ -1,0 +1,61 @@
+"""A snapshot as plain text, in HTML; every reading carries its name in `data-reading`."""
+
+from html import escape
+
+from hcbf_gym.envs.scene_plot import priority_color
+from hcbf_gym.play.report import Snapshot
+
+_STATUS_COLORS = {
+    "NOMINAL": "#2e7d32",
+    "SAFE": "#2e7d32",
+    "RELAXED": "#b26a00",
+    "VIOLATED": "#c0392b",
+    "OUTSIDE": "#c0392b",
+    "BACKUP": "#c0392b",
+}
+
+
+def html(snapshot: Snapshot, steering: str) -> str:
+    """Return what the page says about a tick.
+
+    Args:
+        snapshot: the record of the tick.
+        steering: who steers.
+    """
+    color = _STATUS_COLORS.get(snapshot.status, "#555555")
+    ranks = "".join(
+        f'<tr><td style="color:{priority_color(rank)};font-weight:600">rank {rank}</td>'
+        f"{_cell(f'h-{rank}', f'{h:+.3f} m')}"
+        f"{_cell(f'least-{rank}', f'{snapshot.least[rank]:+.3f} m')}"
+        f"{_cell(f'slack-{rank}', f'{snapshot.slack.get(rank, 0.0):.2f} m/s²')}</tr>"
+        for rank, h in snapshot.h.items()
+    )
+    rest = {
+        "intervention": f"{snapshot.intervention:.2f} m/s²",
+        "speed margin": "–" if snapshot.speed_margin is None else f"{snapshot.speed_margin:+.2f}",
+        **{name: f"{value:.2f}" for name, value in snapshot.details.items()},
+        "position": f"{snapshot.position[0]:.2f}, {snapshot.position[1]:.2f} m",
+    }
+    others = " · ".join(f"{name} {_span(name, text)}" for name, text in rest.items())
+    state = "running" if snapshot.running else "paused"
+    return (
+        '<div style="padding:0 0.8em;font-size:0.85em;line-height:1.45">'
+        f'<div><b style="color:{color}">{_span("status", snapshot.status)}</b> '
+        f"{_span('sentence', snapshot.sentence)}</div>"
+        f'<div style="color:#777">{_span("conflict", snapshot.conflict)}</div>'
+        '<table style="width:100%;text-align:right"><tr style="color:#777">'
+        "<td></td><td>h now</td><td>least h</td><td>slack</td></tr>"
+        f"{ranks}</table>"
+        f'<div style="color:#777">{others}</div>'
+        f"<div>t = {_span('time', f'{snapshot.time:.2f}')} s, {_span('state', state)}, "
+        f"{_span('pace', f'{snapshot.pace:.2f}')} × real time; {_span('steering', steering)}</div>"
+        f'<div style="color:#c0392b">{_span("message", snapshot.message)}</div></div>'
+    )
+
+
+def _span(name: str, text: str) -> str:
+    return f'<span data-reading="{name.replace(" ", "-")}">{escape(text)}</span>'
+
+
+def _cell(name: str, text: str) -> str:
+    return f"<td>{_span(name, text)}</td>"

@@ -1,0 +1,142 @@
+"""What a step of the playground says: a record of readings and one plain sentence."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import programs
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.play.settings import Settings
+from hcbf_gym.programs import FilterResult, FilterStatus
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+UNFILTERED = "UNFILTERED"
+
+
+class Snapshot(NamedTuple):
+    """All that a page shows of one tick; its arrays are nobody else's.
+
+    Attributes:
+        time: since the restart [s].
+        pace: simulated seconds in a second of the clock.
+        running: whether time goes on.
+        position: (2,) of the trunk [m].
+        velocity: (2,) [m/s].
+        reference: (2,) where the reference is now, or the goal [m].
+        body: the compiled MuJoCo scene, None for the reduced-order model; another object after
+            another start.
+        poses: (k, 7) position and quaternion of its bodies.
+        h: rank → the least h of its regions [m].
+        least: rank → the least h since the restart, the last push or the last change [m].
+        slack: rank → the largest violation of its rows [m/s²].
+        speed_margin: h of the speed limit [m/s]; None without one.
+        intervention: ‖u − u*‖ [m/s²].
+        status: a `FilterStatus`'s name, or "UNFILTERED".
+        sentence: what is going on, in plain words.
+        conflict: which rows conflict, or nothing.
+        details: what else `info["safety_filter"]` says, as numbers.
+        settings: what was chosen.
+        scenario: the scene.
+        revision: counts what changed settings or scene, or was refused.
+        message: the last message to the person.
+        messages: counts them.
+    """
+
+    time: float
+    pace: float
+    running: bool
+    position: Array
+    velocity: Array
+    reference: Array
+    body: Any
+    poses: Array | None
+    h: dict[int, float]
+    least: dict[int, float]
+    slack: dict[int, float]
+    speed_margin: float | None
+    intervention: float
+    status: str
+    sentence: str
+    conflict: str
+    details: dict[str, float]
+    settings: Settings
+    scenario: Scenario
+    revision: int
+    message: str
+    messages: int
+
+
+def by_rank(values: Array, priority: NDArray[np.int64], pick: Any) -> dict[int, float]:
+    """Return rank → the picked one of its values; `pick` is `np.min` or `np.max`."""
+    ranks = np.unique(priority).tolist()
+    return {rank: float(pick(values[priority == rank])) for rank in ranks}
+
+
+def sentence(
+    status: str, slack: Mapping[int, float], h: Mapping[int, float], intervention: float
+) -> str:
+    """Return what is going on.
+
+    Args:
+        status: a `FilterStatus`'s name, or "UNFILTERED".
+        slack: rank → what it pays [m/s²].
+        h: rank → its least h [m].
+        intervention: ‖u − u*‖ [m/s²].
+    """
+    inside = [rank for rank, value in h.items() if value < 0.0]
+    paying = {rank: value for rank, value in slack.items() if value > 0.0}
+    if status == UNFILTERED:
+        where = f"the robot is inside a region of {_ranks(inside)}" if inside else "nothing is hit"
+        return f"There is no filter, and {where}."
+    if status == FilterStatus.NOMINAL.name:
+        return "The policy has its way: no region minds."
+    if status == FilterStatus.SAFE.name:
+        return f"Every rank holds: the filter changes the input by {intervention:.1f} m/s²."
+    if status == FilterStatus.OUTSIDE.name:
+        return "The robot is inside a region of rank 1: the filter brings it out."
+    if status == FilterStatus.BACKUP.name:
+        return "No solver answered: the robot brakes."
+    if status == FilterStatus.VIOLATED.name:
+        return f"No input keeps rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
+    held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]
+    amounts = f"{max(paying.values(), default=0.0):.1f} m/s²"
+    pay = f"{_ranks(list(paying))} {'pays' if len(paying) == 1 else 'pay'} {amounts}"
+    hold = f"{_ranks(held)} {'holds' if len(held) == 1 else 'hold'}" if held else "rank 1 holds"
+    return f"{pay[0].upper()}{pay[1:]} so that {hold}."
+
+
+def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names: list[str]) -> str:
+    """Return which rows conflict at a state, and whether the input's limits are part of it.
+
+    Args:
+        inner: the environment.
+        x: (4,) the state that the filter saw.
+        t: its time [s].
+        margin: (m,) what each row kept.
+        slack: (m,) each row's violation.
+        names: of the m barriers.
+    """
+    limits = inner.scenario.input_set
+    settings = RowSettings(period=CONTROL_DT, u_max=limits.radius)
+    batch = inner.barrier_set.rows(x[None], np.array([t]), settings, margin[None])
+    rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
+    answer = FilterResult(np.zeros(2), slack, slack, FilterStatus.RELAXED, 0)
+    report = programs.conflict_report(rows, answer, limits)
+    if report is None:
+        return ""
+    parts = [f"{names[row]} (rank {rows.priority[row]})" for row in report.rows]
+    if report.needs_input_set:
+        parts.append("the limits of the input")
+    return "In conflict: " + ", ".join(parts) + "."
+
+
+def _ranks(ranks: list[int]) -> str:
+    if len(ranks) == 1:
+        return f"rank {ranks[0]}"
+    *first, last = map(str, sorted(ranks))
+    return f"ranks {', '.join(first)} and {last}"

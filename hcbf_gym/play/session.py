@@ -1,0 +1,305 @@
+"""The playground's simulation: what a person may do to it, and what it says after every tick.
+
+It knows no page: commands come through a queue and wait for a tick, a `Snapshot` is left after
+every tick, and nobody is waited for.
+"""
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import scenarios
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, finite_float
+from hcbf_gym.play import editing, report
+from hcbf_gym.play.report import Snapshot
+from hcbf_gym.play.settings import Arrangement, Human, Settings, arrange
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+PUSH_TIME = 0.2
+"""How long a push lasts [s]."""
+HARDEST_PUSH = 500.0
+"""[N]."""
+BEHIND = 0.1
+"""What a slow machine catches up at most [s of the clock]; beyond it, time runs slower."""
+CONFLICT_EVERY = 10
+"""Ticks from one conflict report to the next."""
+
+
+class Session:
+    """A scene, a robot, a filter and a policy that run until they are told otherwise.
+
+    Args:
+        settings: what is chosen at first.
+        scenario: the first scene, as environments take it.
+
+    Attributes:
+        latest: the record of the last tick; another object after each.
+
+    Raises:
+        HcbfError: if settings and scene make no environment.
+    """
+
+    def __init__(self, settings: Settings, scenario: str | Path | Scenario = "random"):
+        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._source: str | Path | Scenario = scenario
+        self._pace, self._running, self._steps_left = 1.0, True, 0
+        self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
+        self._ticks, self._revision, self._messages, self._message = 0, 0, 0, ""
+        self._push_left, self._conflict = 0, ""
+        self._start(settings, self._draw(scenario, settings.seed))
+        self.latest = self._record()
+
+    def post(self, command: Callable[..., None], *arguments: Any, **named: Any) -> None:
+        """Leave a command for the next tick; safe from every thread."""
+        self._commands.put(partial(command, *arguments, **named))
+
+    def run(self, stop: threading.Event) -> None:
+        """Tick at the chosen pace until told to stop, or more slowly where a tick takes longer."""
+        due = time.perf_counter()
+        while not stop.is_set():
+            self.tick()
+            now = time.perf_counter()
+            due = max(due + CONTROL_DT / self._pace, now - BEHIND)
+            time.sleep(max(0.0, due - now))
+
+    def tick(self) -> None:
+        """Obey what was posted, step once if time goes on, and leave a record."""
+        while not self._commands.empty():
+            try:
+                self._commands.get()()
+            except HcbfError as error:
+                self._revision += 1  # what the page shows has to be put right
+                self._say(str(error))
+        if self._running or self._steps_left:
+            self._steps_left = max(0, self._steps_left - 1)
+            self._advance()
+        self._clock.append((time.perf_counter(), self._ticks))
+        self.latest = self._record()
+
+    def change(self, **choices: Any) -> None:
+        """Choose anew among the fields of `Settings`; the robot goes on from where it stands.
+
+        Another model or body begins at the start, another seed draws a random scene anew.
+
+        Raises:
+            HcbfError: if a choice is refused; everything stays as it was.
+        """
+        settings = replace(self.settings, **choices)
+        if "seed" in choices:
+            self._start(settings, self._draw(self._source, settings.seed, self.scenario))
+        elif (settings.model, settings.body) != (self.settings.model, self.settings.body):
+            self._start(settings, self.scenario)
+        else:
+            self._join(arrange(settings, self.scenario, self._now.inner), settings)
+
+    def choose_scene(self, scenario: str | Path | Scenario) -> None:
+        """Begin in another scene, as environments take it."""
+        scene = self._draw(scenario, self.settings.seed)
+        self._start(self.settings, scene)
+        self._source = scenario
+
+    def load_scene(self, content: bytes) -> None:
+        """Begin in the scene that a file holds."""
+        self.choose_scene(editing.from_json(content))
+        self._say(f"The scene {self.scenario.name!r} was loaded.")
+
+    def restart(self) -> None:
+        """Begin the scene again as it is now, with the same seed."""
+        self._start(self.settings, self.scenario)
+
+    def move(self, region: str, to: Sequence[float]) -> None:
+        """Move a region (2,) [m]."""
+        self._edit(editing.move(self.scenario, region, to, self._now.inner.time))
+
+    def resize(self, region: str, size: float) -> None:
+        """Give a region another size [m]."""
+        self._edit(editing.resize(self.scenario, region, size))
+
+    def rank(self, region: str, priority: int) -> None:
+        """Give a region another rank."""
+        self._edit(editing.rank(self.scenario, region, priority))
+
+    def steer(self, velocity: Sequence[float]) -> None:
+        """Hold the stick: the velocity (2,) that a human at it wants [m/s]."""
+        self._human.velocity, self._human.target = finite_array("stick", velocity, (2,)), None
+
+    def lead_to(self, target: Sequence[float] | None) -> None:
+        """Drag the stick to a point (2,) [m], or let it go."""
+        self._human.target = None if target is None else finite_array("stick", target, (2,))
+
+    def push(self, force: Sequence[float]) -> None:
+        """Push the trunk for a moment with a force (2,) in the plane [N].
+
+        Raises:
+            InvalidInputError: if it is too hard, or the robot has no body.
+        """
+        pushed = finite_array("push", force, (2,))
+        if not hasattr(self._now.inner, "simulation"):
+            raise InvalidInputError(
+                "push: got the reduced-order model, expected the A1, which has a body"
+            )
+        if np.linalg.norm(pushed) > HARDEST_PUSH:
+            raise InvalidInputError(f"push: got {pushed} N, expected at most {HARDEST_PUSH:g} N")
+        self._now.inner.simulation.push(np.array([*pushed, 0.0]))
+        self._push_left = round(PUSH_TIME / CONTROL_DT)
+        self._forget_least()
+
+    def pause(self, paused: bool) -> None:
+        """Stop or go on."""
+        self._running = not paused
+
+    def step_once(self) -> None:
+        """Take one step and stop."""
+        self._running, self._steps_left = False, 1
+
+    def set_pace(self, pace: float) -> None:
+        """Run at so many simulated seconds in a second of the clock."""
+        self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
+
+    def _draw(
+        self, source: str | Path | Scenario, seed: int, otherwise: Scenario | None = None
+    ) -> Scenario:
+        """Return a scene: a random one as the seed has it, another as it is now if it is."""
+        if otherwise is not None and not scenarios.is_random(source):
+            return otherwise
+        return scenarios.make(source, np.random.default_rng(seed))
+
+    def _start(self, settings: Settings, scenario: Scenario) -> None:
+        """Begin an episode in an environment of its own."""
+        arrangement = arrange(settings, scenario)
+        observation, info = arrangement.env.reset(seed=settings.seed)
+        self._now, self.settings, self.scenario = arrangement, settings, scenario
+        self._observation, self._info = observation, info
+        space: Any = arrangement.inner.action_space
+        self._human = Human(space.low.astype(np.float64), space.high.astype(np.float64))
+        self._names = [barrier.name for barrier in arrangement.inner.barriers]
+        self._regions = np.array([barrier.reads_position for barrier in arrangement.inner.barriers])
+        self._action = np.zeros(2)
+        self._push_left, self._conflict = 0, ""
+        self._revision += 1
+        self._forget_least()
+
+    def _join(self, arrangement: Arrangement, settings: Settings) -> None:
+        """Go on in the same episode under another filter or policy."""
+        if arrangement.env is not arrangement.inner:
+            filtered: Any = arrangement.env
+            filtered.join(self._observation, self._info)
+        else:
+            self._info.pop("safety_filter", None)
+        self._now, self.settings = arrangement, settings
+        self._conflict = ""
+        self._revision += 1
+
+    def _edit(self, scenario: Scenario) -> None:
+        """Go on in an edited scene, or in the old one if the filter refuses it."""
+        self._now.inner.change_scene(scenario)
+        try:
+            self._join(arrange(self.settings, scenario, self._now.inner), self.settings)
+        except HcbfError:
+            self._now.inner.change_scene(self.scenario)
+            self._join(arrange(self.settings, self.scenario, self._now.inner), self.settings)
+            raise
+        self.scenario = scenario
+        self._forget_least()
+
+    def _advance(self) -> None:
+        """Step once, unless the robot lies on the floor."""
+        inner = self._now.inner
+        x, t = inner.estimate.x.copy(), inner.time
+        policy = self._now.policy
+        wanted = self._human.act(x) if policy is None else policy(self._observation, self._info)
+        self._action = np.asarray(wanted, dtype=np.float64)
+        self._observation, _, _, _, self._info = self._now.env.step(self._action)
+        self._ticks += 1
+        if self._push_left:
+            self._push_left -= 1
+            if not self._push_left:
+                inner.simulation.push(np.zeros(3))
+            self._forget_least()
+        self._least = np.minimum(self._least, self._heights("min_"))
+        if self._info.get("fallen", 0.0):
+            self._running = False
+            self._say("The robot fell. Restart to go on.")
+        said = self._info.get("safety_filter")
+        if said is None or not said["slack"].any():
+            self._conflict = ""
+        elif self._ticks % CONFLICT_EVERY == 0 or not self._conflict:
+            m = len(self._names)
+            self._conflict = report.conflict(
+                inner, x, t, said["margin"][:m], said["slack"][:m], self._names
+            )
+
+    def _forget_least(self) -> None:
+        self._least = self._heights().copy()
+
+    def _heights(self, least: str = "") -> Array:
+        """Return h (m,) of what must stay outside, now or at its least during the last step."""
+        body = self._info.get(f"{least}body_h")
+        return self._info[f"{least}h"] if body is None else body
+
+    def _say(self, message: str) -> None:
+        self._message = message
+        self._messages += 1
+
+    def _record(self) -> Snapshot:
+        inner, regions, said = self._now.inner, self._regions, self._info.get("safety_filter")
+        priority = inner.barrier_set.priority[0]
+        m = len(priority)
+        h = self._heights()
+        ranked = partial(report.by_rank, priority=priority[regions])
+        slack = ranked(np.zeros(int(regions.sum())), pick=np.max)
+        status, gap, details = report.UNFILTERED, 0.0, {}
+        if said is not None:
+            slack = report.by_rank(said["slack"][:m], priority, np.max)
+            status, gap = FilterStatus(int(said["status"])).name, float(said["intervention"])
+            details = {
+                "margin": float(said["margin"][regions].max()),
+                "model error": float(said["model_error"]),
+                "reachable": float(said["reachable"]),
+            }
+        by_rank_h = ranked(h[regions], pick=np.min)
+        x = inner.truth
+        duration = inner.scenario.reference.duration
+        simulation = getattr(inner, "simulation", None)
+        data = None if simulation is None else simulation.data
+        return Snapshot(
+            time=float(inner.time),
+            pace=self._measured_pace(),
+            running=self._running,
+            position=x[:2],
+            velocity=x[2:],
+            reference=inner.scenario.reference(min(inner.time, duration))[0],
+            body=None if simulation is None else simulation.model,
+            poses=None if data is None else np.hstack([data.xpos, data.xquat]),
+            h=by_rank_h,
+            least=ranked(self._least[regions], pick=np.min),
+            slack=slack,
+            speed_margin=None if regions.all() else float(h[~regions].min()),
+            intervention=gap,
+            status=status,
+            sentence=report.sentence(status, slack, by_rank_h, gap),
+            conflict=self._conflict,
+            details=details,
+            settings=self.settings,
+            scenario=self.scenario,
+            revision=self._revision,
+            message=self._message,
+            messages=self._messages,
+        )
+
+    def _measured_pace(self) -> float:
+        (began, first), (now, last) = self._clock[0], self._clock[-1]
+        return CONTROL_DT * (last - first) / (now - began) if now > began else 0.0

@@ -1,0 +1,159 @@
+"""What a person chooses in the playground, and the environment, filter and policy that makes."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import policies, programs
+from hcbf_gym.errors import choose, finite_float
+from hcbf_gym.policies import Policy, learned
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.wrappers import SafetyFilter
+
+Array = NDArray[np.float64]
+
+MODELS = {"a1": "HCBF-A1Regions-v0", "reduced": "HCBF-Regions-v0"}
+"""The robot: the whole A1 in MuJoCo, or its reduced-order model alone."""
+
+BODIES = ("point", "footprint")
+"""What must stay outside: the trunk's centre, or the whole A1."""
+
+NO_FILTER = "none"
+HUMAN = "human"
+PD = "pd"
+
+STICK_GAIN = 3.0
+"""How the human's acceleration follows the wanted velocity [1/s]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a person chooses.
+
+    Args:
+        model: "a1" or "reduced".
+        body: "point", the trunk's centre, or "footprint", the whole A1; the reduced-order model is
+            a point.
+        policy: "pd", "human" or a learned one.
+        program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
+        guidance: whether a geodesic field leads to the goal.
+        margin: what rows on the position keep [m]; None derives it.
+        gamma0: γ₀, where the program has weights.
+        delta_gamma: Δγ, where the program has weights.
+        seed: of random scenes and of the episode.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if a number is out of range.
+    """
+
+    model: str = "a1"
+    body: str = BODIES[0]
+    policy: str = PD
+    program: str = "eh-cbf-qp"
+    guidance: bool = False
+    margin: float | None = None
+    gamma0: float = 5.0
+    delta_gamma: float = 1.3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        choose("model", self.model, MODELS)
+        choose("body", self.body, dict.fromkeys(BODIES))
+        choose("policy", self.policy, dict.fromkeys(policy_names()))
+        choose("program", self.program, dict.fromkeys(program_names()))
+        finite_float("gamma0", self.gamma0, minimum=0.0)
+        finite_float("delta_gamma", self.delta_gamma, minimum=0.0)
+        finite_float("seed", self.seed, minimum=0.0)
+        if self.margin is not None:
+            finite_float("margin", self.margin, minimum=0.0)
+
+
+def policy_names() -> list[str]:
+    """Return what may choose the nominal input."""
+    return [PD, HUMAN, *learned.names()]
+
+
+def program_names() -> list[str]:
+    """Return what may filter it."""
+    return [NO_FILTER, *programs.names()]
+
+
+class Human:
+    """A person at the stick: ``u* = k (v_wanted − v)``.
+
+    Attributes:
+        velocity: (2,) that the stick asks for [m/s].
+        target: (2,) where the stick was dragged to, which is walked to instead [m]; or None.
+
+    Args:
+        low: (2,) least acceleration [m/s²].
+        high: (2,) greatest acceleration [m/s²].
+    """
+
+    def __init__(self, low: Array, high: Array):
+        self.low, self.high = low, high
+        self.velocity = np.zeros(2)
+        self.target: Array | None = None
+
+    def act(self, x: Array) -> Array:
+        """Return u* (2,) at position and velocity x (4,)."""
+        wanted = self.velocity if self.target is None else self.target - x[:2]
+        wanted = wanted / max(1.0, float(np.linalg.norm(wanted)))
+        return np.clip(STICK_GAIN * (wanted - x[2:]), self.low, self.high)
+
+
+class Arrangement(NamedTuple):
+    """What steps: an environment, what filters its actions, and what acts.
+
+    Attributes:
+        env: the environment, in its filter if there is one.
+        inner: the environment itself.
+        policy: (observation, info) → u*; None where a person acts.
+    """
+
+    env: gym.Env
+    inner: Any
+    policy: Policy | None
+
+
+def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrangement:
+    """Return what the settings ask for.
+
+    Args:
+        settings: what was chosen.
+        scenario: the scene.
+        inner: the environment that stays; None makes another.
+
+    Raises:
+        InvalidInputError: if the policy was trained for other scenes.
+    """
+    if inner is None:
+        more: dict[str, Any] = {"body": settings.body} if settings.model == "a1" else {}
+        inner = gym.make(
+            MODELS[settings.model],
+            scenario=scenario,
+            max_episode_steps=-1,
+            disable_env_checker=True,
+            **more,
+        ).unwrapped
+    policy: Policy | None = None
+    if settings.policy == PD:
+        policy = policies.PDTracker.for_env(inner)
+    elif settings.policy != HUMAN:
+        policy = policies.load(settings.policy, inner)
+    if settings.program == NO_FILTER:
+        return Arrangement(inner, inner, policy)
+    weights: dict[str, Any] = {"gamma0": settings.gamma0, "delta_gamma": settings.delta_gamma}
+    taken = programs.options(settings.program)
+    env = SafetyFilter(
+        inner,
+        program=settings.program,
+        guidance="geodesic" if settings.guidance else None,
+        margin=settings.margin,
+        **{name: value for name, value in weights.items() if name in taken},
+    )
+    return Arrangement(env, inner, policy)

@@ -1,0 +1,203 @@
+import json
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.play import editing
+from hcbf_gym.play.report import sentence
+from hcbf_gym.play.session import Session
+from hcbf_gym.play.settings import Settings
+from hcbf_gym.scenarios.references import PointReference
+
+GATE = scenarios.Scenario(
+    "gate",
+    (
+        Disc("strict", 1, center=(2.0, 0.0), radius=0.5),
+        Disc("soft", 2, center=(0.0, 2.0), radius=0.5),
+        HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-3.0),
+    ),
+    PointReference((4.0, 0.0)),
+)
+
+
+@pytest.fixture
+def session():
+    return Session(Settings(model="reduced"), GATE)
+
+
+def ticks(session, count):
+    for _ in range(count):
+        session.tick()
+    return session.latest
+
+
+def do(session, command, *arguments, **named):
+    session.post(command, *arguments, **named)
+    session.tick()
+    return session.latest
+
+
+def test_a_person_who_steers_into_rank_1_for_ten_seconds_stays_out_of_it(session):
+    do(session, session.change, policy="human")
+    do(session, session.steer, (1.0, 0.0))
+    walk = [ticks(session, 1) for _ in range(500)]
+    assert max(said.position[0] for said in walk) > 1.2  # it did walk up to the region
+    assert walk[-1].least[1] >= 0.0
+    assert {"NOMINAL", "SAFE"} <= {said.status for said in walk}
+    assert max(said.intervention for said in walk) > 0.1
+
+
+def test_without_a_filter_the_same_stick_leads_into_it(session):
+    do(session, session.change, policy="human", program="none")
+    do(session, session.steer, (1.0, 0.0))
+    said = ticks(session, 500)
+    assert said.least[1] < -0.4
+    assert said.status == "UNFILTERED"
+    assert said.slack == {1: 0.0, 2: 0.0}
+
+
+def test_a_dragged_stick_leads_to_its_point_and_stops_when_let_go(session):
+    do(session, session.change, policy="human")
+    do(session, session.lead_to, (-1.0, -1.0))
+    assert np.allclose(ticks(session, 400).position, (-1.0, -1.0), atol=0.05)
+    do(session, session.lead_to, None)
+    assert np.linalg.norm(ticks(session, 100).velocity) < 0.02
+
+
+def test_regions_move_change_size_and_rank_while_the_robot_walks(session):
+    before = ticks(session, 50)
+    do(session, session.move, "strict", (3.0, 0.1))
+    do(session, session.resize, "strict", 0.8)
+    said = do(session, session.rank, "soft", 1)
+    moved = editing.region(said.scenario, "strict")
+    assert moved.center == (3.0, 0.1)
+    assert moved.radius == 0.8
+    assert set(said.h) == {1}
+    assert before.time < said.time < before.time + 0.1
+    expected = min(np.hypot(*(said.position - (3.0, 0.1))) - 0.8, said.position[1] + 3.0)
+    assert said.h[1] == pytest.approx(expected)
+
+
+def test_an_edit_ends_at_the_region_as_it_moves_itself():
+    moving = scenarios.Scenario(
+        "moving",
+        (Disc("a", 1, center=(3.0, 0.0), radius=0.5, velocity=(0.5, 0.0)),),
+        PointReference((6.0, 0.0)),
+    )
+    edited = editing.move(moving, "a", (1.0, 1.0), t=4.0)
+    assert np.allclose(editing.position(edited.barriers[0], 4.0), (1.0, 1.0))
+
+
+@pytest.mark.parametrize("name", ["random-clutter", "paper-simulation"])
+def test_every_region_of_a_scene_keeps_its_shape_when_it_is_moved_and_resized(name):
+    scene = scenarios.make(name)
+    for barrier in scene.barriers:
+        moved = editing.region(editing.move(scene, barrier.name, (1.0, -2.0)), barrier.name)
+        if isinstance(barrier, HalfPlane):
+            assert np.array(barrier.normal) @ (1.0, -2.0) == pytest.approx(moved.offset)
+            continue
+        assert np.allclose(editing.position(moved), (1.0, -2.0))
+        assert editing.size(moved) == pytest.approx(editing.size(barrier))
+        bigger = editing.region(editing.resize(scene, barrier.name, 1.7), barrier.name)
+        assert editing.size(bigger) == pytest.approx(1.7)
+        assert np.allclose(editing.position(bigger), editing.position(barrier))
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "message"),
+    [
+        ("resize", ("strict", 0.0), "expected a number > 0"),
+        ("resize", ("wall", 1.0), "got a wall"),
+        ("rank", ("strict", 0), "expected >= 1"),
+        ("move", ("nowhere", (0.0, 0.0)), "unknown region"),
+        ("move", ("strict", (np.nan, 0.0)), "expected finite numbers"),
+        ("choose_scene", ("no-such-scene",), "unknown scenario"),
+        ("load_scene", (b"{broken",), "got no JSON"),
+        ("load_scene", (b"\xff\xfe\x00",), "got no JSON"),
+        ("load_scene", (b'{"name": "x"}',), "missing field"),
+        ("push", ((50.0, 0.0),), "has a body"),
+        ("set_pace", (0.0,), "expected a number > 0"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_changes_nothing(session, command, arguments, message):
+    before = ticks(session, 20)
+    said = do(session, getattr(session, command), *arguments)
+    assert message in said.message
+    assert said.messages == before.messages + 1
+    assert said.scenario == before.scenario
+    assert said.time == pytest.approx(before.time + 0.02)
+
+
+def test_a_policy_for_other_scenes_is_refused_with_its_reason(session):
+    said = do(session, session.change, policy="ppo")
+    assert "for which it was trained" in said.message
+    assert said.settings.policy == "pd"
+
+
+def test_a_region_on_the_goal_of_a_guided_robot_is_refused_and_the_way_stays(session):
+    do(session, session.change, guidance=True)
+    said = do(session, session.move, "strict", (4.0, 0.0))
+    assert "goal" in said.message
+    assert said.scenario == GATE
+    assert ticks(session, 1000).position[0] == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_scene_survives_the_way_through_a_file(session):
+    do(session, session.move, "strict", (1.5, 0.3))
+    content = editing.to_json(session.latest.scenario)
+    assert json.loads(content)["name"] == "gate"
+    kept = session.latest.scenario.to_dict()
+    do(session, session.choose_scene, "paper-simulation")
+    said = do(session, session.load_scene, content)
+    assert said.scenario.to_dict() == kept
+    assert said.time == pytest.approx(0.02)
+
+
+def test_a_pause_stops_time_and_a_step_takes_one(session):
+    do(session, session.pause, True)
+    still = session.latest.time
+    assert ticks(session, 5).time == still
+    do(session, session.step_once)
+    assert ticks(session, 5).time == pytest.approx(still + 0.02)
+
+
+def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
+    session = Session(Settings(model="reduced", seed=3), "random")
+    first = session.latest.scenario.barriers
+    ticks(session, 50)
+    assert do(session, session.restart).scenario.barriers == first
+    assert do(session, session.change, seed=4).scenario.barriers != first
+    assert do(session, session.change, seed=3).scenario.barriers == first
+
+
+def test_the_clock_sets_the_pace_and_commands_come_from_any_thread(session):
+    stop = threading.Event()
+    thread = threading.Thread(target=session.run, args=(stop,), daemon=True)
+    session.tick()
+    session.post(session.set_pace, 0.5)
+    thread.start()
+    time.sleep(1.0)
+    slow = session.latest.time
+    stop.set()
+    thread.join(5.0)
+    assert not thread.is_alive()
+    assert 0.1 < slow < 0.75
+
+
+@pytest.mark.parametrize(
+    ("status", "slack", "expected"),
+    [
+        ("NOMINAL", {}, "The policy has its way: no region minds."),
+        ("SAFE", {1: 0.0}, "Every rank holds: the filter changes the input by 0.5 m/s²."),
+        ("RELAXED", {1: 0.0, 3: 0.42}, "Rank 3 pays 0.4 m/s² so that ranks 1 and 2 hold."),
+        ("RELAXED", {2: 0.1, 3: 0.42}, "Ranks 2 and 3 pay 0.4 m/s² so that rank 1 holds."),
+        ("VIOLATED", {1: 2.0}, "No input keeps rank 1: it lacks 2.0 m/s²."),
+        ("UNFILTERED", {}, "There is no filter, and nothing is hit."),
+    ],
+)
+def test_a_sentence_says_who_pays_for_whom(status, slack, expected):
+    assert sentence(status, slack, {1: 0.3, 2: 0.2, 3: 0.1}, 0.5) == expected
