@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.envs.scene_plot import priority_color
+from hcbf_gym.envs.palette import PATH, REFERENCE, priority_color
 from hcbf_gym.guidance.field import grid
 from hcbf_gym.play import editing
 from hcbf_gym.scenarios import Scenario
@@ -25,8 +25,6 @@ COLLISION_GROUP = 3
 ARROWS = 25
 """Arrows of the guidance field along the longer side of the scene."""
 PATH_POINTS = 400
-
-_GREY, _DARK, _BLUE = (110, 110, 115), (40, 40, 40), (0, 114, 178)
 
 
 class Stage:
@@ -46,7 +44,7 @@ class Stage:
         self._scene.add_grid(
             "/floor", width=60.0, height=60.0, cell_size=0.5, section_size=5.0, position=(0, 0, 0)
         )
-        self._reference = self._scene.add_icosphere("/reference/now", 0.05, _DARK)
+        self._reference = self._scene.add_icosphere("/reference/now", 0.05, rgb(REFERENCE))
 
     def show_scene(self, scenario: Scenario, t: float) -> None:
         """Draw regions, boxes, reference and goal."""
@@ -60,10 +58,13 @@ class Stage:
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
         line = np.array([[*scenario.reference(s)[0], 0.012] for s in times])
         self._scene.add_line_segments(
-            "/reference/line", np.stack([line[:-1:2], line[1::2]], axis=1), _GREY, thickness=0.02
+            "/reference/line",
+            np.stack([line[:-1:2], line[1::2]], axis=1),
+            rgb(REFERENCE),
+            thickness=0.02,
         )
         self._scene.add_cylinder(
-            "/reference/goal", 0.1, 0.02, _DARK, position=(*scenario.goal, 0.01)
+            "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, 0.01)
         )
 
     def show_robot(self, model: mujoco.MjModel | None) -> None:
@@ -72,7 +73,7 @@ class Stage:
             handle.remove()
         self._bodies = []
         if model is None:
-            puck = self._scene.add_cylinder("/robot/body0", 0.12, 0.16, _BLUE)
+            puck = self._scene.add_cylinder("/robot/body0", 0.12, 0.16, rgb(PATH))
             self._bodies.append((-1, puck))
             return
         for body in range(1, model.nbody):
@@ -118,7 +119,7 @@ class Stage:
         else:
             pairs = np.zeros((1, 2, 3), dtype=np.float32)
         if self._line is None:
-            self._line = self._scene.add_line_segments("/path", pairs, _BLUE, thickness=0.03)
+            self._line = self._scene.add_line_segments("/path", pairs, rgb(PATH), thickness=0.03)
         self._line.points = pairs
 
     def show_field(self, scenario: Scenario | None) -> None:
@@ -167,7 +168,7 @@ class Stage:
             f"/regions/{k}",
             vertices,
             faces,
-            color=rgb(barrier.priority),
+            color=rgb(priority_color(barrier.priority)),
             opacity=0.75,
             side="double",
             cast_shadow=False,
@@ -176,9 +177,8 @@ class Stage:
         )
 
 
-def rgb(priority: int) -> Rgb:
-    """Return a rank's colour, 0 … 255."""
-    color = priority_color(priority)
+def rgb(color: str) -> Rgb:
+    """Return (r, g, b), 0 … 255, of "#rrggbb"."""
     return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from hcbf_gym.envs.scene_plot import priority_color
+from hcbf_gym.envs.palette import PATH, priority_color
 from hcbf_gym.play.report import Snapshot
 
 POINTS = 200
@@ -59,7 +59,7 @@ class Plots:
             self._charts = [
                 self._chart("h [m]", of_ranks),
                 self._chart("slack [m/s²]", of_ranks),
-                self._chart("intervention [m/s²]", [("‖u − u*‖", "#0072b2")]),
+                self._chart("intervention [m/s²]", [("‖u − u*‖", PATH)]),
             ]
 
     def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
