@@ -87,20 +87,23 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
         )
 
 
-def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def finite_array(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...], *, largest: float = np.inf
+) -> NDArray[np.float64]:
     """Return `value` as a new float64 array of the given shape with finite entries.
 
     Args:
         name: the argument's name, for the message.
         value: anything NumPy can read as numbers.
         shape: the expected shape; None stands for any length.
+        largest: magnitude of an entry.
 
     Raises:
-        InvalidInputError: on text, ragged lists, another shape, NaN or infinity.
+        InvalidInputError: on text, ragged lists, another shape, NaN, infinity or larger entries.
     """
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{name}: got {value!r}, expected numbers") from error
     expected = tuple("any" if n is None else n for n in shape)
     matches = len(array.shape) == len(shape) and all(
@@ -110,22 +113,43 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> 
         raise InvalidInputError(f"{name}: got shape {array.shape}, expected {expected}")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name}: got {array.tolist()}, expected finite numbers")
+    if (np.abs(array) > largest).any():
+        raise InvalidInputError(
+            f"{name}: got {array.tolist()}, expected numbers between {-largest} and {largest}"
+        )
     return array
 
 
 def finite_float(
-    name: str, value: Any, *, minimum: float = -np.inf, exclusive: bool = False
+    name: str,
+    value: Any,
+    *,
+    minimum: float = -np.inf,
+    maximum: float = np.inf,
+    exclusive: bool = False,
 ) -> float:
-    """Return `value` as a finite float not below `minimum` (above it if `exclusive`).
+    """Return `value` as a finite float from `minimum` to `maximum`.
+
+    Args:
+        name: the argument's name, for the message.
+        value: a number that is no truth value.
+        minimum: the least value.
+        maximum: the largest value.
+        exclusive: whether `minimum` itself is refused.
 
     Raises:
         InvalidInputError: on anything else.
     """
-    bound = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else "finite"
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise InvalidInputError(f"{name}: got {value!r}, expected a number {bound}")
-    number = float(value)
+    low = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else ""
+    high = f"<= {maximum}" if np.isfinite(maximum) else ""
+    expected = f"a number {' and '.join(filter(None, (low, high))) or 'that is finite'}"
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}")
+    try:
+        number = float(value)
+    except OverflowError as error:  # an integer beyond the floats
+        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}") from error
     too_low = number <= minimum if exclusive else number < minimum
-    if not np.isfinite(number) or too_low:
-        raise InvalidInputError(f"{name}: got {value!r}, expected a number {bound}")
+    if not np.isfinite(number) or too_low or number > maximum:
+        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}")
     return number

@@ -159,7 +159,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self._diagnostics = diagnostics
         self._ticks: Array = np.arange(1, _substeps(timestep) + 1) * np.float64(timestep)
         self.scenario = self._scenes.own
-        robot = Path(xml_file) if xml_file is not None else a1.XML_FILE
+        robot = a1.XML_FILE if xml_file is None else xml_file
         self.simulation = Physics(
             robot,
             timestep=timestep,

@@ -10,6 +10,15 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.records import check_mapping, from_dict
 
+MOST_PUSHES = 10_000
+"""In an episode: every tick looks through them."""
+
+LONGEST = 1e5
+"""Of any time in a schedule [s]."""
+
+STRONGEST = 1e5
+"""Force of a push along an axis [N]: a hundred times the robot's weight and more."""
+
 
 class Push(NamedTuple):
     """A constant force at the trunk's centre of mass.
@@ -47,6 +56,8 @@ class ScheduledPushes:
     pushes: Sequence[Mapping[str, Any]]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.pushes, list | tuple):
+            raise InvalidInputError(f"pushes: got {self.pushes!r}, expected a list")
         self.draw(np.random.default_rng(0))
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
@@ -75,10 +86,16 @@ class RandomPushes:
 
     def __post_init__(self) -> None:
         for name in ("interval", "duration", "until"):
-            finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
+            finite_float(name, getattr(self, name), minimum=0.0, maximum=LONGEST, exclusive=True)
         low, high = finite_array("impulse", self.impulse, (2,))
         if not 0.0 <= low <= high:
             raise InvalidInputError(f"impulse: got {self.impulse!r}, expected 0 <= low <= high")
+        if self.until / self.interval > MOST_PUSHES:
+            raise InvalidInputError(
+                f"interval: got {self.interval} s until {self.until} s, expected at most "
+                f"{MOST_PUSHES} pushes"
+            )
+        finite_float("impulse / duration [N]", high / self.duration, maximum=STRONGEST)
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
         """Draw the pushes of one episode."""
@@ -108,7 +125,9 @@ def _push(entry: Mapping[str, Any]) -> Push:
     if set(entry) != set(Push._fields):
         raise InvalidInputError(f"push: got {sorted(entry)}, expected {sorted(Push._fields)}")
     return Push(
-        finite_float("push time", entry["time"], minimum=0.0),
-        finite_float("push duration", entry["duration"], minimum=0.0, exclusive=True),
-        finite_array("push force", entry["force"], (3,)),
+        finite_float("push time", entry["time"], minimum=0.0, maximum=LONGEST),
+        finite_float(
+            "push duration", entry["duration"], minimum=0.0, maximum=LONGEST, exclusive=True
+        ),
+        finite_array("push force", entry["force"], (3,), largest=STRONGEST),
     )

@@ -31,6 +31,8 @@ JOINT_NOISE = 0.01  # [rad]
 TURN_NOISE = 0.005  # [rad] about every axis
 CONTACT_NOISE = 0.005  # probability that a foot's contact is reported wrongly
 
+SHORTEST_TICK, LONGEST_TICK = 1e-4, 0.02  # [s]
+
 BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
 
 
@@ -53,7 +55,8 @@ class Physics:
 
     Raises:
         RobotModelError: if the robot has not the A1's trunk, joints and feet.
-        InvalidInputError: on a number out of range or an unknown name.
+        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
+            a part of the robot.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class Physics:
         disturbances: Mapping[str, Any] | None = None,
         decorate: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
+        timestep = finite_float("timestep", timestep, minimum=SHORTEST_TICK, maximum=LONGEST_TICK)
         self._randomization = Randomization.from_dict(randomization)
         self._disturbance = disturbance_from_dict(disturbances)
         self.robot = read_robot(a1.XML_FILE if xml_file is None else xml_file)

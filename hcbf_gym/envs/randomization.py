@@ -12,6 +12,20 @@ from hcbf_gym.records import build, check_mapping
 
 Range = tuple[float, float]
 
+LARGEST = {
+    "floor_friction": 10.0,
+    "payload": 100.0,  # [kg]
+    "motor_strength": 10.0,
+    "delay": 1.0,  # [s]
+    "sensor_noise": 100.0,
+    "start_distance": 100.0,  # [m]
+    "start_yaw": float(np.pi),  # [rad]
+}
+"""What a range may reach: more is a slip of the pen, or fills the memory."""
+
+FARTHEST_PAYLOAD = 1.0
+"""From the trunk's origin along an axis [m]."""
+
 
 class Conditions(NamedTuple):
     """One draw: the conditions of one episode.
@@ -49,7 +63,7 @@ class Randomization:
         start_yaw: to either side of the reference's direction [rad].
 
     Raises:
-        InvalidInputError: on a range that is empty, not finite or out of bounds.
+        InvalidInputError: on a range that is empty, not finite or beyond `LARGEST`.
     """
 
     floor_friction: Range = (0.8, 0.8)
@@ -66,7 +80,9 @@ class Randomization:
         for name in (*Conditions._fields, "start_distance", "start_yaw"):
             bounds = _range(name, getattr(self, name), exclusive=name in positive)
             object.__setattr__(self, name, bounds)
-        place = finite_array("payload_position", self.payload_position, (3,))
+        place = finite_array(
+            "payload_position", self.payload_position, (3,), largest=FARTHEST_PAYLOAD
+        )
         object.__setattr__(self, "payload_position", tuple(place.tolist()))
 
     @classmethod
@@ -96,10 +112,13 @@ class Randomization:
 
 
 def _range(name: str, value: Any, exclusive: bool) -> Range:
-    pair = (value, value) if np.isscalar(value) else tuple(value)
+    pair = value if isinstance(value, list | tuple | np.ndarray) else (value, value)
     if len(pair) != 2:
         raise InvalidInputError(f"{name}: got {value!r}, expected a number or [low, high]")
-    low, high = (finite_float(name, end, minimum=0.0, exclusive=exclusive) for end in pair)
+    low, high = (
+        finite_float(name, end, minimum=0.0, maximum=LARGEST[name], exclusive=exclusive)
+        for end in pair
+    )
     if low > high:
         raise InvalidInputError(f"{name}: got {value!r}, expected low <= high")
     return low, high

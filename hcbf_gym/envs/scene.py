@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym.constants import GRAVITY
 from hcbf_gym.envs import palette
-from hcbf_gym.errors import choose
+from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import Robot, foot_name, load_spec
 
@@ -149,8 +149,18 @@ def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:
         spec: of the scene.
         boxes: records with ``name``, ``center`` (2,) [m], ``size`` (3,) full edges [m], ``yaw``
             [rad] and ``mass`` [kg], None for a box that cannot be moved.
+
+    Raises:
+        InvalidInputError: if a box is named like another one or like a part of the scene.
     """
+    taken = {PAYLOAD, *(part.name for part in (*spec.bodies, *spec.geoms) if part.name)}
     for box in boxes:
+        if box.name in taken:
+            raise InvalidInputError(
+                f"obstacle: got the name {box.name!r}, expected one that is not among "
+                f"{sorted(taken)}"
+            )
+        taken.add(box.name)
         half = 0.5 * np.asarray(box.size)
         body = spec.worldbody.add_body(
             name=box.name,

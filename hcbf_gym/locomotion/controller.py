@@ -21,6 +21,9 @@ from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
+LEAST_FRICTION, LARGEST_FRICTION = 0.05, 10.0
+"""What may be believed of the ground: below, no gait walks; above, nothing is left to believe."""
+
 
 class Diagnostics(NamedTuple):
     """What the controller did in its latest tick.
@@ -68,7 +71,7 @@ class LocomotionController:
 
     def __init__(
         self,
-        xml_file: Path = a1.XML_FILE,
+        xml_file: str | Path = a1.XML_FILE,
         *,
         timestep: float = 0.002,
         friction: float = 0.6,
@@ -83,7 +86,7 @@ class LocomotionController:
         chosen_gait = choose("gait", gait, GAITS)
         settings = (
             finite_float("timestep", timestep, minimum=0.0, exclusive=True),
-            finite_float("friction", friction, minimum=0.0, exclusive=True),
+            finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION),
             self.robot.stall_torque,
             self.robot.no_load_speed,
             finite_float(

@@ -14,7 +14,7 @@ from hcbf_gym.locomotion.swing import swing_step
 
 # last share of the swing in which the foothold is held: it sways with the trunk's velocity, and a
 # foot that chases it to the end lands at up to 1 m/s along the ground and slides
-SETTLED = 0.12
+SETTLED = 0.3
 
 
 class FootTargets(NamedTuple):

@@ -8,7 +8,7 @@ from hcbf_gym.locomotion.state import Array
 SWING_HEIGHT = 0.055  # [m] of the apex above the foothold
 # acceleration at lift-off, in the plane and upwards, as a multiple of distance / time²: a foot that
 # starts from rest would move faster in the middle, where its motors give little torque
-LIFT_OFF_PLANE, LIFT_OFF_UP = 4.0, 6.0
+LIFT_OFF_PLANE, LIFT_OFF_UP = 4.0, 8.0
 
 
 @njit(cache=True)
@@ -51,7 +51,7 @@ def swing_step(
 
     In the plane it goes straight to the foothold; upwards first to the apex, reached at half the
     swing, then to the ground. It sets off with the acceleration of `LIFT_OFF_PLANE` and
-    `LIFT_OFF_UP`.
+    `LIFT_OFF_UP`; in the first tick it only rises, or it would slide before it is off the ground.
 
     Args:
         now: (3, 3) rows position [m], velocity [m/s], acceleration [m/s²].
@@ -62,16 +62,20 @@ def swing_step(
         dt: tick [s].
     """
     lifts_off = remaining > duration - 0.5 * dt
+    departs = remaining > duration - 1.5 * dt
     rising = remaining - 0.5 * duration
     following = np.empty((3, 3))
     for axis in range(3):
+        if axis < 2 and lifts_off:
+            following[:, axis] = now[:, axis]
+            continue
         target, time_left = touchdown, remaining
         if axis < 2:
             target = foothold[axis]
         elif rising > 0.0:
             target, time_left = touchdown + SWING_HEIGHT, rising
         acceleration = now[2, axis]
-        if lifts_off:
+        if lifts_off or (axis < 2 and departs):
             share = LIFT_OFF_PLANE if axis < 2 else LIFT_OFF_UP
             acceleration = share * (target - now[0, axis]) / time_left**2
         following[0, axis], following[1, axis], following[2, axis] = minimum_jerk_step(

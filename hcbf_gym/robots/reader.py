@@ -49,9 +49,9 @@ def load_spec(xml_file: str | Path) -> mujoco.MjSpec:
     Raises:
         RobotModelError: if there is no such file, or MuJoCo refuses it.
     """
+    if not isinstance(xml_file, str | Path) or not Path(xml_file).is_file():
+        raise RobotModelError(f"xml_file: got {str(xml_file)!r}, expected an existing MJCF file")
     path = Path(xml_file)
-    if not path.is_file():
-        raise RobotModelError(f"xml_file: got {str(path)!r}, expected an existing MJCF file")
     try:
         return mujoco.MjSpec.from_file(str(path))
     except (ValueError, UnicodeDecodeError) as error:
@@ -83,15 +83,16 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Robot:
     Raises:
         RobotModelError: if the file cannot be read, or says what no walking robot is.
     """
-    path = Path(xml_file)
-    model = compile_spec(load_spec(path), path)
+    model = compile_spec(load_spec(xml_file), xml_file)
     _check_tree(model)
     _check_plausible(model)
     feet = [_foot_geom(model, leg) for leg in a1.LEGS]
     calf, radius = _foot(model, feet)
     joints, key_height = _home(model)
     height = max(key_height, _standing_height(model, joints, feet))
-    robot = Robot(path, calf, radius, _stall_torque(model), _no_load_speed(model), joints, height)
+    robot = Robot(
+        Path(xml_file), calf, radius, _stall_torque(model), _no_load_speed(model), joints, height
+    )
     _check_strength(model, robot)
     for array in (robot.stall_torque, robot.no_load_speed, robot.home_joints):
         array.setflags(write=False)

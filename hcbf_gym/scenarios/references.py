@@ -12,6 +12,12 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
+FARTHEST = 1e4
+"""Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
+
+LONGEST = 1e4
+"""Of a course [s]: environments keep a row of it for every control step."""
+
 
 class Reference(Protocol):
     """A position over time that ends at a goal and stays there."""
@@ -41,7 +47,9 @@ class PointReference:
     goal: Pair
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "goal", tuple(finite_array("goal", self.goal, (2,)).tolist()))
+        object.__setattr__(
+            self, "goal", tuple(finite_array("goal", self.goal, (2,), largest=FARTHEST).tolist())
+        )
 
     @property
     def duration(self) -> float:
@@ -75,14 +83,16 @@ class BezierReference:
     ramp: float = 2.0
 
     def __post_init__(self) -> None:
-        points = finite_array("reference points", self.points, (None, 2))
+        points = finite_array("reference points", self.points, (None, 2), largest=FARTHEST)
         if len(points) < 2 or (np.diff(points, axis=0) == 0.0).all(axis=1).any():
             raise InvalidInputError(
                 f"reference points: got {points.tolist()}, expected two or more, none repeated"
             )
         object.__setattr__(self, "points", tuple(tuple(p) for p in points.tolist()))
         for name in ("duration", "ramp"):
-            value = finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
+            value = finite_float(
+                name, getattr(self, name), minimum=0.0, maximum=LONGEST, exclusive=True
+            )
             object.__setattr__(self, name, value)
         if self.ramp > self.duration / 2:
             raise InvalidInputError(

@@ -15,7 +15,7 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.scenarios import references
-from hcbf_gym.scenarios.references import Reference
+from hcbf_gym.scenarios.references import FARTHEST, Reference
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -28,14 +28,15 @@ class BoxObstacle:
     """A box on the floor of the full-physics scene.
 
     Args:
-        name: what contacts are reported under.
+        name: what contacts are reported under, not empty.
         center: (2,) [m].
         size: (3,) full length, width and height [m], positive.
         yaw: [rad].
         mass: [kg], positive; None stands for a box too heavy to move.
 
     Raises:
-        InvalidInputError: if a size or the mass is not positive, or a number is not finite.
+        InvalidInputError: if there is no name, a size or the mass is not positive, or a number is
+            not finite or beyond `FARTHEST`.
     """
 
     name: str
@@ -45,8 +46,10 @@ class BoxObstacle:
     mass: float | None = None
 
     def __post_init__(self) -> None:
-        center = finite_array(f"{self.name}: center", self.center, (2,))
-        size = finite_array(f"{self.name}: size", self.size, (3,))
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"obstacle name: got {self.name!r}, expected text")
+        center = finite_array(f"{self.name}: center", self.center, (2,), largest=FARTHEST)
+        size = finite_array(f"{self.name}: size", self.size, (3,), largest=FARTHEST)
         for side in size:
             finite_float(f"{self.name}: size", side, minimum=0.0, exclusive=True)
         finite_float(f"{self.name}: yaw", self.yaw)
@@ -72,8 +75,8 @@ class Scenario:
         obstacles: boxes of the full-physics scene.
 
     Raises:
-        InvalidInputError: if the barriers are none, share a name or skip a priority, or another
-            field is out of range.
+        InvalidInputError: if the barriers are none, share a name or skip a priority, if boxes share
+            a name, or another field is out of range.
     """
 
     name: str
@@ -99,7 +102,12 @@ class Scenario:
             )
         if self.task not in TASKS:
             raise InvalidInputError(f"{self.name}: task: got {self.task!r}, expected {TASKS}")
-        start = finite_array(f"{self.name}: start", self.start, (2,))
+        boxes = [box.name for box in self.obstacles]
+        if len(set(boxes)) != len(boxes):
+            raise InvalidInputError(
+                f"{self.name}: obstacles: got the names {boxes}, expected them all different"
+            )
+        start = finite_array(f"{self.name}: start", self.start, (2,), largest=FARTHEST)
         object.__setattr__(self, "start", tuple(start.tolist()))
         finite_float(f"{self.name}: goal_radius", self.goal_radius, minimum=0.0, exclusive=True)
         if self.v_max is not None:

@@ -5,14 +5,19 @@ import numpy as np
 import pytest
 
 from hcbf_gym.envs.physics import Physics
-from hcbf_gym.envs.scene import ROUGH_STEP
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.envs.scene import ROUGH_HALF_SIZE, ROUGH_STEP
+from hcbf_gym.errors import InvalidInputError, RobotModelError, UnknownNameError
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.state import state_views
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios.scenario import BoxObstacle
 
 MASS = 12.453
+RANDOM_PUSHES = {"kind": "random", "interval": 1.0, "impulse": [1.0, 3.0]}
+
+
+def box_named(name: str) -> BoxObstacle:
+    return BoxObstacle(name, (3.0, 3.0), (0.3, 0.3, 0.3))
 
 
 def fresh(seed: int = 0, **options) -> Physics:
@@ -265,6 +270,25 @@ def test_decorations_change_what_is_seen_and_not_what_happens():
             InvalidInputError,
             "impulse",
         ),
+        ({"timestep": 1e-9}, InvalidInputError, "timestep"),
+        ({"randomization": {"payload": None}}, InvalidInputError, "payload"),
+        ({"randomization": {"payload": 1e9}}, InvalidInputError, "payload"),
+        ({"randomization": {"delay": 1e6}}, InvalidInputError, "delay"),
+        ({"randomization": {"payload_position": [1e3, 0.0, 0.0]}}, InvalidInputError, "payload_p"),
+        ({"randomization": ["payload"]}, InvalidInputError, "mapping"),
+        ({"disturbances": {"kind": ["random"]}}, UnknownNameError, "random.*scheduled"),
+        ({"disturbances": {"kind": "scheduled", "pushes": None}}, InvalidInputError, "a list"),
+        ({"disturbances": RANDOM_PUSHES | {"interval": 1e-9}}, InvalidInputError, "10000 pushes"),
+        ({"disturbances": RANDOM_PUSHES | {"until": 1e12}}, InvalidInputError, "until"),
+        ({"disturbances": RANDOM_PUSHES | {"duration": 1e9}}, InvalidInputError, "duration"),
+        ({"disturbances": RANDOM_PUSHES | {"duration": 1e-300}}, InvalidInputError, "impulse"),
+        ({"terrain": ["flat"]}, UnknownNameError, "flat.*rough"),
+        ({"xml_file": ["a1.xml"]}, RobotModelError, "a1.xml"),
+        ({"obstacles": [box_named("floor")]}, InvalidInputError, "'floor'"),
+        ({"obstacles": [box_named("trunk")]}, InvalidInputError, "'trunk'"),
+        ({"obstacles": [box_named("FR_foot")]}, InvalidInputError, "'FR_foot'"),
+        ({"obstacles": [box_named("payload")]}, InvalidInputError, "'payload'"),
+        ({"obstacles": [box_named("a"), box_named("a")]}, InvalidInputError, "'a'"),
     ],
 )
 def test_bad_options_are_refused_with_the_choices(options, error, message):
@@ -287,3 +311,12 @@ def test_a_robot_with_position_servos_is_driven_by_torques(tmp_path):
     for each in (simulation, plain):
         walk(each, 0.1)
     np.testing.assert_array_equal(simulation.data.qpos, plain.data.qpos)
+
+
+@pytest.mark.physics
+def test_the_rough_field_ends_at_a_wall():
+    simulation = fresh(terrain="rough")
+    simulation.reset(np.array([ROUGH_HALF_SIZE - 1.0, 0.0]), 0.0, np.random.default_rng(0))
+    walk(simulation, 4.0)
+    assert ROUGH_HALF_SIZE - 0.7 < simulation.base_state[0] < ROUGH_HALF_SIZE
+    assert simulation.data.qpos[2] > 0.0  # it has not dropped over the edge

@@ -93,6 +93,12 @@ def test_a_reference_has_consistent_derivatives_and_ends_at_its_goal(duration, s
         ({"barriers": "none"}, "list"),
         ({"input_set": {"kind": "box", "low": [1, 1], "high": [2, 2]}}, "braking"),
         ({"obstacles": [{"name": "b", "center": [0, 0], "size": [1, 1, 0]}]}, "size"),
+        ({"obstacles": [{"name": "", "center": [0, 0], "size": [1, 1, 1]}]}, "obstacle name"),
+        ({"obstacles": 2 * [{"name": "b", "center": [0, 0], "size": [1, 1, 1]}]}, "different"),
+        ({"start": [1e300, 1e300]}, "start"),
+        ({"start": [10**400, 0]}, "start"),
+        ({"reference": {"kind": "bezier", "points": [[0, 0], [1, 0]], "duration": 1e9}}, "duration"),
+        ({"reference": {"kind": "point", "goal": [1e300, 0]}}, "goal"),
     ],
 )
 def test_a_bad_scene_is_refused_with_what_was_expected(change, message):

@@ -167,8 +167,8 @@ def slip_per_step(walked: Walk, start: int) -> float:
         starts = np.flatnonzero(~touching[:-1] & touching[1:]) + 1
         for lift_off in ends[ends > starts[0]]:
             touchdown = starts[starts < lift_off][-1]
-            # contact and velocity are those of the tick that has ended; in the first it still flew
-            moved = velocity[touchdown + 1 : lift_off].sum(axis=0) * DT
+            # a tick moves by the velocity at its end
+            moved = velocity[touchdown + 1 : lift_off + 1].sum(axis=0) * DT
             distances.append(float(np.linalg.norm(moved)))
     return float(np.mean(distances))
 
