@@ -13,6 +13,7 @@ from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import HcbfError, UnknownNameError
 from hcbf_gym.scenarios.references import BezierReference
 
+LINE = {"kind": "bezier", "points": [[0.0, 0.0], [1.0, 0.0]]}
 FIXED = [name for name in scenarios.names() if not scenarios.is_random(name)]
 
 
@@ -97,7 +98,7 @@ def test_a_reference_has_consistent_derivatives_and_ends_at_its_goal(duration, s
         ({"obstacles": 2 * [{"name": "b", "center": [0, 0], "size": [1, 1, 1]}]}, "different"),
         ({"start": [1e300, 1e300]}, "start"),
         ({"start": [10**400, 0]}, "start"),
-        ({"reference": {"kind": "bezier", "points": [[0, 0], [1, 0]], "duration": 1e9}}, "duration"),
+        ({"reference": LINE | {"duration": 1e9}}, "duration"),
         ({"reference": {"kind": "point", "goal": [1e300, 0]}}, "goal"),
     ],
 )
