@@ -1,7 +1,8 @@
 """One attacked episode, and what it says of the promise that rank 1 is never entered."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -24,6 +25,7 @@ class AttackedEpisode:
         env_options: further arguments of the environment.
         filter_options: arguments of `SafetyFilter`.
         parameters: of a searched attack.
+        inside: a wrapper between the filter and the environment; None for none.
     """
 
     attack: str
@@ -33,14 +35,20 @@ class AttackedEpisode:
     env_options: Mapping[str, Any] | None = None
     filter_options: Mapping[str, Any] | None = None
     parameters: tuple[float, ...] | None = None
+    inside: Callable[[gym.Env], gym.Env] | None = None
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
         env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
+        env = env if self.inside is None else self.inside(env)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
         env = wrappers.SafetyFilter(env, **options)
         try:
-            return self._rollout(env)
+            with warnings.catch_warnings(record=True) as raised:
+                warnings.simplefilter("always")
+                outcome = self._rollout(env)
+            warned = any("does not apply" in str(one.message) for one in raised)
+            return replace(outcome, warned=warned)
         finally:
             env.close()
 
@@ -103,6 +111,7 @@ class Outcome:
         status_counts: steps in each `FilterStatus`.
         median_margin: of the largest margin of a strict row on the position [m].
         changed: whether the filter changed u.
+        warned: whether the filter said that the environment does not apply what it chose.
     """
 
     least_h: float
@@ -116,6 +125,7 @@ class Outcome:
     status_counts: tuple[int, ...]
     median_margin: float
     changed: bool
+    warned: bool = False
 
 
 def _policy(name: str, env: gym.Env) -> Any:

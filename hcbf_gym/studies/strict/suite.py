@@ -118,6 +118,7 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "body_entered": int((body < 0.0).sum()),
         "least_body_h": float(body.min()),
         "falls": int(sum(o.fell for o in outcomes)),
+        "warned": int(sum(o.warned for o in outcomes)),
         "qp_failures": int(sum(o.qp_failures for o in outcomes)),
         "reached": float(np.mean([o.reached for o in outcomes])),
         "median_margin": float(np.median([o.median_margin for o in outcomes])),
@@ -165,6 +166,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         "falls",
         "goals",
         "median margin [m]",
+        "warnings",
         "OUTSIDE, VIOLATED, BACKUP steps",
     )
     rows = []
@@ -181,6 +183,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
                 str(group["falls"]),
                 f"{group['reached']:.0%}",
                 f"{group['median_margin']:.3f}",
+                str(group["warned"]),
                 f"{status['OUTSIDE']}, {status['VIOLATED']}, {status['BACKUP']}",
             )
         )
@@ -194,6 +197,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             str(found["speed_passed"]),
             f"{max(0.0, -found['least_speed_h']):.3f}",
             str(found["falls"]),
+            "",
             "",
             "",
             "",
