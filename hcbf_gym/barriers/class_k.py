@@ -22,7 +22,7 @@ LINEAR, LOG = 0.0, 1.0
 """The first of the four numbers says which function it is; the others are its parameters."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def value(c: Array, h: float) -> float:
     """Return α(h) of the function with the numbers c (4,)."""
     if c[0] == LINEAR:
@@ -30,7 +30,7 @@ def value(c: Array, h: float) -> float:
     return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def slope(c: Array, h: float) -> float:
     """Return dα/dh; it is largest at h = 0 and does not grow with |h|."""
     if c[0] == LINEAR:
@@ -38,7 +38,7 @@ def slope(c: Array, h: float) -> float:
     return c[1] * c[2] / (c[2] * abs(h) + c[3])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def inverse(c: Array, y: float) -> float:
     """Return α⁻¹(y)."""
     if c[0] == LINEAR:

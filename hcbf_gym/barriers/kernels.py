@@ -20,7 +20,7 @@ TINY = 1e-9
 """Below this distance [m] from a region's centre its gradient is taken along +x."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _point_jet(x: float, y: float) -> PlanarJet:
     """Return ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent."""
     distance = np.sqrt(x * x + y * y)
@@ -30,7 +30,7 @@ def _point_jet(x: float, y: float) -> PlanarJet:
     return distance, nx, ny, distance, -ny, nx
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
     dx, dy, scale = x - c[layout.CENTER_X], y - c[layout.CENTER_Y], c[layout.SHORTER_AXIS]
     xx, xy = scale * c[layout.MAP_XX], scale * c[layout.MAP_XY]
@@ -46,7 +46,7 @@ def _ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
     corners = int(c[layout.VERTEX_COUNT])
     height, height_nx, height_ny = -np.inf, 0.0, 0.0
@@ -76,7 +76,7 @@ def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
     return _point_jet(offset_x, offset_y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def polygon_edge(c: Array, i: int) -> tuple[float, float, float, float]:
     """Return the start (x, y) and the vector (x, y) of edge i of a polygon [m]."""
     first, j = layout.FIRST_VERTEX, i + 1
@@ -86,7 +86,7 @@ def polygon_edge(c: Array, i: int) -> tuple[float, float, float, float]:
     return ax, ay, c[first + 2 * j] - ax, c[first + 1 + 2 * j] - ay
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def planar_jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     """Return a planar barrier and its derivatives at the point (x, y) of its own frame.
 
@@ -107,7 +107,7 @@ def planar_jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     return _polygon_jet(c, x, y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def planar_value(kind: int, c: Array, x: float, y: float) -> float:
     """Return H alone: a batch looks at its barriers ten times a step; infinity for a user's own."""
     if kind == HALF_PLANE:
@@ -135,14 +135,14 @@ def planar_value(kind: int, c: Array, x: float, y: float) -> float:
     return np.sqrt(nearest2) if outside else -np.sqrt(nearest2)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def speed_limit(c: Array, vx: float, vy: float) -> float:
     """Return h of a speed limit."""
     v_max = c[layout.V_MAX]
     return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def value(kind: int, c: Array, x: Array, t: float) -> float:
     """Return h of one barrier at the state x (4,) and time t; infinity for a user's own."""
     if kind == SPEED_LIMIT:
@@ -151,7 +151,7 @@ def value(kind: int, c: Array, x: Array, t: float) -> float:
     return planar_value(kind, c, x[0] - vx * t, x[1] - vy * t)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def values(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> None:
     """Write h (N, m) of N states x (N, 4) at the times t (N,)."""
     for i in range(x.shape[0]):
@@ -159,7 +159,7 @@ def values(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> N
             h[i, k] = value(kind[i, k], parameters[i, k], x[i], t[i])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def along(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> None:
     """Write h (k, m) of one scene, kind (m,), at k states x (k, 4) and times t (k,)."""
     for i in range(x.shape[0]):
@@ -167,7 +167,7 @@ def along(kind: Integers, parameters: Array, x: Array, t: Array, h: Array) -> No
             h[i, k] = value(kind[k], parameters[k], x[i], t[i])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sense(kind: Integers, parameters: Array, x: Array, t: Array, h: Array, sensed: Array) -> None:
     """Write h (N, m) and what a policy sees of each barrier, (N, m, 4): h, unit ∇h, ∂h/∂t."""
     for i in range(x.shape[0]):

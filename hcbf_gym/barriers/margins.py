@@ -29,7 +29,7 @@ from hcbf_gym.models.plant import Uncertainty
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def derive(
     settings: Uncertainty,
     kind: NDArray[np.int64],
@@ -54,11 +54,15 @@ def derive(
         margin: (m,) to be written [m]; of a speed limit [m/s].
         rate: (m,) to be written [m/s].
     """
+    certain = not (lag.any() or covariance.any())
     for k in range(kind.size):
         rate[k] = 0.0
         if kind[k] == layout.SPEED_LIMIT:
             slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
             margin[k] = settings.speed + settings.speed_per_velocity * slip
+            continue
+        if certain and kind[k] != layout.ELLIPSE:  # of the others, ∇h is a unit vector
+            margin[k] = settings.distance + settings.body
             continue
         c = parameters[k]
         qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
@@ -77,7 +81,7 @@ def derive(
         margin[k] = total * steepness
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _along(covariance: Array, i: int, j: int, nx: float, ny: float) -> float:
     """Return nᵀ C n of the block C (2, 2) of the covariance that starts at (i, j)."""
     xx, xy = covariance[i, j], covariance[i, j + 1]

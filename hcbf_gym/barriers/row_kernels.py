@@ -21,7 +21,7 @@ B, H, ALPHA2_PSI, PSI = range(4)
 Row = tuple[float, float, float]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rows(
     kind: Integers,
     parameters: Array,
@@ -80,7 +80,7 @@ def rows(
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _usual_row(
     kept: float, rate: float, sideways: float, distance: float, alpha1: Array, alpha2: Array
 ) -> Row:
@@ -91,7 +91,7 @@ def _usual_row(
     return -alpha2_psi - curving - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _held_row(
     kept: float,
     rate: float,
@@ -119,7 +119,7 @@ def _held_row(
     return b, alpha2_psi, psi
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _turning(speed: float, sideways: float, distance: float, s: Array) -> float:
     """Return ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s]."""
     if distance == np.inf:
@@ -132,13 +132,13 @@ def _turning(speed: float, sideways: float, distance: float, s: Array) -> float:
     return loss - max(0.0, gain - np.sqrt(loss)) ** 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _reach(speed: float, s: Array) -> float:
     """Return ℓ, how far the barrier's frame sees the robot get in one period [m]."""
     return speed * s[PERIOD] + 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _rounding(kind: int, c: Array, s: Array) -> float:
     """Return what a held row keeps so that the distance from a core is at least ½ u_max T² [m]."""
     radius = np.inf
@@ -151,7 +151,7 @@ def _rounding(kind: int, c: Array, s: Array) -> float:
     return max(0.0, 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD] - radius)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _polygon_core(
     c: Array, x: float, y: float, h: float, reach: float, sideways: float
 ) -> tuple[float, float]:
@@ -180,7 +180,7 @@ def _polygon_core(
     return h, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _speed_row(
     kept: float,
     margin_rate: float,

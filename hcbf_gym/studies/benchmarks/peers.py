@@ -1,14 +1,26 @@
-"""What others offer for the same job, as calls to be timed; needs the extra `benchmark`."""
+"""What others offer for the same job, as calls to be timed; needs the extra `benchmark`.
+
+They run with what cbfpy's README recommends: 64 bit, and one thread each for Eigen and BLAS. JAX
+reads that before its first computation, so this module is imported before anything uses JAX.
+"""
 
 import importlib
+import os
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+os.environ |= {
+    "JAX_ENABLE_X64": "1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
 # by name, so that the types check where they are not installed
 cbfpy: Any = importlib.import_module("cbfpy")
 jax: Any = importlib.import_module("jax")
+jax.config.update("jax_enable_x64", True)  # where JAX had been imported before
 jnp: Any = importlib.import_module("jax.numpy")
 qpax: Any = importlib.import_module("qpax")
 
