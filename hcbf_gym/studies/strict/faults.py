@@ -1,4 +1,4 @@
-"""Does the filter notice what a careless user puts between it and the robot?"""
+"""What the filter notices of what a careless user puts between it and the robot."""
 
 from collections import deque
 from collections.abc import Callable
