@@ -3,25 +3,39 @@
 pip install 'hcbf-gym[examples]'
 """
 
+import gymnasium as gym
 import jax.numpy as jnp
 import numpy as np
 
-from hcbf_gym import models, programs
-from hcbf_gym.barriers import Function, GeneralRows, LinearClassK
+import hcbf_gym
+from hcbf_gym import models
+from hcbf_gym.barriers import Function
 
-AHEAD = 0.2  # the point that the barrier reads lies so far in front of the wheels [m]
-DT = 0.02  # [s]
+AHEAD, T = 0.2, 0.02  # the barriers read the point so far in front of the wheels [m]; [s]
 
 unicycle = models.ControlAffine(
     f=lambda x: 0.0 * x,
     g=lambda x: jnp.array([[jnp.cos(x[2]), 0.0], [jnp.sin(x[2]), 0.0], [0.0, 1.0]]),
     n=3,
-    n_u=2,
+    n_u=2,  # speed [m/s] and turn rate [rad/s]; the state is x, y, heading
 )
-input_set = models.Box([-1.0, -2.0], [1.0, 2.0])  # speed [m/s], turn rate [rad/s]
 
 
-def pillar(center, radius):
+class Drive(gym.Env):
+    action_space = gym.spaces.Box(np.array([-1.0, -2.0]), np.array([1.0, 2.0]), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (3,), dtype=np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.array([-1.0, 0.05, 0.0]) if options is None else np.array(options["start"])
+        return self.x.copy(), {}
+
+    def step(self, action):
+        self.x = unicycle.step(self.x, action, T)
+        return self.x.copy(), 0.0, False, False, {}
+
+
+def outside(center, radius):
     """Return h: the point ahead stays so far away that the wheels stay out of the disc."""
 
     def h(x, t):
@@ -32,22 +46,14 @@ def pillar(center, radius):
     return h
 
 
-barriers = (
-    Function("pillar", 1, pillar((1.0, 0.0), 0.5)),
-    Function("post", 1, pillar((-0.8, 1.2), 0.4)),
+PILLARS = (((1.0, 0.0), 0.5), ((-0.8, 1.2), 0.4))
+plant = hcbf_gym.Plant(
+    model=unicycle,
+    barriers=[Function(f"pillar {k}", 1, outside(*pillar)) for k, pillar in enumerate(PILLARS)],
+    state=lambda env, observation, info: observation,
+    period=T,
 )
-rows = GeneralRows(unicycle, LinearClassK(2.0), LinearClassK(2.0))
-program = programs.make("lex-cbf-qp", input_set=input_set)
 
 
-def drive(x, u_nominal):
-    """Return the state after one filtered step, and the program's status."""
-    result = program(u_nominal, rows(barriers, x, margin=0.02))
-    return unicycle.step(x, result.u, DT), result.status
-
-
-if __name__ == "__main__":
-    x = np.array([-1.0, 0.05, 0.0])
-    for _ in range(200):
-        x, _ = drive(x, np.array([1.0, 0.0]))  # straight at the pillar
-    print("distance from the pillar:", np.hypot(x[0] - 1.0, x[1]) - 0.5)
+def make():
+    return hcbf_gym.wrappers.SafetyFilter(Drive(), "lex-cbf-qp", plant=plant)

@@ -103,8 +103,8 @@ class GeneralRows:
     ) -> tuple[CbfRows, Array]:
         """Return the rows and their conditioning; those of functions are left empty."""
         m = len(barriers)
-        a, b = np.zeros((m, self.model.n_u)), np.zeros(m)
-        h, alpha2_psi, conditioning = np.zeros(m), np.zeros(m), np.ones(m)
+        gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
+        h, alpha2_psi = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
         for k, barrier in enumerate(barriers):
             if isinstance(barrier, Function):
@@ -123,11 +123,10 @@ class GeneralRows:
                     + slope * gradient
                 )
                 psi = h_dot + self.alpha1(psi)
-            a[k] = gradient @ inputs
-            whole = float(np.linalg.norm(gradient) * np.linalg.norm(inputs))
-            conditioning[k] = np.linalg.norm(a[k]) / whole if whole > 0.0 else 0.0
-            alpha2_psi[k] = self.alpha2(psi)
-            b[k] = -alpha2_psi[k] - gradient @ drift - rate
+            gradients[k], rates[k], alpha2_psi[k] = gradient, rate, self.alpha2(psi)
+        a, b = gradients @ inputs, -alpha2_psi - gradients @ drift - rates
+        whole = np.sqrt((gradients**2).sum(axis=1) * (inputs**2).sum())
+        conditioning = np.sqrt((a**2).sum(axis=1)) / np.where(whole > 0.0, whole, 1.0)
         gone = conditioning <= VANISHED
         a[gone], conditioning[gone] = 0.0, 0.0
         priority = np.array([barrier.priority for barrier in barriers], dtype=np.int64)

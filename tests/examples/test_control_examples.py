@@ -20,14 +20,61 @@ def load(name):
 
 def test_a_unicycle_that_turns_towards_a_pillar_never_enters_it():
     unicycle = load("unicycle")
+    env = unicycle.make()
     for y in (-0.3, 0.0, 0.2):
-        x, moved = np.array([-1.0, y, 0.0]), False
+        x, info = env.reset(options={"start": (-1.0, y, 0.0)})
+        moved = False
         for _ in range(150):
             aim = np.sin(np.arctan2(-x[1], 1.0 - x[0]) - x[2])
-            x, status = unicycle.drive(x, np.array([1.0, 2.0 * np.sign(aim)]))
-            moved |= status > 0
+            x, _, _, _, info = env.step(np.array([1.0, 2.0 * np.sign(aim)]))
+            moved |= bool(info["safety_filter"]["status"] > 0)
             assert np.hypot(x[0] - 1.0, x[1]) > 0.5
         assert moved
+
+
+def test_no_torque_takes_the_pole_beyond_its_limit():
+    pendulum = load("pendulum")
+    env = pendulum.make()
+    for torque in (-2.0, 2.0):
+        env.reset(seed=0)
+        env.unwrapped.state = np.array([-0.2 * np.sign(torque), 1.5 * np.sign(torque)])
+        nearest = 0.0
+        for _ in range(100):
+            env.step(np.array([torque]))
+            nearest = max(nearest, abs(env.unwrapped.state[0]))
+        assert pendulum.LIMIT - 0.02 < nearest <= pendulum.LIMIT
+
+
+def test_the_jet_of_a_links_clearance_is_its_derivative():
+    arm = load("arm")
+    random, step = np.random.default_rng(0), 1e-6
+    for link in arm.LINKS:
+        clear = arm.Clear("clear", 1, link, (1.0, -0.7, 0.8), 0.4, 0.4)
+        for q in random.uniform(-2.0, 2.0, (20, 6)):
+            jet = clear.jet(q, 0.7)
+            ahead = [clear.h(q + step * axis, 0.7) for axis in np.eye(6)]
+            behind = [clear.h(q - step * axis, 0.7) for axis in np.eye(6)]
+            slope = (np.array(ahead) - np.array(behind)) / (2.0 * step)
+            assert jet.gradient == pytest.approx(slope, abs=1e-5)
+            rate = (clear.h(q, 0.7 + step) - clear.h(q, 0.7 - step)) / (2.0 * step)
+            assert jet.rate == pytest.approx(rate, abs=1e-5)
+
+
+def test_the_arm_stays_out_of_the_sphere_of_rank_1_whatever_it_is_told():
+    arm = load("arm")
+    env = arm.make()
+    strict = [barrier for barrier in env.plant.barriers if barrier.priority == 1]
+    least, moved = np.inf, False
+    q, _ = env.reset(seed=1)
+    assert min(barrier.h(q, 0.0) for barrier in strict) > 0.0
+    for k in range(400):
+        towards = [barrier.jet(q, k * arm.T) for barrier in strict]
+        nearest = min(towards, key=lambda jet: jet.h)
+        q, _, _, _, info = env.step(-arm.SPEED * np.sign(nearest.gradient))
+        least = min(least, *(barrier.h(q, (k + 1) * arm.T) for barrier in strict))
+        moved |= bool(info["safety_filter"]["intervention"] > 0.1)
+    assert moved
+    assert 0.0 <= least < 0.1
 
 
 def touches(env):
