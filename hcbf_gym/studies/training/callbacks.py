@@ -10,7 +10,7 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from hcbf_gym.studies.training import checkpoint
-from hcbf_gym.studies.training.config import HELD_OUT, TrainingConfig
+from hcbf_gym.studies.training.config import HELD_OUT, TrainingConfig, make_vector
 from hcbf_gym.studies.training.export import export, report
 
 
@@ -59,10 +59,10 @@ class Reports(BaseCallback):
         env = self.model.get_vec_normalize_env()
         assert env is not None
         policy = export(self.model, env, self._about | {"steps": self.num_timesteps})
-        program = None if config.filter == "off" else config.program
-        result = report(
-            policy, config.scenario, program, config.report_episodes, HELD_OUT // 2
-        )._asdict()
+        env = make_vector(
+            config.scenario, config.report_episodes, config.in_the_loop, config.guidance
+        )
+        result = report(policy, env, HELD_OUT // 2)._asdict()
         for name, value in result.items():
             self.logger.record(f"held_out/{name}", value)
         best = max(((p["success"], p["returns"]) for p in self._curve), default=(-1.0, 0.0))

@@ -54,6 +54,8 @@ class TrainingConfig:
     """Whether a safety filter stands in the loop, and whether its interventions cost reward."""
     program: str = "lex-cbf-qp"
     """The filter's program."""
+    guidance: Literal["geodesic"] | None = None
+    """Whether the filter leads around the regions to the goal."""
     penalty: float = 0.005
     """Price of an intervention, with filter "penalty" [s²/m]."""
     learn_from: Literal["nominal", "filtered"] = "nominal"
@@ -78,6 +80,10 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         choose("algorithm", self.algorithm, ALGORITHMS)
         choose("filter", self.filter, dict.fromkeys(("off", "on", "penalty")))
+        if self.guidance is not None:
+            choose("guidance", self.guidance, dict.fromkeys(("geodesic",)))
+            if self.filter == "off":
+                raise InvalidInputError("guidance: got filter 'off', expected 'on' or 'penalty'")
         choose("learn_from", self.learn_from, dict.fromkeys(("nominal", "filtered")))
         finite_float("penalty", self.penalty, minimum=0.0)
         counts = (self.total_steps, self.n, self.hold, self.report_every, self.report_episodes)
@@ -96,8 +102,15 @@ class TrainingConfig:
         """The number of decisions."""
         return _STEPS[self.algorithm] if self.steps is None else self.steps
 
+    @property
+    def in_the_loop(self) -> str | None:
+        """The program that filters in training, if one does."""
+        return None if self.filter == "off" else self.program
 
-def make_vector(scenario: str, n: int, program: str | None) -> gym.vector.VectorEnv:
+
+def make_vector(
+    scenario: str, n: int, program: str | None, guidance: str | None = None
+) -> gym.vector.VectorEnv:
     """Return n native environments that do not reset themselves, filtered if a program is named.
 
     Raises:
@@ -108,13 +121,12 @@ def make_vector(scenario: str, n: int, program: str | None) -> gym.vector.Vector
     task = env.unwrapped.scenario.task  # type: ignore[attr-defined]
     if task != "reach":
         raise InvalidInputError(f"scenario {scenario!r}: got task {task!r}, expected 'reach'")
-    return env if program is None else VectorSafetyFilter(env, program=program)
+    return env if program is None else VectorSafetyFilter(env, program, guidance=guidance)
 
 
 def make_env(config: TrainingConfig) -> VecNormalize:
     """Return the training environments, normalised."""
-    filtered = config.filter != "off"
-    env = make_vector(config.scenario, config.n, config.program if filtered else None)
+    env = make_vector(config.scenario, config.n, config.in_the_loop, config.guidance)
     if config.filter == "penalty":
         env = VectorInterventionPenalty(env, config.penalty)
     held = VectorHoldAction(env, config.hold, "Disabled")

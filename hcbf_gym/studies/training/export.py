@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
@@ -12,7 +13,6 @@ from stable_baselines3.common.vec_env import VecNormalize
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.policies.learned import LearnedPolicy
-from hcbf_gym.studies.training.config import make_vector
 
 UNSEEN = 1e-5
 """Variance of an observation's entry below which it counts as constant."""
@@ -69,19 +69,15 @@ class Report(NamedTuple):
     intervention: float
 
 
-def report(
-    policy: LearnedPolicy, scenario: str, program: str | None, episodes: int, seed: int
-) -> Report:
-    """Run one episode in each of `episodes` scenes, with a decision at every control step.
+def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:
+    """Run one episode in each of N scenes, with a decision at every control step.
 
     Args:
         policy: acts on all scenes at once.
-        scenario: of the task "reach".
-        program: of the safety filter; None for no filter.
-        episodes: the number of scenes.
-        seed: of the first.
+        env: N native environments that do not reset themselves.
+        seed: of the first scene.
     """
-    run = rollout_batch(make_vector(scenario, episodes, program), policy, seed)
+    run = rollout_batch(env, policy, seed)
     return Report(
         success=float(run.terminated.mean()),
         returns=float(run.reward.sum(axis=0).mean()),
