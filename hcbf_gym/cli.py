@@ -62,6 +62,7 @@ COMMANDS = {
         "play",
         ("viser",),
     ),
+    "gallery": Command("hcbf_gym.studies.gallery", "the loops of the site: the A1 in each scene"),
     "benchmark": Command(
         "hcbf_gym.studies.benchmarks.command",
         "speed and quality, beside others; the figures of every table",

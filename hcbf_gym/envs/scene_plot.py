@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Ellipse as EllipsePatch
 
@@ -46,7 +47,7 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
         patch = outline(barrier, t)
         if patch is not None:
             color = palette.priority_color(barrier.priority)
-            patch.set(facecolor=(color, 0.25), edgecolor=color, lw=1.2, zorder=1)
+            patch.set(facecolor=palette.paler(color, 0.6), edgecolor=color, lw=1.2, zorder=1)
             axes.add_patch(patch)
     for box in scenario.obstacles:
         cos, sin = np.cos(box.yaw), np.sin(box.yaw)
@@ -62,6 +63,13 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     low, high = limits(scenario)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
+
+
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Put the legend of `axes` under the panels of a figure, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    columns = min(len(labels), 4)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
 
 
 def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.envs.scene_plot import draw_scene
+from hcbf_gym.envs.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.scenarios import Scenario
 
@@ -42,7 +42,7 @@ def plot_paths(scenario: Scenario, episodes: Mapping[tuple[str, str], Episode]) 
             zorder=4,
             label=_label(policy, program, policies),
         )
-    axes.legend(loc="best", fontsize=8)
+    legend_below(figure, axes)
     axes.set_title(scenario.name, fontsize=10)
     return figure
 
@@ -78,7 +78,7 @@ def plot_series(
     panels[-2].set_ylabel("slack of rows\n[m/s²]", fontsize=8)
     panels[-1].set_ylabel("tracking error\n[m]", fontsize=8)
     panels[-1].set_xlabel("t [s]")
-    panels[0].legend(loc="upper right", fontsize=7, ncols=3)
+    legend_below(figure, panels[0])
     return figure
 
 

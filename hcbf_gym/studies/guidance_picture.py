@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance, programs, scenarios
 from hcbf_gym.barriers import BarrierSet
+from hcbf_gym.envs import palette
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent
@@ -21,7 +22,6 @@ from hcbf_gym.studies.benchmarks.guidance import Guide, filtered, policy_of
 
 Array = NDArray[np.float64]
 
-COLOURS = {1: "tab:red", 2: "tab:orange", 3: "gold"}
 STRIP = (5.0, 10.0, 15.0)
 """When the strip looks at the robot [s]."""
 
@@ -41,7 +41,7 @@ def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004)
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
     _regions(axes, scenario, x, y)
     levels = np.arange(0.0, 16.0, 0.5)
-    axes.contour(x, y, view, levels=levels, colors="tab:blue", linewidths=0.5)
+    axes.contour(x, y, view, levels=levels, colors="0.35", linewidths=0.5)
     line = np.array(points)
     axes.plot(line[:, 0], line[:, 1], "k-", linewidth=2.0)
     _finish(axes, scenario)
@@ -91,7 +91,13 @@ def _regions(axes: Any, scenario: Scenario, x: Array, y: Array) -> None:
     rank = np.array([barrier.priority for barrier in scenario.barriers])
     for priority in sorted(set(rank.tolist()), reverse=True):
         inside = h[:, rank == priority].min(axis=1).reshape(len(y), len(x)) < 0.0
-        axes.contourf(x, y, inside, levels=[0.5, 1.5], colors=[COLOURS[priority]], alpha=0.7)
+        axes.contourf(
+            x,
+            y,
+            inside,
+            levels=[0.5, 1.5],
+            colors=[palette.paler(palette.priority_color(priority))],
+        )
 
 
 def _finish(axes: Any, scenario: Scenario) -> None:

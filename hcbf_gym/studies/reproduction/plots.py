@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
 from hcbf_gym.envs.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.envs.scene_plot import draw_scene
+from hcbf_gym.envs.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.episode_plot import new_figure
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.studies.reproduction.trajectories import Trajectories
@@ -37,6 +37,11 @@ def _lines(axes: Axes, time: Array, values: Array, gammas: Sequence[float]) -> N
         color = _shade(k, len(gammas))
         axes.plot(time, values[:, k + 1], color=color, lw=1.3, label=f"H, $\\gamma_0 = {gamma0:g}$")
     axes.plot(time, values[:, 0], color=R, lw=1.5, label="R")
+
+
+def _legend_beside(axes: Axes) -> None:
+    """Put the legend to the right of the panel, where it covers nothing."""
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
 def _stacked(cell: SubplotSpec) -> tuple[Axes, Axes]:
@@ -69,7 +74,7 @@ def fig5_panels(
         axes.set_ylabel(f"$p_{name}$ [m]")
         if k == 0:
             axes.set_title("(a) position", fontsize=10)
-            axes.legend(fontsize=7, ncols=1 if fan is not None else 2)
+            _legend_beside(axes)
     for row, axes in enumerate(_stacked(grid[0, 1])):
         k = (_H3, _H4)[row]
         _lines(axes, run.time, run.h[:, :, k], gammas)
@@ -83,7 +88,7 @@ def fig5_panels(
     _lines(axes, run.time, run.tracking_error, gammas)
     axes.set(xlabel="$t$ [s]", ylabel="$\\|p_{ref} - p\\|$ [m]")
     axes.set_title("(c) tracking error", fontsize=10)
-    axes.legend(fontsize=7)
+    _legend_beside(axes)
     if samples is not None:
         axes = figure.add_subplot(grid[1, 1])
         draw_cost_map(axes, samples)
@@ -112,7 +117,7 @@ def fig5e_paths(scene: str, rom: Trajectories, a1: Trajectories, gammas: Sequenc
         axes.plot([], [], ":X", color="#00253b", label="H, too large: ends here")
         axes.plot(*run.position[:, 0].T, color=R, lw=1.8, zorder=5, label="R")
         axes.set_title(f"(e) {title}", fontsize=10)
-        axes.legend(fontsize=7, loc="lower left")
+    legend_below(figure, figure.axes[0])
     return figure
 
 
@@ -157,7 +162,7 @@ def fig6_series(episodes: Mapping[str, Episode]) -> Figure:
             axes.plot([], [], "|", color="k", label="contact with region 2's box")
         axes.set(xlabel="$t$ [s]", ylim=(-1.4, 3.0))
         axes.set_title(f"({letter}) {name}", fontsize=10)
-        axes.legend(fontsize=8, loc="upper left")
+    legend_below(figure, panels[-1])
     panels[0].set_ylabel("$h$ [m]")
     return figure
 
@@ -186,7 +191,7 @@ def paths(
             label=label,
         )
     axes.set_title(title, fontsize=10)
-    axes.legend(fontsize=8, loc="lower left")
+    _legend_beside(axes)
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
     return figure
@@ -207,5 +212,5 @@ def fig7(scene: str, relaxed: Episode, hierarchical: Episode) -> Figure:
         axes.set_ylabel(f"$p_{name}$ [m]")
         if k == 0:
             axes.set_title("position over time", fontsize=10)
-            axes.legend(fontsize=8)
+            _legend_beside(axes)
     return figure
