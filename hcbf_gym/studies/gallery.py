@@ -18,13 +18,13 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import choose
 from hcbf_gym.studies.strict import attacks
 
-STEPS = 8
+STEPS = 10
 """Control steps between two pictures."""
 SPEED = 2.0
 """Of the loop, relative to the robot."""
-SIZE = (480, 360)
+SIZE = (400, 300)
 """Of a picture [pixels]."""
-QUALITY = 45
+QUALITY = 35
 """Of the WebP file, of 100."""
 _STRIP = 22  # [pixels] under the picture, for the line of text
 
@@ -54,7 +54,7 @@ class Loop(NamedTuple):
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
 GUIDED = LEX | {"guidance": "geodesic"}
 LOOPS = {
-    "attack": Loop("random", 3, "slam", 16.0, LEX),
+    "attack": Loop("random", 3, "edge", 14.0, LEX),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
     "paper-simulation": Loop(
         "paper-simulation",
@@ -139,7 +139,7 @@ def save(path: Path, pictures: list[Image.Image]) -> None:
         duration=[*[pause] * (len(pictures) - 1), 1500],
         loop=0,
         quality=QUALITY,
-        method=4,
+        method=6,
     )
 
 

@@ -90,20 +90,22 @@ def _regions(axes: Any, scenario: Scenario, x: Array, y: Array) -> None:
     h = BarrierSet([scenario.barriers]).along(state, np.zeros(len(state)))
     rank = np.array([barrier.priority for barrier in scenario.barriers])
     for priority in sorted(set(rank.tolist()), reverse=True):
+        color = palette.paler(palette.priority_color(priority))
         inside = h[:, rank == priority].min(axis=1).reshape(len(y), len(x)) < 0.0
         axes.contourf(
             x,
             y,
             inside,
             levels=[0.5, 1.5],
-            colors=[palette.paler(palette.priority_color(priority))],
+            colors=[color],
         )
 
 
 def _finish(axes: Any, scenario: Scenario) -> None:
     axes.plot(*scenario.start, "o", color="white", markeredgecolor="black")
     axes.plot(*scenario.goal, "*", color="white", markeredgecolor="black", markersize=12)
-    axes.set_aspect("equal")
+    axes.set(aspect="equal", xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
+    axes.label_outer()
 
 
 def main() -> None:
