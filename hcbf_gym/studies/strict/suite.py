@@ -5,10 +5,10 @@ goes on where it stopped, as long as the sources are the same.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
@@ -24,9 +24,6 @@ from hcbf_gym.studies.strict.episodes import AttackedEpisode, Outcome
 FOLDER = Path("results/strict")
 SCENARIOS = ("random", "random-moving")
 FIRST_SEED = 50_000
-
-FIX = {"position-fix": "lidar"}
-"""Estimates: a name, and the environment's `estimation`."""
 
 PLANTS: dict[str, dict[str, Any]] = {
     "payload 4 kg, off-centre": {
@@ -50,55 +47,56 @@ PLANTS: dict[str, dict[str, Any]] = {
 """Plants that differ from what the filter and the controller believe."""
 
 
-def groups(quick: bool) -> list[tuple[str, str, list[AttackedEpisode]]]:
-    """Return the lines of the table: section, name, episodes."""
-    lines: list[tuple[str, str, list[AttackedEpisode]]] = []
-    count = 1 if quick else 50
-    for attack in ATTACKS:
-        episodes = [
-            AttackedEpisode(attack, scenario, FIRST_SEED + k)
-            for scenario in SCENARIOS
-            for k in range(count)
+class Line(NamedTuple):
+    """One line of the table.
+
+    Attributes:
+        section: what is varied.
+        name: how.
+        attacks: the policies, `scenarios` for each of them.
+        seeds: for each attack and scenario.
+        options: of the environment.
+        scenarios: what they are run in.
+    """
+
+    section: str
+    name: str
+    attacks: tuple[str, ...]
+    seeds: int
+    options: Mapping[str, Any] | None = None
+    scenarios: tuple[str, ...] = ("random",)
+
+    def episodes(self, quick: bool) -> list[AttackedEpisode]:
+        """Return its episodes; with `quick` one for each attack and scenario, two seconds long."""
+        options = dict(self.options or {}) | ({"max_episode_steps": 100} if quick else {})
+        return [
+            AttackedEpisode(attack, scenario, FIRST_SEED + k, env_options=options)
+            for attack in self.attacks
+            for scenario in self.scenarios
+            for k in range(1 if quick else self.seeds)
         ]
-        lines.append(("nominal", attack, episodes))
-    few = ("nearest", "corner", "edge")
-    count = 1 if quick else 16
-    for plant, options in PLANTS.items():
-        episodes = [
-            AttackedEpisode(attack, "random", FIRST_SEED + k, env_options=options)
-            for attack in few
-            for k in range(count)
-        ]
-        lines.append(("plant", plant, episodes))
-    for name, estimation in FIX.items():
-        episodes = [
-            AttackedEpisode(
-                attack, "random", FIRST_SEED + k, env_options={"estimation": estimation}
-            )
-            for attack in few
-            for k in range(1 if quick else 67)
-        ]
-        lines.append(("estimate", name, episodes))
-    episodes = [
-        AttackedEpisode(attack, "random", FIRST_SEED + k, env_options={"body": "footprint"})
-        for attack in few
-        for k in range(count)
-    ]
-    lines.append(("body", "footprint", episodes))
-    friendly = 1 if quick else 100
-    lines.append(
-        ("policy", "pd", [AttackedEpisode("pd", "random", FIRST_SEED + k) for k in range(friendly)])
-    )
-    return lines
+
+
+AIMED = ("nearest", "corner", "edge")
+LINES = (
+    *(Line("nominal", name, (name,), 25, scenarios=SCENARIOS) for name in ATTACKS),
+    *(Line("plant", name, AIMED, 8, options) for name, options in PLANTS.items()),
+    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 20, {"estimation": {}}),
+    Line("body", "footprint", AIMED, 8, {"body": "footprint"}),
+    Line("policy", "pd", ("pd",), 60),
+)
+"""The table: every attack on the nominal plant, the aimed ones on others, and a friendly policy."""
+TRIALS = 320
+"""Attackers that the search tries."""
 
 
 def run(quick: bool) -> dict[str, Any]:
     """Run every episode that is not done yet, and the search; return the table's figures."""
     rows = []
-    for section, name, episodes in groups(quick):
-        outcomes = list(_outcomes(f"{section}: {name}", episodes))
-        rows.append({"section": section, "name": name} | summary(outcomes))
-    worst = search.worst_attack(trials=4 if quick else 2000)
+    for line in LINES[:: 5 if quick else 1]:
+        outcomes = list(_outcomes(f"{line.section}: {line.name}", line.episodes(quick)))
+        rows.append({"section": line.section, "name": line.name} | summary(outcomes))
+    worst = search.worst_attack(trials=2 if quick else TRIALS)
     return {"groups": rows, "search": worst}
 
 
