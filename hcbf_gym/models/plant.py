@@ -117,6 +117,10 @@ class Plant:
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Plant":
+        """Return this record, which never changes; its readers may hold a whole environment."""
+        return self
+
 
 def read(source: Any, env: Any, observation: Any, info: dict[str, Any]) -> Any:
     """Return what a field of a plant says now: the value itself, or what its reader returns."""

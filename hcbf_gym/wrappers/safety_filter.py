@@ -16,6 +16,7 @@ from hcbf_gym.models.plant import Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_options
 from hcbf_gym.wrappers.general_core import GeneralCore
+from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.planar_core import PlanarCore
 
 Array = NDArray[np.float64]
@@ -91,6 +92,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         gym.Wrapper.__init__(self, env)
         inner = env.unwrapped
         self.plant = _plant_of(inner) if plant is None else plant
+        _check_order(env)
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
         settings = FilterSettings(program, rows, guidance, margin, solver, options)
@@ -185,6 +187,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
                 "on each before they are joined"
             )
         self.plant: Plant = inner.plant
+        _check_order(env)
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
         settings = FilterSettings(program, rows, guidance, margin, None, options)
@@ -246,9 +249,12 @@ def _input(action: Any, shape: tuple[int, ...]) -> Array:
         InvalidInputError: if it is not an array of real numbers of that shape.
     """
     try:
-        u = np.array(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"action: got {action!r}, expected {shape} numbers") from error
+        given = np.asarray(action)
+    except ValueError as error:  # a ragged list
+        raise InvalidInputError(f"action: got {action!r}, expected shape {shape}") from error
+    if given.dtype.kind not in "fiu":
+        raise InvalidInputError(f"action: got {action!r}, expected {shape} real numbers")
+    u = given.astype(np.float64)
     if u.shape != shape:
         raise InvalidInputError(f"action: got shape {u.shape}, expected {shape}")
     return u
@@ -267,6 +273,22 @@ def _plant_of(env: Any) -> Plant:
             "plant=hcbf_gym.Plant(model, barriers, state, …), which says what the filter must know"
         )
     return plant
+
+
+def _check_order(env: Any) -> None:
+    """Refuse a held decision between filter and environment, which no action space shows.
+
+    Raises:
+        InvalidInputError: if there is one.
+    """
+    while env is not env.unwrapped:
+        if isinstance(env, HoldAction | VectorHoldAction):
+            name = type(env).__name__
+            raise InvalidInputError(
+                f"safety filter: got a {name} inside, so that the filter would look once in "
+                f"{env.steps} steps; expected it outside: {name}(filtered, {env.steps})"
+            )
+        env = env.env
 
 
 def _check_spaces(outer: gym.Space, inner: gym.Space) -> None:

@@ -1,0 +1,94 @@
+"""What the filter refuses at its door, and what a reset refuses."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+import hcbf_gym
+from hcbf_gym import models, wrappers
+from hcbf_gym.errors import InvalidInputError
+
+ID = "HCBF-Regions-v0"
+
+
+def single(**options):
+    return gym.make(ID, scenario="random", **options)
+
+
+def native(n=2, **options):
+    return gym.make_vec(ID, num_envs=n, scenario="random", **options)
+
+
+def test_a_held_decision_inside_is_refused_and_the_order_named():
+    held = gym.wrappers.RecordEpisodeStatistics(wrappers.HoldAction(single(), 5))
+    with pytest.raises(InvalidInputError, match=r"outside: HoldAction\(filtered, 5\)"):
+        wrappers.SafetyFilter(held, "lex-cbf-qp")
+    joined = wrappers.VectorHoldAction(native(autoreset_mode="Disabled"), 5)
+    with pytest.raises(InvalidInputError, match=r"outside: VectorHoldAction\(filtered, 5\)"):
+        wrappers.VectorSafetyFilter(joined, "lex-cbf-qp")
+
+
+@pytest.mark.parametrize(
+    "env",
+    [
+        single(),
+        native(),
+        wrappers.SafetyFilter(single(), "lex-cbf-qp"),
+        wrappers.VectorSafetyFilter(native(), "lex-cbf-qp"),
+    ],
+    ids=["single", "native", "filtered", "filtered native"],
+)
+def test_unknown_options_of_a_reset_are_refused_with_the_known_ones(env):
+    with pytest.raises(InvalidInputError, match=r"scen.*scenario.*start"):
+        env.reset(seed=0, options={"scen": "random"})
+
+
+@pytest.mark.parametrize(
+    "action", [np.array([1j, 0.0]), 1j, "ab", ["a", "b"], {}, {"u": 1.0}, None, [[1.0], 2.0]]
+)
+@pytest.mark.parametrize("filtered", [False, True])
+def test_an_action_that_is_no_pair_of_real_numbers_is_refused(filtered, action):
+    env = single(disable_env_checker=True)
+    env = wrappers.SafetyFilter(env, "lex-cbf-qp") if filtered else env
+    env.reset(seed=0)
+    before = env.unwrapped.rom_state
+    with pytest.raises(InvalidInputError, match="expected"):
+        env.step(action)
+    np.testing.assert_array_equal(env.unwrapped.rom_state, before)
+
+
+def test_a_step_before_the_first_reset_is_refused():
+    for env in (single().unwrapped, native()):
+        with pytest.raises(InvalidInputError, match="reset"):
+            env.step(np.zeros(env.action_space.shape))
+
+
+def test_the_environment_with_a_plant_given_by_hand_has_a_spec_to_make_it_from():
+    env = single()
+    plant = hcbf_gym.Plant(
+        model=models.DoubleIntegrator(),
+        barriers=lambda env, observation, info: env.scenario.barriers,
+        state=lambda env, observation, info: env.rom_state,
+        period=0.02,
+    )
+    env = wrappers.HoldAction(wrappers.SafetyFilter(env, "lex-cbf-qp", plant=plant), 5)
+    again = gym.make(env.spec)
+    assert again.get_wrapper_attr("plant") is plant
+    with pytest.raises((TypeError, ValueError), match="function"):
+        env.spec.to_json()
+    assert isinstance(env.spec, EnvSpec)
+
+
+def test_the_native_batch_gives_a_picture_of_each_environment():
+    env = native(3, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.full((3, 2), 2.0))
+    frames = env.render()
+    assert isinstance(frames, tuple)
+    assert [frame.dtype for frame in frames] == [np.uint8] * 3
+    assert len({frame.shape for frame in frames}) == 1
+    assert frames[0].shape[2] == 3
+    assert all(frame.std() > 5.0 for frame in frames)
+    assert not np.array_equal(frames[0], frames[1])  # another scene
+    env.close()
