@@ -307,17 +307,3 @@ def test_the_public_names_are_there():
         "paper-experiment",
     }
     assert {"cbf-qp", "r-cbf-qp", "h-cbf-qp"} <= set(programs.names())
-
-
-def test_the_a1s_diagnostics_have_the_same_keys_at_a_reset_as_at_a_step():
-    env = filtered("HCBF-A1Regions-v0", diagnostics=True)
-    _, first = env.reset(seed=0)
-    *_, later = env.step(np.zeros(2, dtype=np.float32))
-
-    def keys(info):
-        return {(k, tuple(sorted(v)) if isinstance(v, dict) else None) for k, v in info.items()}
-
-    assert keys(first) == keys(later)
-    for (name, one), (_, other) in zip(flat(first), flat(later), strict=True):
-        assert np.shape(one) == np.shape(other), name
-    env.close()
