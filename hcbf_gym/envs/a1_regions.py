@@ -18,6 +18,7 @@ from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
+from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
@@ -47,6 +48,10 @@ UNCERTAINTY = Uncertainty(
 )
 """What the trunk does beside its reduced-order model; `hcbf benchmark --suite strict` is the ground
 of these numbers."""
+
+OFF_NOMINAL = 0.02
+"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough ground,
+or a randomisation of more than the start."""
 
 BODY_RADIUS = 0.45
 """Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
@@ -169,6 +174,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             randomization=randomization,
             disturbances=disturbances,
         )
+        self._off_nominal = terrain != "flat" or Randomization.from_dict(randomization).off_nominal
         self._footprint = None if body == "point" else Footprint(self.simulation.model, a1.TRUNK)
         self._v_max = _speed_limit(self.scenario)
         self.controller = LocomotionController(
@@ -201,7 +207,8 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self, UNCERTAINTY._replace(body=self._body_radius))
+        distance = UNCERTAINTY.distance + (OFF_NOMINAL if self._off_nominal else 0.0)
+        return plant_of(self, UNCERTAINTY._replace(body=self._body_radius, distance=distance))
 
     @property
     def estimate(self) -> Estimate:

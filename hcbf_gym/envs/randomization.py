@@ -97,6 +97,12 @@ class Randomization:
         check_mapping("randomization", values)
         return build("randomization", cls, values)
 
+    @property
+    def off_nominal(self) -> bool:
+        """Whether the conditions may differ from the nominal plant's; the start does not count."""
+        nominal = Randomization()
+        return any(getattr(self, name) != getattr(nominal, name) for name in Conditions._fields)
+
     def draw(self, rng: np.random.Generator) -> Conditions:
         """Draw an episode; every field takes one number from `rng`, whatever its range."""
         return Conditions(
