@@ -50,8 +50,8 @@ UNCERTAINTY = Uncertainty(
 of these numbers."""
 
 OFF_NOMINAL = 0.02
-"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough ground,
-or a randomisation of more than the start."""
+"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough
+ground, or a randomisation of more than the start."""
 
 BODY_RADIUS = 0.45
 """Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
