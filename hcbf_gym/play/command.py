@@ -53,6 +53,7 @@ def main(args: Args) -> None:
         seed=args.seed,
     )
     session = Session(settings, args.scenario)
+    session.tick()  # compiles what is not in the cache yet, before anybody watches
     page = Page(session, args.host, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)

@@ -50,6 +50,11 @@ class Controls:
         self.plots = tabs.add_tab("Plots")
         self._handles(server.scene)
 
+    @property
+    def follows(self) -> bool:
+        """Whether cameras follow the robot."""
+        return self._follow.value
+
     def stale(self) -> bool:
         """Return whether the page shows what is not so, once."""
         stale, self._stale = self._stale, False
@@ -132,6 +137,7 @@ class Controls:
             buttons.on_click(self._on_button)
             pace = gui.add_slider("pace", min=0.1, max=2.0, step=0.1, initial_value=1.0)
             self._on_value(pace, session.set_pace)
+            self._follow = gui.add_checkbox("follow the robot", True)
             seed = gui.add_number("seed", 0, min=0, max=10**6, step=1)
             self._seed = self._on_choice(seed, "seed")
 

@@ -41,6 +41,7 @@ class Stage:
         self._path: list[Array] = []
         self._line: Any = None
         self._field: list[Any] = []
+        self._scene.configure_default_lights(cast_shadow=False)  # half of a software frame
         self._scene.add_grid(
             "/floor", width=60.0, height=60.0, cell_size=0.5, section_size=5.0, position=(0, 0, 0)
         )

@@ -6,7 +6,9 @@ import socket
 import threading
 import time
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.play import readings
@@ -19,6 +21,8 @@ from hcbf_gym.play.session import Session
 RATE = 40.0
 """How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
 SLOWER = 5
+OFF_CENTRE = 1.0
+"""How far the robot gets from the point looked at before the camera follows [m]."""
 
 
 class Page:
@@ -54,8 +58,8 @@ class Page:
         self._plots = Plots(self._server, self._controls.plots)
         self._stage = Stage(self._server)
         x, y = session.latest.position.tolist()
-        self._server.initial_camera.position = (x - 3.5, y - 3.5, 4.0)
-        self._server.initial_camera.look_at = (x + 0.5, y, 0.0)
+        self._server.initial_camera.position = (x - 3.0, y - 3.0, 3.5)
+        self._server.initial_camera.look_at = (x, y, 0.0)
         self._revision, self._time, self._body, self._count = -1, -1.0, object(), 0
 
     def run(self, stop: threading.Event, alive: threading.Thread) -> None:
@@ -88,11 +92,21 @@ class Page:
             self._revision, self._time = snapshot.revision, snapshot.time
             self._stage.move(snapshot.position, snapshot.poses, snapshot.reference, snapshot.time)
             self._controls.follow(snapshot)
+            if self._controls.follows:
+                self._follow(snapshot.position)
             if self._count % SLOWER == 0:
                 self._words.content = readings.html(snapshot, self._steering())
                 self._stage.show_path()
                 self._plots.show(snapshot)
         self._count += 1
+
+    def _follow(self, position: NDArray[np.float64]) -> None:
+        """Bring the robot back to the middle of every browser's view where it has left it."""
+        for client in self._server.get_clients().values():
+            camera = client.camera
+            shift = np.array([*(position - camera.look_at[:2]), 0.0])
+            if np.linalg.norm(shift) > OFF_CENTRE:
+                camera.position = camera.position + shift  # what is looked at comes along
 
     def _show_field(self, scenario: object) -> None:
         try:

@@ -37,6 +37,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         "position": f"{snapshot.position[0]:.2f}, {snapshot.position[1]:.2f} m",
     }
     others = " · ".join(f"{name} {_span(name, text)}" for name, text in rest.items())
+    settings = snapshot.settings
     state = "running" if snapshot.running else "paused"
     return (
         '<div style="padding:0 0.8em;font-size:0.85em;line-height:1.45">'
@@ -47,6 +48,8 @@ def html(snapshot: Snapshot, steering: str) -> str:
         "<td></td><td>h now</td><td>least h</td><td>slack</td></tr>"
         f"{ranks}</table>"
         f'<div style="color:#777">{others}</div>'
+        f"<div>{_span('policy', settings.policy)} under {_span('program', settings.program)} in "
+        f"{_span('scene', snapshot.scenario.name)}</div>"
         f"<div>t = {_span('time', f'{snapshot.time:.2f}')} s, {_span('state', state)}, "
         f"{_span('pace', f'{snapshot.pace:.2f}')} × real time; {_span('steering', steering)}</div>"
         f'<div style="color:#c0392b">{_span("message", snapshot.message)}</div></div>'
