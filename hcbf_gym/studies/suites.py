@@ -98,5 +98,12 @@ SUITES = {
         A1,
     ),
     "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
+    "foreign": Suite(
+        "benchmarks.foreign",
+        "foreign environments and models behind the filter",
+        10,
+        extra="examples",
+        needs=("gymnasium_robotics", "jax", "stable_baselines3"),
+    ),
 }
 """name → suite; `hcbf benchmark --suite NAME`, ``docs/results/NAME.json``."""

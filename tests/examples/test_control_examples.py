@@ -1,6 +1,7 @@
 """The examples of foreign environments keep what they promise."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -114,3 +115,11 @@ def test_the_filters_model_of_the_ball_is_exact():
     for _ in range(100):
         info = env.step(env.action_space.sample())[-1]
     assert info["safety_filter"]["model_error"] < 1e-6
+
+
+def test_the_page_of_your_own_robot_runs_step_by_step():
+    page = (EXAMPLES.parent / "docs" / "your_robot.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for block in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL):
+        exec(block, names)
+    assert np.hypot(names["x"][0] - 3.0, names["x"][1]) < 0.3
