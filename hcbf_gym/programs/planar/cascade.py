@@ -1,6 +1,7 @@
 """The cascades of `programs.cascades`, compiled: one state, or N of them, on polygons.
 
-`filter_batch` can be called from other compiled code; it allocates once for all N states.
+`filter_batch` can be called from other compiled code; it allocates once for all N states. What it
+calls here is inlined: across a call Numba counts the references to every array of a record.
 """
 
 from typing import Any
@@ -69,7 +70,7 @@ def filter_state(
     return _filter_state(settings, settings.weights[0], u_nominal, rows, u, slack, delta, w)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _filter_state(
     settings: Settings,
     weights: Array,
@@ -100,7 +101,7 @@ def _filter_state(
     return _account(settings, _SAFE if moved else _NOMINAL, u, slack, delta, w)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     """Tell whether u* lies in U and meets every row."""
     for k in range(rows.b.size):
@@ -109,7 +110,7 @@ def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     return contains(vertices, vertices.shape[0], ux, uy)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     """Return δ_min of row k; with a known offset ``α₂(ψ + ε) − α₂(ψ) = max(0, −α₂(ψ))``."""
     if not settings.known_offset or rows.priority[k] == 1:
@@ -118,7 +119,7 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     return max(0.0, -rows.alpha2_psi[k])
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _sort(priority: Integers, w: Workspace) -> int:
     """Sort by priority: ``w.rows[k].index``, and where each level starts in ``w.start``.
 
@@ -142,7 +143,7 @@ def _sort(priority: Integers, w: Workspace) -> int:
     return levels
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
     k = row.index
@@ -154,7 +155,7 @@ def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     row.least = _least_slack(settings, rows, k)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _decide(settings: Settings, levels: int, ux: float, uy: float, w: Workspace) -> Point:
     """Run one program on rows sorted by priority."""
     vertices, rows = settings.vertices, w.rows
@@ -176,7 +177,7 @@ def _decide(settings: Settings, levels: int, ux: float, uy: float, w: Workspace)
     return _explicit(count, levels, Cost(rows, settings.lambda_u, ux, uy), w)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     """Run EH-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
     x, y = stages.nearest(w.feasible, count, cost.ux, cost.uy, w)
@@ -189,7 +190,7 @@ def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     return x, y
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     """Run Lex-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
     for level in range(1, levels):
@@ -204,7 +205,7 @@ def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     return stages.nearest(w.feasible, count, cost.ux, cost.uy, w)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _account(
     settings: Settings, status: int, u: Array, slack: Array, delta: Array, w: Workspace
 ) -> int:
