@@ -2,18 +2,21 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import gymnasium as gym
 import pytest
 
 from hcbf_gym import scenarios
+from hcbf_gym.cli import COMMANDS
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.studies import publishing
+from hcbf_gym.studies import gallery, publishing
 from hcbf_gym.studies.suites import SUITES
 from hcbf_gym.wrappers import SafetyFilter
 
 ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def blocks(page, language):
@@ -49,8 +52,42 @@ def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
     env.step(env.action_space.sample())
 
 
+@pytest.mark.physics
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_every_block_of_python_runs(page):
+    names: dict = {}
+    for block in blocks(page, "python"):
+        exec(block, names)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_that_is_shown_exists(page):
+    for block in blocks(page, "(?:bash|sh)"):
+        for name in re.findall(r"\bhcbf ([a-z-]+)", block):
+            assert name in COMMANDS
+        for script in re.findall(r"\bpython (scripts/\S+)", block):
+            assert (ROOT / script).exists()
+        for suite in re.findall(r"--suite ([a-z-]+)", block):
+            assert suite in {*SUITES, "all"}
+
+
+def test_the_site_lists_every_page():
+    with open(ROOT / "zensical.toml", "rb") as file:
+        listed = re.findall(r"'([\w/]+\.md)'", str(tomllib.load(file)["project"]["nav"]))
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    assert sorted(listed) == sorted(pages)
+
+
+def test_every_loop_is_shown_and_all_together_are_small():
+    files = {path.stem: path for path in (ROOT / "docs/images/gallery").glob("*.webp")}
+    assert set(files) <= set(gallery.LOOPS)
+    page = (ROOT / "docs/gallery.md").read_text(encoding="utf-8")
+    assert all(f"images/gallery/{name}.webp" in page for name in files)
+    assert sum(path.stat().st_size for path in files.values()) < 10e6
+
+
 def test_every_link_of_the_pages_leads_somewhere():
-    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for page in PAGES:
         for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 

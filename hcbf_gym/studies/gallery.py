@@ -139,7 +139,7 @@ def save(path: Path, pictures: list[Image.Image]) -> None:
         duration=[*[pause] * (len(pictures) - 1), 1500],
         loop=0,
         quality=QUALITY,
-        method=6,
+        method=4,
     )
 
 
