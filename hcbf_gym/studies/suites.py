@@ -70,7 +70,7 @@ SUITES = {
     "strict": Suite("strict.suite", "attacks on the strict rank", 25, A1),
     "programs": Suite("benchmarks.programs", "time of each filter, beside peers", 4),
     "verify-programs": Suite(
-        "benchmarks.verify_programs", "each filter against exact solutions", 60
+        "benchmarks.verify_programs", "each filter against exact solutions", 120
     ),
     "environments": Suite("benchmarks.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(
