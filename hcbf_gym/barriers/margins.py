@@ -24,6 +24,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.plant import Uncertainty
 
 Array = NDArray[np.float64]
@@ -61,6 +62,10 @@ def derive(
             slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
             margin[k] = settings.speed + settings.speed_per_velocity * slip
             continue
+        if kind[k] == layout.CUSTOM:  # its gradient is not known here: the most there can be
+            spread = settings.confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
+            margin[k] = settings.distance + settings.cap + spread + settings.body
+            continue
         if certain and kind[k] != layout.ELLIPSE:  # of the others, ∇h is a unit vector
             margin[k] = settings.distance + settings.body
             continue
@@ -79,6 +84,27 @@ def derive(
             rate[k] = max(0.0, drift) * steepness
         total = settings.distance + min(tracking, settings.cap) + known + settings.body
         margin[k] = total * steepness
+
+
+def derive_all(
+    settings: Uncertainty, scenes: BarrierSet, x: Array, t: Array, lag: Array, covariance: Array
+) -> tuple[Array, Array]:
+    """Return the margins (N, m) of N states' rows and their rates (N, m); see `derive`.
+
+    Args:
+        settings: the formula's numbers.
+        scenes: N scenes, whose speed limits may keep something by themselves.
+        x: (N, 4) states.
+        t: (N,) times [s].
+        lag: (N, 4) tracking errors.
+        covariance: (N, 4, 4) of the states.
+    """
+    numbers = Uncertainty(*map(float, settings))
+    margin, rate = np.zeros(scenes.kind.shape), np.zeros(scenes.kind.shape)
+    for i in range(len(x)):
+        parts = scenes.kind[i], scenes.parameters[i], x[i], t[i], lag[i], covariance[i]
+        derive(numbers, *parts, margin[i], rate[i])
+    return margin + scenes.own_margin, rate
 
 
 @njit(cache=True, error_model="numpy")

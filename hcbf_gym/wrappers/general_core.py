@@ -6,11 +6,13 @@ import numpy as np
 
 from hcbf_gym import programs
 from hcbf_gym.barriers.general import GeneralRows, margins
+from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
 from hcbf_gym.wrappers.monitor import Monitor, warn_once
@@ -77,12 +79,19 @@ class GeneralCore(FilterCore):
     def _rows(self, barriers: Any, estimate: Estimate) -> tuple[CbfRows, Array]:
         """Return the rows (m,) of the present state, and their margins."""
         x, time = np.asarray(estimate.x, dtype=np.float64), float(np.ravel(self._time(estimate))[0])
-        distance = self.uncertainty.distance + self.uncertainty.body
         if isinstance(barriers, BarrierSet):
-            margin = barriers.margins(distance)
-            batch = barriers.rows(x[None], np.array([time]), self._row_settings, margin)
+            if self.plant.model != DoubleIntegrator():
+                raise InvalidInputError(
+                    f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
+                    "barriers: a set makes rows of the planar double integrator alone"
+                )
+            nothing = np.zeros(4) if estimate.lag is None else estimate.lag
+            spread = np.zeros((4, 4)) if estimate.covariance is None else estimate.covariance
+            now = x[None], np.array([time])
+            margin, rate = derive_all(self.uncertainty, barriers, *now, nothing[None], spread[None])
+            batch = barriers.rows(*now, self._row_settings, margin, rate)
             return CbfRows(*(field[0] for field in batch if field is not None)), margin[0]
-        margin = margins(barriers, distance)
+        margin = margins(barriers, self.uncertainty.distance + self.uncertainty.body)
         return self._rows_of(barriers, x, time, margin), margin
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, check_options, choose
@@ -232,9 +233,10 @@ class PlanarCore(FilterCore):
         """Write the rows of scenes with users' own barriers, slower than compiled ones."""
         a, out, priority, margin, _ = work
         m = scene.kind.shape[1]
-        margin[0] = self.uncertainty.distance + self.uncertainty.body
-        margin[1] = 0.0
-        rows = scene.rows(self._x, self._t, self.row_settings, margin[0])
+        margin[0], margin[1] = derive_all(
+            self.uncertainty, scene, self._x, self._t, self._lag, self._covariance
+        )
+        rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
         a[:, :m], out[0, :, :m], out[1, :, :m], out[2, :, :m] = (
             rows.a,
             rows.b,
