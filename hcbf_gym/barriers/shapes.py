@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers.barrier import Barrier, Core, Jet, Pair, PlanarBarrier
 from hcbf_gym.barriers.kernels import TINY
 from hcbf_gym.barriers.layout import MAX_VERTICES
+from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 Array = NDArray[np.float64]
@@ -44,7 +45,11 @@ class HalfPlane(PlanarBarrier):
         if abs(length - 1.0) > 1e-12:
             normal = normal / length
         object.__setattr__(self, "normal", tuple(normal.tolist()))
-        object.__setattr__(self, "offset", finite_float(f"{self.name}: offset", self.offset))
+        object.__setattr__(
+            self,
+            "offset",
+            finite_float(f"{self.name}: offset", self.offset, minimum=-FARTHEST, maximum=FARTHEST),
+        )
 
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H and ∇²H."""
@@ -80,7 +85,9 @@ class Disc(PlanarBarrier):
     def __post_init__(self) -> None:
         super().__post_init__()
         _set_pairs(self, "center", "velocity")
-        radius = finite_float(f"{self.name}: radius", self.radius, minimum=0.0, exclusive=True)
+        radius = finite_float(
+            f"{self.name}: radius", self.radius, minimum=0.0, maximum=FARTHEST, exclusive=True
+        )
         object.__setattr__(self, "radius", radius)
 
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
@@ -171,7 +178,7 @@ class ConvexPolygon(PlanarBarrier):
     def __post_init__(self) -> None:
         super().__post_init__()
         _set_pairs(self, "velocity")
-        corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 2))
+        corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 2), largest=FARTHEST)
         if not 3 <= len(corners) <= MAX_VERTICES:
             raise InvalidInputError(
                 f"{self.name}: vertices: got {len(corners)}, expected 3 to {MAX_VERTICES}"
@@ -246,7 +253,9 @@ class SpeedLimit(Barrier):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        v_max = finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)
+        v_max = finite_float(
+            f"{self.name}: v_max", self.v_max, minimum=0.0, maximum=FARTHEST, exclusive=True
+        )
         margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0)
         if margin >= v_max:
             raise InvalidInputError(f"{self.name}: margin: got {margin}, expected below {v_max}")
@@ -274,5 +283,6 @@ def _norm_jet(r: Array) -> tuple[float, Array, Array]:
 
 def _set_pairs(barrier: Barrier, *names: str) -> None:
     for name in names:
-        pair = finite_array(f"{barrier.name}: {name}", getattr(barrier, name), (2,))
+        values = getattr(barrier, name)
+        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=FARTHEST)
         object.__setattr__(barrier, name, tuple(pair.tolist()))

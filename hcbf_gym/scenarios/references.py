@@ -7,13 +7,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
-
-FARTHEST = 1e4
-"""Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
 
 LONGEST = 1e4
 """Of a course [s]: environments keep a row of it for every control step."""

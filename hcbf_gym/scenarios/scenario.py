@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from hcbf_gym import barriers, records
 from hcbf_gym.barriers import Barrier
+from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.scenarios import references
-from hcbf_gym.scenarios.references import FARTHEST, Reference
+from hcbf_gym.scenarios.references import Reference
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 TASKS = ("track", "reach")
+
+LARGEST_INPUT = 1e3
+"""Of a scene's input set [m/s²]."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,8 @@ class Scenario:
             )
         start = finite_array(f"{self.name}: start", self.start, (2,), largest=FARTHEST)
         object.__setattr__(self, "start", tuple(start.tolist()))
+        corners = self.input_set.vertices()
+        finite_array(f"{self.name}: input_set", corners, (None, 2), largest=LARGEST_INPUT)
         finite_float(f"{self.name}: goal_radius", self.goal_radius, minimum=0.0, exclusive=True)
         if self.v_max is not None:
             finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)

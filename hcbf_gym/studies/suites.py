@@ -105,5 +105,8 @@ SUITES = {
         extra="examples",
         needs=("gymnasium_robotics", "jax", "stable_baselines3"),
     ),
+    "mutations": Suite(
+        "benchmarks.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
+    ),
 }
 """name → suite; `hcbf benchmark --suite NAME`, ``docs/results/NAME.json``."""

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.errors import RobotModelError
+from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.dynamics import rigid_body_terms
 from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
 from hcbf_gym.locomotion.model import RobotModel
@@ -218,3 +219,65 @@ def test_a_robot_without_a_spherical_foot_is_refused(tmp_path):
     path = edited(tmp_path, '<geom name="RL_foot" class="foot"/>', "")
     with pytest.raises(RobotModelError, match="RL_calf"):
         Physics(path)
+
+
+def go1(tmp_path: Path) -> Path:
+    """Return a file with the lengths, feet and motors of a Unitree Go1."""
+    text = a1.XML_FILE.read_text()
+    for old, new in (
+        ('_calf" pos="0 0 -0.2">', '_calf" pos="0 0 -0.213">'),
+        ('size="0.02" pos="0 0 -0.2"', 'size="0.023" pos="0 0 -0.213"'),
+        ('actuatorfrcrange="-33.5 33.5"', 'actuatorfrcrange="-23.7 23.7"'),
+        (
+            '<joint range="-2.69653 -0.916298"/>',
+            '<joint range="-2.69653 -0.916298" actuatorfrcrange="-35.55 35.55"/>',
+        ),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "go1.xml"
+    path.write_text(text)
+    return path
+
+
+def test_another_robot_is_read_with_its_own_lengths_feet_and_motors(tmp_path):
+    robot = read_robot(go1(tmp_path))
+    legs = RobotModel(robot).legs
+    assert (legs.thigh, legs.calf, robot.foot_radius) == (0.213, 0.213, 0.023)
+    np.testing.assert_array_equal(robot.stall_torque, np.tile([23.7, 23.7, 35.55], 4))
+
+
+@pytest.mark.physics
+def test_another_robot_walks_at_its_own_height_within_its_own_limits(tmp_path):
+    path = go1(tmp_path)
+    simulation, controller = Physics(path), LocomotionController(path, max_speed=0.6)
+    simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    controller.reset(simulation.state())
+    limits = controller.robot.stall_torque
+    for _ in range(1500):
+        simulation.step(controller.step(simulation.state(), np.array([0.5, 0.0])))
+        assert (np.abs(simulation.data.ctrl) <= limits).all()
+    assert not simulation.fallen
+    np.testing.assert_allclose(simulation.base_state[2:], [0.6, 0.0], atol=0.06)
+    assert simulation.data.qpos[2] == pytest.approx(controller.robot.home_height, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<option ", '<option gravity="0 0 0" '),
+        ("<option ", '<option gravity="0 0 9.81" '),
+        ('<freejoint name="base"/>', ""),
+        ("<worldbody>", '<worldbody><geom name="floor" type="plane" size="0 0 1"/>'),
+        ('mass="4.713"', 'mass="nan"'),
+        ('mass="4.713"', 'mass="0"'),
+        ('mass="4.713"', 'mass="1e6"'),
+        ("<worldbody>", '<asset><mesh name="shell" file="no.obj"/></asset><worldbody>'),
+    ],
+)
+def test_files_that_are_no_robot_on_the_ground_are_refused(tmp_path, monkeypatch, old, new):
+    path = edited(tmp_path, old, new)
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a log of its warnings
+    for build in (read_robot, Physics, LocomotionController):
+        with pytest.raises(RobotModelError, match="xml_file"):
+            build(path)

@@ -1,0 +1,112 @@
+"""The controller as a whole, in the loop with the simulation."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from hcbf_gym.envs.physics import Physics
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.locomotion import qp
+from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.robots.reader import read_robot
+from hcbf_gym.studies.benchmarks import walks
+
+ROBOT = read_robot()
+
+
+def walk(ticks: int, u=(0.8, 0.3), **options):
+    simulation = Physics()
+    simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    controller = LocomotionController(**options)
+    controller.reset(simulation.state())
+    torques = []
+    for _ in range(ticks):
+        torques.append(controller.step(simulation.state(), np.array(u)))
+        simulation.step(torques[-1])
+    return np.array(torques), controller, simulation
+
+
+@pytest.mark.parametrize("velocity", [(1.0, 0.0), (-0.8, 0.0), (0.0, 0.6)])
+def test_feet_stand_where_they_land(velocity):
+    walked = walks.walk(6.0, walks.towards(np.array(velocity), 2.0), heading="fixed")
+    assert walks.slip_per_step(walked, start=1500) < 1e-3
+    assert walked.failed == 0
+
+
+def test_both_forms_walk_alike():
+    condensed_torques, _, _ = walk(100)
+    full_torques, _, _ = walk(100, formulation="full")
+    np.testing.assert_allclose(condensed_torques, full_torques, atol=1e-2)
+
+
+def test_kernels_run_uncompiled_with_the_same_result():
+    script = (
+        "import sys; sys.path.insert(0, 'tests/locomotion')\n"
+        "from test_controller import walk\n"
+        "import json; print(json.dumps(walk(20)[0].tolist()))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    plain = np.array(json.loads(run.stdout))
+    np.testing.assert_allclose(plain, walk(20)[0], rtol=1e-9, atol=1e-9)
+
+
+def test_two_walks_are_identical_bit_for_bit():
+    first, second = walk(200)[0], walk(200)[0]
+    assert (first == second).all()
+
+
+def test_diagnostics_tell_what_the_tick_did():
+    _, controller, _ = walk(200)
+    d = controller.diagnostics
+    assert d.qp_solved == 200
+    assert d.qp_failed == 0
+    assert d.qp_exitflag == 1
+    assert d.qp_residual < 1e-6
+    assert d.stance.sum() in (2, 3, 4)
+    assert np.abs(d.torque).max() <= ROBOT.stall_torque[0]
+    assert np.isfinite(d.foot_position).all()
+    assert np.isfinite(d.foothold).all()
+
+
+def test_a_failing_program_is_counted_and_the_torques_stay_finite(monkeypatch):
+    simulation = Physics()
+    simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    controller = LocomotionController(formulation="full")
+    controller.reset(simulation.state())
+    controller.step(simulation.state(), np.zeros(2))
+    monkeypatch.setattr(qp, "solve", lambda program: qp.QpSolution(None, -1, np.zeros(0)))
+    torque = controller.step(simulation.state(), np.zeros(2))
+    assert (controller.solved, controller.failed) == (1, 1)
+    assert np.isfinite(torque).all()
+    assert controller.diagnostics.qp_residual == np.inf
+
+
+def test_diagnostics_before_the_first_step_are_refused():
+    with pytest.raises(InvalidInputError, match="no step yet"):
+        _ = LocomotionController().diagnostics
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"gait": "gallop"}, UnknownNameError, "stand.*trot.*walk"),
+        ({"heading": "north"}, UnknownNameError, "fixed.*velocity"),
+        ({"formulation": "primal"}, UnknownNameError, "condensed.*full"),
+        ({"friction": 0.0}, InvalidInputError, "friction"),
+        ({"timestep": -0.002}, InvalidInputError, "timestep"),
+        ({"gait": "walk", "max_speed": 1.2}, InvalidInputError, "at most 0.4"),
+    ],
+)
+def test_bad_options_are_refused_with_the_choices(options, error, message):
+    with pytest.raises(error, match=message):
+        LocomotionController(**options)

@@ -1,0 +1,143 @@
+"""When feet stand, where they land and how they get there."""
+
+# ruff: noqa: N806 - matrices keep their usual capitals
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hcbf_gym.locomotion.body_reference import (
+    REFERENCE,
+)
+from hcbf_gym.locomotion.feet import TARGETS, plan_feet, stand
+from hcbf_gym.locomotion.foothold import MAX_OFFSET, foothold, nominal_stance
+from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
+from hcbf_gym.locomotion.model import RobotModel
+from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
+from hcbf_gym.robots.reader import read_robot
+
+DT = 0.002
+ORIGIN = np.zeros(3)
+ROBOT = read_robot()
+MODEL = RobotModel(ROBOT)
+examples = settings(deadline=None, max_examples=40)  # the first one may compile
+speeds = st.floats(-1.0, 1.0)
+
+
+def at_rest() -> np.record:
+    return np.zeros(1, dtype=REFERENCE)[0]
+
+
+@pytest.mark.parametrize("name", ["trot", "walk"])
+def test_each_foot_stands_for_the_gait_s_share_of_the_time(name):
+    gait = GAITS[name]
+    clocks = (np.arange(2000) + 0.5) * gait.period / 2000
+    stance = np.array([foot_phases(gait, c, np.zeros(4, bool)).stance for c in clocks])
+    np.testing.assert_allclose(stance.mean(axis=0), gait.duty, atol=1e-3)
+    least = 2 if name == "trot" else 3
+    assert stance.sum(axis=1).min() == least
+
+
+@pytest.mark.parametrize("name", ["trot", "walk"])
+def test_every_swing_lasts_the_same_number_of_ticks_for_minutes(name):
+    gait, clock, stance = GAITS[name], 0.0, []
+    for _ in range(60_000):
+        stance.append(foot_phases(gait, clock, np.zeros(4, bool)).stance)
+        clock = advance_clock(gait, clock, False, DT)
+    for foot in np.array(stance).T:
+        lift_offs = np.flatnonzero(foot[:-1] & ~foot[1:])
+        touchdowns = np.flatnonzero(~foot[:-1] & foot[1:])
+        assert (np.diff(lift_offs) == round(gait.period / DT)).all()
+        assert (np.diff(touchdowns) == round(gait.period / DT)).all()
+
+
+def test_a_foot_that_lands_late_in_its_swing_becomes_stance_and_an_early_touch_does_not():
+    gait, touching = GAITS["trot"], np.ones(4, dtype=bool)
+    early, late = 0.3 * 0.13, 0.7 * 0.13
+    assert foot_phases(gait, early, touching).stance.tolist() == [True, False, False, True]
+    assert foot_phases(gait, late, touching).stance.all()
+
+
+def test_standing_rests_while_quiet_and_steps_at_once_when_disturbed():
+    gait = GAITS["stand"]
+    assert advance_clock(gait, RESTING, True, DT) == RESTING
+    clock = advance_clock(gait, RESTING, False, DT)
+    assert clock == 0.0
+    assert not foot_phases(gait, clock, np.zeros(4, bool)).stance.all()
+    while clock >= 0.0:
+        before, clock = clock, advance_clock(gait, clock, True, DT)
+    half = 0.5 * gait.period
+    assert (before + DT) // half > before // half  # it stopped as feet landed
+
+
+@examples
+@given(speeds, speeds, st.floats(-2.0, 2.0), st.floats(0.0, 0.13))
+def test_footholds_stay_within_reach_of_the_hip(vx, vy, yaw_rate, remaining):
+    nominal = nominal_stance(MODEL.legs.hip)
+    reference = at_rest()
+    reference.yaw_rate = yaw_rate
+    velocity = np.array([vx, vy, 0.0])
+    for foot in range(4):
+        landing = foothold(nominal[foot], ORIGIN, velocity, 0.0, reference, remaining, 0.13, 0.27)
+        turned = yaw_rate * remaining
+        turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+        hip = velocity[:2] * remaining + turn @ nominal[foot]
+        assert np.linalg.norm(landing - hip) <= MAX_OFFSET + 1e-9
+
+
+@examples
+@given(st.floats(-0.2, 0.2), speeds, st.floats(-5, 5), st.floats(-0.2, 0.2))
+def test_minimum_jerk_is_the_quintic_to_rest_at_the_target(p, v, a, target):
+    T = 0.13
+    powers = np.array([[1, T, T**2], [3, 4 * T, 5 * T**2], [6, 12 * T, 20 * T**2]])
+    powers[0] *= T**3
+    powers[1] *= T**2
+    powers[2] *= T
+    rest = np.array([target - p - v * T - a * T**2 / 2, -v - a * T, -a])
+    c = np.polynomial.Polynomial([p, v, a / 2, *np.linalg.solve(powers, rest)])
+    step = minimum_jerk_step(p, v, a, target, T, DT)
+    np.testing.assert_allclose(step, [c(DT), c.deriv()(DT), c.deriv(2)(DT)], atol=1e-9)
+
+
+def test_a_swing_is_smooth_clears_the_ground_and_lands_on_its_foothold():
+    duration, ground, landing = 0.13, 0.02, np.array([0.1, -0.03])
+    ticks = round(duration / DT)
+    motion = np.zeros((3, 3))
+    motion[0, 2] = ground
+    path = [motion]
+    for tick in range(ticks):
+        motion = swing_step(motion, landing, ground, duration - tick * DT, duration, DT)
+        path.append(motion)
+    positions, velocities = np.array(path)[:, 0], np.array(path)[:, 1]
+    np.testing.assert_allclose(positions[-1, :2], landing, atol=1e-3)
+    assert abs(positions[-1, 2] - ground) < 2e-3
+    assert positions[:, 2].max() == pytest.approx(ground + SWING_HEIGHT, abs=2e-3)
+    np.testing.assert_array_equal(positions[1, :2], positions[0, :2])  # it rises first
+    assert positions[1, 2] > positions[0, 2]
+    np.testing.assert_allclose(  # positions are the integral of the velocities
+        np.diff(positions, axis=0), DT * (velocities[1:] + velocities[:-1]) / 2, atol=3e-5
+    )
+
+
+@examples
+@given(st.floats(-1.2, 1.2), st.floats(0.0, 2 * np.pi))
+def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, start):
+    gait, nominal = GAITS["trot"], nominal_stance(MODEL.legs.hip)
+    targets, reference = np.zeros(1, dtype=TARGETS)[0], at_rest()
+    reference.velocity[0] = speed
+    place = np.array([0.0, 0.0, 0.27])
+    feet = np.column_stack([nominal, np.full(4, ROBOT.foot_radius)])
+    for foot in range(4):
+        stand(targets, foot, feet[foot])
+    for tick in range(65, 130):  # the first half is FR's stance
+        phases = foot_phases(gait, tick * DT, np.zeros(4, bool))
+        sway = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
+        velocity = np.array([speed + sway, 0.0, 0.0])
+        place[:2] += DT * velocity[:2]
+        plan_feet(
+            targets, phases, gait, feet, nominal, place, velocity, 0.0, reference, 0.27, 0.02, DT
+        )
+    assert not targets.stance[0]
+    assert np.linalg.norm(targets.motion[0, 1, :2]) < 0.35  # chasing its foothold to the end: 0.86
+    np.testing.assert_allclose(targets.motion[0, 0, :2], targets.foothold[0], atol=1e-3)
