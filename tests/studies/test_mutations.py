@@ -25,7 +25,7 @@ RECORDS = {
 def test_a_bent_record_is_read_or_refused_with_the_package_s_error(name, seed):
     read, data = RECORDS[name]
     bent = mutations.bent(data, np.random.default_rng(seed))
-    assert bent != data or name == "scenario"  # a box's mass may be None and replaced by None
+    assert repr(bent) != repr(data) or name == "scenario"  # None may be replaced by None
     told, message = mutations.judge(lambda _: read(bent), np.random.default_rng(0))
     assert told in ("refused", "accepted"), message
 
