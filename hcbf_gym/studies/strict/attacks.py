@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import choose
+from hcbf_gym.locomotion.gait import GAITS
 
 Array = NDArray[np.float64]
 
-CONTROL_DT = 0.02
-GAIT_PERIOD = 0.3
+GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
 

@@ -80,13 +80,13 @@ class Line(NamedTuple):
 AIMED = ("nearest", "corner", "edge")
 LINES = (
     *(Line("nominal", name, (name,), 50, scenarios=SCENARIOS) for name in ATTACKS),
-    *(Line("plant", name, AIMED, 16, options) for name, options in PLANTS.items()),
-    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 34, {"estimation": {}}),
-    Line("body", "footprint", AIMED, 16, {"body": "footprint"}),
-    Line("policy", "pd", ("pd",), 100),
+    *(Line("plant", name, AIMED, 8, options) for name, options in PLANTS.items()),
+    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 20, {"estimation": {}}),
+    Line("body", "footprint", AIMED, 8, {"body": "footprint"}),
+    Line("policy", "pd", ("pd",), 60),
 )
 """The table: every attack on the nominal plant, the aimed ones on others, and a friendly policy."""
-TRIALS = 2000
+TRIALS = 640
 """Attackers that the search tries."""
 
 
