@@ -177,12 +177,13 @@ def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table
         ("‖u − u*‖, RMS [m/s²]", "intervention_rms", ".2f"),
         ("episodes that fell", "fell", ".0%"),
         ("episodes that reached the goal", "reached", ".0%"),
+        ("time standing though u* wants to move", "deadlock_share", ".0%"),
+        ("steps in a strict region", "outside_steps", "d"),
     ):
         cells.append((title, *(format(row[key], form) for row in rows)))
     for status in ("VIOLATED", "OUTSIDE", "BACKUP"):
-        if status in rows[0]["status_counts"]:
-            counts = (str(row["status_counts"][status]) for row in rows)
-            cells.append((f"steps {status}", *counts))
+        counts = (str(row["status_counts"][status]) for row in rows)
+        cells.append((f"steps with status {status}", *counts))
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {rows[0]['episodes']} episode(s) each"
     return Table(title, ("", *header), cells)
 

@@ -18,6 +18,7 @@ from hcbf_gym.errors import (
     UnknownNameError,
     choose,
 )
+from hcbf_gym.evaluation.measures import deadlock_share
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
@@ -50,6 +51,8 @@ class Episode:
         delta: (k, m) the program's own relaxation; zeros without a filter.
         status: (k,) `FilterStatus`; NOMINAL without a filter.
         obstacle_force: (k, n) largest contact force with each box during the step [N].
+        priority: (m,) of the barriers; 1 is strict.
+        goal_radius: within which the goal counts as reached [m].
         fell: whether the robot fell.
         reached: whether the goal was reached: for "track", within the scenario's goal radius at
             the end.
@@ -68,12 +71,19 @@ class Episode:
     delta: Array
     status: NDArray[np.int64]
     obstacle_force: Array
+    priority: NDArray[np.int64]
+    goal_radius: float
     fell: bool
     reached: bool
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures of the episode as plain numbers and lists."""
+        """Return the figures of the episode as plain numbers and lists.
+
+        `status_counts` is what the filter said; `outside_steps` counts the steps during which the
+        true state was in a strict region.
+        """
         intervention = np.linalg.norm(self.u - self.u_nominal, axis=1)
+        outside = (self.min_h[1:, self.priority == 1] < 0.0).any(axis=1)
         return {
             "min_h": self.min_h.min(axis=0).tolist(),
             "violation_seconds": (CONTROL_DT * (self.h[1:] < 0.0).sum(axis=0)).tolist(),
@@ -88,6 +98,10 @@ class Episode:
             "status_counts": {
                 status.name: int((self.status == status).sum()) for status in FilterStatus
             },
+            "outside_steps": int(outside.sum()),
+            "deadlock_share": deadlock_share(
+                self.velocity[1:], self.u_nominal, self.tracking_error[1:], self.goal_radius
+            ),
             "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),
         }
 
@@ -137,6 +151,8 @@ def rollout(env: gym.Env, policy: Policy, seed: int) -> Episode:
         delta=np.array([record["delta"] for record in records]),
         status=np.array([record["status"] for record in records], dtype=np.int64),
         obstacle_force=np.array(forces),
+        priority=np.array([barrier.priority for barrier in inner.barriers]),
+        goal_radius=inner.scenario.goal_radius,
         fell=fell,
         reached=not fell and bool(info["tracking_error"] <= inner.scenario.goal_radius),
     )
@@ -306,10 +322,11 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             "share_entered": (least < 0.0).mean(axis=0).tolist(),
             "violation_seconds": seconds.mean(axis=0).tolist(),
         }
-        for key in ("tracking_rms", "final_error", "return", "intervention_rms"):
+        for key in ("tracking_rms", "final_error", "return", "intervention_rms", "deadlock_share"):
             row[key] = float(np.mean([member[key] for member in members]))
         for key in ("fell", "reached"):
             row[key] = float(np.mean([member[key] for member in members]))
+        row["outside_steps"] = sum(member["outside_steps"] for member in members)
         row["status_counts"] = {
             status.name: sum(member["status_counts"][status.name] for member in members)
             for status in FilterStatus

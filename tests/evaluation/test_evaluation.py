@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,17 @@ def test_a_summary_repeats_what_the_episode_recorded():
     (row,) = aggregate([Case(ROM, "paper-simulation", "pd", "r-cbf-qp").label() | summary])
     assert row["min_h"] == summary["min_h"]
     assert row["episodes"] == 1
+
+
+def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
+    """The same path, its barriers ranked otherwise: the filter's own statuses say nothing of it."""
+    episode = Case(ROM, "paper-simulation", "pd", "none").run(seed=0)
+    entered = (episode.min_h[1:] < 0.0).sum(axis=0)
+    k = int(entered.argmax())
+    assert entered[k] > 0
+    alone = np.where(np.arange(len(entered)) == k, 1, 2)
+    assert replace(episode, priority=alone).summary()["outside_steps"] == entered[k]
+    assert replace(episode, priority=alone + 1).summary()["outside_steps"] == 0
 
 
 def test_ray_and_unknown_backends_are_refused_in_words():

@@ -118,7 +118,7 @@ def _save(path: Path, arrays: dict[str, Any]) -> None:
 def _load(path: Path) -> Episode:
     with np.load(path) as data:
         values: dict[str, Any] = {name: data[name] for name in data.files}
-    values["fell"], values["reached"] = bool(values["fell"]), bool(values["reached"])
+    values |= {name: values[name].item() for name in ("goal_radius", "fell", "reached")}
     return Episode(**values)
 
 
