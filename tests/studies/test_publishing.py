@@ -23,7 +23,9 @@ ROW = {
     "intervention_rms": 0.0,
     "fell": 0.0,
     "reached": 1.0,
-    "status_counts": {"VIOLATED": 0, "BACKUP": 0},
+    "deadlock_share": 0.0,
+    "outside_steps": 0,
+    "status_counts": {"VIOLATED": 0, "OUTSIDE": 0, "BACKUP": 0},
 }
 
 
