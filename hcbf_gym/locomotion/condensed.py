@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.leg import FootKinematics
+from hcbf_gym.locomotion.dynamics import Dynamics
 from hcbf_gym.locomotion.matrices import (
     add_cross,
     apply,
@@ -65,24 +64,14 @@ class Accelerations(NamedTuple):
 
 
 @njit(cache=True)
-def accelerations(
-    M: Array,
-    bias: Array,
-    R: Array,
-    feet: FootKinematics,
-    beta: Array,
-    stance: NDArray[np.bool_],
-) -> Accelerations:
+def accelerations(robot: Dynamics, beta: Array) -> Accelerations:
     """Return q̈ as it depends on z, from the trunk's rows of the dynamics.
 
     Args:
-        M: (18, 18) mass matrix.
-        bias: (18,) forces.
-        R: (3, 3) trunk → world.
-        feet: the feet's kinematics in the trunk's axes.
+        robot: at this instant.
         beta: (4, 3) the feet's accelerations, in the trunk's axes, that q̈ does not cause.
-        stance: (4,) bool.
     """
+    M, bias, R, feet = robot.M, robot.bias, robot.R, robot.feet
     trunk, inertia = np.zeros((6, 13)), np.empty((6, 6))
     lever, rest = np.zeros((4, 3, 6)), np.zeros((4, 3))
     for i in range(6):
@@ -91,7 +80,7 @@ def accelerations(
             inertia[i, j] = M[i, j]
     for foot in range(4):
         x, joint = 3 * foot, 6 + 3 * foot
-        if not stance[foot]:
+        if not robot.stance[foot]:
             for i in range(6):
                 for k in range(3):
                     trunk[i, x + k] = -M[i, joint + k]
@@ -116,36 +105,23 @@ def accelerations(
 
 @njit(cache=True)
 def condense(
-    M: Array,
-    bias: Array,
-    v: Array,
-    R: Array,
-    feet: FootKinematics,
-    stance: NDArray[np.bool_],
-    tasks: TaskAccelerations,
-    friction: float,
-    limits: Array,
-    out: np.record,
+    robot: Dynamics, tasks: TaskAccelerations, friction: float, limits: Array, out: np.record
 ) -> int:
     """Fill in the program in z (12,) and return how many feet stand, c.
 
     Args:
-        M: (18, 18) mass matrix.
-        bias: (18,) forces of the dynamics.
-        v: (18,) generalised velocity.
-        R: (3, 3) trunk → world.
-        feet: the feet's kinematics in the trunk's axes.
-        stance: (4,) bool, feet that do not move.
+        robot: at this instant.
         tasks: the accelerations to come close to.
         friction: µ of the friction pyramid.
         limits: (2, 12) least and largest torque of each joint [N·m].
         out: a `WORKSPACE` record; the rows ``A[: 12 + 4c]`` count.
     """
+    v, feet, stance = robot.v, robot.feet, robot.stance
     beta = np.empty((4, 3))
     for foot in range(4):
         rate = v[6 + 3 * foot : 9 + 3 * foot]
         beta[foot] = foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], rate)
-    trunk, lever, rest = accelerations(M, bias, R, feet, beta, stance)
+    q = accelerations(robot, beta)
 
     H, f, A, lower, upper = out.H, out.f, out.A, out.lower, out.upper
     H[:] = 0.0
@@ -155,9 +131,37 @@ def condense(
     upper[:] = np.inf
     torque = np.zeros((12, 13))
     error = np.zeros((18, 13))  # of the tasks: trunk linear, trunk angular, feet that swing
-    errors, row = 6, 12
+    trunk_errors(error, robot, q.trunk, tasks)
+    errors, contacts = 6, 0
+    for foot in range(4):
+        for k in range(3):
+            joint_torque(torque[3 * foot + k], robot, q, foot, k)
+        if stance[foot]:
+            bound_force(out, foot, contacts, friction)
+            contacts += 1
+        else:
+            missing = apply_transposed(robot.R, tasks.feet[foot]) - beta[foot]
+            swing_errors(error[errors : errors + 3], robot, q.trunk, foot, missing)
+            errors += 3
+    add_squares(H, f, error[:errors])
+    A[:12] = torque[:, :12]
+    out.torque_offset[:] = torque[:, 12]
+    lower[12:24] = limits[0] - out.torque_offset
+    upper[12:24] = limits[1] - out.torque_offset
+    return contacts
 
-    drift = cross(v[3:6], v[:3])
+
+@njit(cache=True)
+def trunk_errors(error: Array, robot: Dynamics, trunk: Array, tasks: TaskAccelerations) -> None:
+    """Add the errors of the trunk's tasks, ``error[:6] [z; 1]``, weighted.
+
+    Args:
+        error: (18, 13) of all tasks.
+        robot: at this instant.
+        trunk: (6, 13) the trunk's acceleration.
+        tasks: the accelerations to come close to.
+    """
+    R, drift = robot.R, cross(robot.v[3:6], robot.v[:3])
     for i in range(3):
         weight = np.sqrt(HEIGHT_WEIGHT) if i == 2 else 1.0
         for k in range(3):
@@ -169,59 +173,89 @@ def condense(
             error[3 + i, j] = trunk[3 + i, j]
         error[3 + i, 12] -= tasks.angular[i]
 
-    for foot in range(4):
-        x, joint = 3 * foot, 6 + 3 * foot
-        r, J = feet.position[foot], feet.jacobian[foot]
-        for k in range(3):  # the leg's rows of the dynamics
-            leg = M[joint + k]
-            total = torque[x + k]
-            total[12] = bias[joint + k]
-            for i in range(6):
-                of_trunk = leg[i]
-                if stance[foot]:
-                    for n in range(3):
-                        of_trunk += leg[joint + n] * lever[foot, n, i]
-                for j in range(13):
-                    total[j] += of_trunk * trunk[i, j]
-            for n in range(3):
-                if stance[foot]:
-                    total[12] += leg[joint + n] * rest[foot, n]
-                    for m in range(3):
-                        total[x + n] -= R[n, m] * J[m, k]
-                else:
-                    total[x + n] += leg[joint + n]
-        if stance[foot]:
-            lower[x + 2] = 0.0
-            for axis in range(x, x + 2):
-                for sign in (-1.0, 1.0):
-                    A[row, axis] = sign
-                    A[row, x + 2] = friction
-                    lower[12 + row] = 0.0
-                    row += 1
-            for i in range(x, x + 3):
-                H[i, i] = FORCE_WEIGHT
-            continue
-        desired = apply_transposed(R, tasks.feet[foot])
-        for i in range(3):  # a + α × r + J q̈ + β, in the trunk's axes
-            miss, j1, j2 = error[errors], (i + 1) % 3, (i + 2) % 3
-            for j in range(13):
-                miss[j] = trunk[i, j] + trunk[3 + j1, j] * r[j2] - trunk[3 + j2, j] * r[j1]
-            for k in range(3):
-                miss[x + k] += J[i, k]
-            miss[12] += beta[foot, i] - desired[i]
-            errors += 1
 
-    for miss in error[:errors]:
+@njit(cache=True)
+def swing_errors(error: Array, robot: Dynamics, trunk: Array, foot: int, missing: Array) -> None:
+    """Add the errors of a swinging foot, ``a + α × r + J q̈ + β − ÿ`` in the trunk's axes.
+
+    Args:
+        error: (3, 13) of this foot.
+        robot: at this instant.
+        trunk: (6, 13) the trunk's acceleration, linear a and angular α.
+        foot: which.
+        missing: (3,) ÿ − β, what q̈ must bring about [m/s²].
+    """
+    r, J = robot.feet.position[foot], robot.feet.jacobian[foot]
+    for i in range(3):
+        j1, j2 = (i + 1) % 3, (i + 2) % 3
+        for j in range(13):
+            error[i, j] = trunk[i, j] + trunk[3 + j1, j] * r[j2] - trunk[3 + j2, j] * r[j1]
+        for k in range(3):
+            error[i, 3 * foot + k] += J[i, k]
+        error[i, 12] -= missing[i]
+
+
+@njit(cache=True)
+def joint_torque(torque: Array, robot: Dynamics, q: Accelerations, foot: int, k: int) -> None:
+    """Add a leg's row of the dynamics, ``τ = torque [z; 1]``.
+
+    Args:
+        torque: (13,) of this joint.
+        robot: at this instant.
+        q: how the unknowns accelerate the robot.
+        foot: of which leg.
+        k: 0 for its abad joint, 1 hip, 2 knee.
+    """
+    x, joint = 3 * foot, 6 + 3 * foot
+    row, R, J = robot.M[joint + k], robot.R, robot.feet.jacobian[foot]
+    torque[12] = robot.bias[joint + k]
+    for i in range(6):
+        of_trunk = row[i]
+        for n in range(3):  # a standing leg moves with the trunk; a swinging one's lever is zero
+            of_trunk += row[joint + n] * q.lever[foot, n, i]
+        for j in range(13):
+            torque[j] += of_trunk * q.trunk[i, j]
+    if not robot.stance[foot]:
+        for n in range(3):
+            torque[x + n] += row[joint + n]
+        return
+    for n in range(3):
+        torque[12] += row[joint + n] * q.rest[foot, n]
+        for m in range(3):
+            torque[x + n] -= R[n, m] * J[m, k]
+
+
+@njit(cache=True)
+def bound_force(out: np.record, foot: int, contact: int, friction: float) -> None:
+    """Keep a standing foot's force in its friction pyramid, ``|F_x|, |F_y| ≤ µ F_z``, and small.
+
+    Args:
+        out: the `WORKSPACE` record.
+        foot: which.
+        contact: how many feet before it stand.
+        friction: µ.
+    """
+    x, row = 3 * foot, 12 + 4 * contact
+    out.lower[x + 2] = 0.0
+    out.lower[12 + row : 16 + row] = 0.0
+    for axis in range(x, x + 2):
+        for sign in (-1.0, 1.0):
+            out.A[row, axis] = sign
+            out.A[row, x + 2] = friction
+            row += 1
+    for i in range(x, x + 3):
+        out.H[i, i] = FORCE_WEIGHT
+
+
+@njit(cache=True)
+def add_squares(H: Array, f: Array, error: Array) -> None:
+    """Add ``½ ‖error [z; 1]‖²`` of errors (k, 13) to the objective."""
+    for miss in error:
         for i in range(12):
             e = miss[i]
             for j in range(12):
                 H[i, j] += e * miss[j]
             f[i] += e * miss[12]
-    A[:12] = torque[:, :12]
-    out.torque_offset[:] = torque[:, 12]
-    lower[12:24] = limits[0] - out.torque_offset
-    upper[12:24] = limits[1] - out.torque_offset
-    return (row - 12) // 4
 
 
 @njit(cache=True)

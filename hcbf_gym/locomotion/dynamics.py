@@ -12,13 +12,34 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from hcbf_gym.constants import GRAVITY
-from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.state import Array
 
 FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter
+
+
+class Dynamics(NamedTuple):
+    """The robot at one instant, as its QPs see it: ``M q̈ + bias = Sᵀτ + J_cᵀF``.
+
+    Attributes:
+        M: (18, 18) mass matrix.
+        bias: (18,) forces, joint losses included.
+        v: (18,) generalised velocity.
+        R: (3, 3) trunk → world.
+        feet: the feet's kinematics in the trunk's axes.
+        stance: (4,) bool, feet that do not move.
+    """
+
+    M: Array
+    bias: Array
+    v: Array
+    R: Array
+    feet: FootKinematics
+    stance: NDArray[np.bool_]
 
 
 class Bodies(NamedTuple):

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.body_reference import BodyReference
-from hcbf_gym.locomotion.foothold import foothold
+from hcbf_gym.locomotion.foothold import Trunk, foothold
 from hcbf_gym.locomotion.gait import FootPhases, Gait
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.swing import swing_step
@@ -46,19 +46,28 @@ def stand(targets: FootTargets, foot: int, place: Array) -> None:
     targets.foothold[foot] = place[:2]
 
 
+class Places(NamedTuple):
+    """Where feet are and belong.
+
+    Attributes:
+        measured: (4, 3) in the world [m].
+        nominal: (4, 2) footholds at rest in the trunk's axes [m].
+        touchdown: height of a foot's centre on the ground [m].
+    """
+
+    measured: Array
+    nominal: Array
+    touchdown: float
+
+
 @njit(cache=True)
 def plan_feet(
     targets: FootTargets,
     phases: FootPhases,
     gait: Gait,
-    feet: Array,
-    nominal: Array,
-    position: Array,
-    velocity: Array,
-    yaw: float,
+    places: Places,
+    trunk: Trunk,
     reference: BodyReference,
-    height: float,
-    touchdown: float,
     dt: float,
 ) -> None:
     """Move the targets on by one tick.
@@ -67,35 +76,28 @@ def plan_feet(
         targets: a `TARGETS` record, changed in place.
         phases: which feet stand, and how long the others still swing.
         gait: the gait in play.
-        feet: (4, 3) the feet's measured places in the world [m].
-        nominal: (4, 2) footholds at rest in the trunk's axes [m].
-        position: (3,) of the trunk [m].
-        velocity: (3,) of the trunk in the world's axes [m/s].
-        yaw: of the trunk [rad].
+        places: of the feet.
+        trunk: as measured.
         reference: of the trunk.
-        height: of the trunk above the ground [m].
-        touchdown: height of a foot's centre on the ground [m].
         dt: tick [s].
     """
     stance_time = gait.duty * gait.period
     swing_time = (1.0 - gait.duty) * gait.period
     for foot in range(4):
         if phases.stance[foot]:
-            stand(targets, foot, feet[foot])
+            stand(targets, foot, places.measured[foot])
             continue
         remaining = phases.remaining[foot]
         if remaining > SETTLED * swing_time:
             targets.foothold[foot] = foothold(
-                nominal[foot],
-                position,
-                velocity,
-                yaw,
-                reference,
-                remaining,
-                stance_time,
-                height,
+                places.nominal[foot], trunk, reference, remaining, stance_time
             )
         targets.stance[foot] = 0
         targets.motion[foot] = swing_step(
-            targets.motion[foot], targets.foothold[foot], touchdown, remaining, swing_time, dt
+            targets.motion[foot],
+            targets.foothold[foot],
+            places.touchdown,
+            remaining,
+            swing_time,
+            dt,
         )

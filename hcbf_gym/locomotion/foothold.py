@@ -1,5 +1,7 @@
 """Where a swinging foot shall land."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -22,16 +24,25 @@ def nominal_stance(hip: Array) -> Array:
     return nominal
 
 
+class Trunk(NamedTuple):
+    """The trunk, as the feet's plan reads it.
+
+    Attributes:
+        position: (3,) p [m].
+        velocity: (3,) v in the world's axes [m/s].
+        yaw: ψ [rad].
+        height: h that it shall keep above the ground [m].
+    """
+
+    position: Array
+    velocity: Array
+    yaw: float
+    height: float
+
+
 @njit(cache=True)
 def foothold(
-    nominal: Array,
-    position: Array,
-    velocity: Array,
-    yaw: float,
-    reference: BodyReference,
-    remaining: float,
-    stance_time: float,
-    height: float,
+    nominal: Array, trunk: Trunk, reference: BodyReference, remaining: float, stance_time: float
 ) -> Array:
     """Return (2,) the foothold in the world [m].
 
@@ -40,23 +51,21 @@ def foothold(
 
     Args:
         nominal: (2,) n, this foot's place at rest in the trunk's axes [m].
-        position: (2+,) p of the trunk [m].
-        velocity: (2+,) v of the trunk in the world's axes [m/s].
-        yaw: ψ of the trunk [rad].
+        trunk: as measured.
         reference: the desired velocity v_d and turning rate ω.
         remaining: t_rem until touchdown [s].
         stance_time: T_st [s].
-        height: h of the trunk above the ground [m].
 
     Source: M. Raibert, Legged Robots That Balance (1986), as the paper asks for in section II-B;
     the turning term from the MIT Cheetah 3 controller.
     """
-    vx, vy = velocity[0], velocity[1]
-    lean = 0.5 * height / GRAVITY * reference.yaw_rate
+    position = trunk.position
+    vx, vy = trunk.velocity[0], trunk.velocity[1]
+    lean = 0.5 * trunk.height / GRAVITY * reference.yaw_rate
     dx = 0.5 * stance_time * vx + VELOCITY_GAIN * (vx - reference.velocity[0]) + lean * vy
     dy = 0.5 * stance_time * vy + VELOCITY_GAIN * (vy - reference.velocity[1]) - lean * vx
     scale = min(1.0, MAX_OFFSET / max(np.sqrt(dx * dx + dy * dy), 1e-9))
-    heading = yaw + reference.yaw_rate * remaining
+    heading = trunk.yaw + reference.yaw_rate * remaining
     c, s = np.cos(heading), np.sin(heading)
     landing = np.empty(2)
     landing[0] = position[0] + vx * remaining + c * nominal[0] - s * nominal[1] + scale * dx

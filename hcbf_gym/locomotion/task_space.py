@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.leg import FootKinematics
+from hcbf_gym.locomotion.dynamics import Dynamics
 from hcbf_gym.locomotion.matrices import add_cross, apply, cross
 from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.tasks import HEIGHT_WEIGHT, TaskAccelerations
@@ -103,16 +102,7 @@ def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) 
 
 @njit(cache=True)
 def full_form(
-    M: Array,
-    bias: Array,
-    v: Array,
-    R: Array,
-    feet: FootKinematics,
-    stance: NDArray[np.bool_],
-    tasks: TaskAccelerations,
-    friction: float,
-    limits: Array,
-    out: np.record,
+    robot: Dynamics, tasks: TaskAccelerations, friction: float, limits: Array, out: np.record
 ) -> int:
     """Fill in the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)) and return how many.
 
@@ -121,12 +111,7 @@ def full_form(
     cone of point feet, as a pyramid.
 
     Args:
-        M: (18, 18) D.
-        bias: (18,) H.
-        v: (18,) q̇, generalised velocity.
-        R: (3, 3) trunk → world.
-        feet: the feet's kinematics in the trunk's axes.
-        stance: (4,) bool, feet that do not move.
+        robot: at this instant, D its mass matrix and H its bias.
         tasks: the accelerations ÿ to come close to.
         friction: µ.
         limits: (2, 12) least and largest τ of each joint [N·m].
@@ -134,6 +119,7 @@ def full_form(
 
     Source: section II-B of the paper, "Task-Space Controller".
     """
+    M, bias, v, R, feet, stance = robot
     contacts = 0
     for foot in range(4):
         contacts += 1 if stance[foot] else 0

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
 from hcbf_gym.locomotion.condensed import condense, free_minimiser, take_solution
-from hcbf_gym.locomotion.dynamics import BODIES, rigid_body_terms
-from hcbf_gym.locomotion.feet import TARGETS, plan_feet
+from hcbf_gym.locomotion.dynamics import BODIES, Dynamics, rigid_body_terms
+from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet
+from hcbf_gym.locomotion.foothold import Trunk
 from hcbf_gym.locomotion.gait import GAIT, advance_clock, foot_phases
 from hcbf_gym.locomotion.impedance import joint_feedback
-from hcbf_gym.locomotion.leg import LEGS, FootKinematics, foot_kinematics
+from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, StateViews, state_views
@@ -72,20 +73,12 @@ class Plan(NamedTuple):
     """What a tick has decided when it comes to the QP.
 
     Attributes:
-        v: (18,) generalised velocity.
-        M: (18, 18) mass matrix.
-        bias: (18,) forces of the dynamics, joint losses included.
-        R: (3, 3) trunk → world.
-        feet: the feet's kinematics in the trunk's axes.
+        robot: at this instant.
         tasks: the accelerations to come close to.
         feedback: (12,) torques of the joint impedance [N·m].
     """
 
-    v: Array
-    M: Array
-    bias: Array
-    R: Array
-    feet: FootKinematics
+    robot: Dynamics
     tasks: TaskAccelerations
     feedback: Array
 
@@ -148,20 +141,9 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
     phases = foot_phases(settings.gait, memory.clock, state.foot_contact)
     carrying = phases.stance & state.foot_contact
     memory.ground = ground_height(memory.ground, feet_in_world, carrying, settings.foot_radius)
-    plan_feet(
-        targets,
-        phases,
-        settings.gait,
-        feet_in_world,
-        settings.nominal,
-        state.position,
-        state.linear_velocity,
-        yaw_of(R),
-        reference,
-        settings.height,
-        memory.ground + settings.foot_radius,
-        dt,
-    )
+    places = Places(feet_in_world, settings.nominal, memory.ground + settings.foot_radius)
+    trunk = Trunk(state.position, state.linear_velocity, yaw_of(R), settings.height)
+    plan_feet(targets, phases, settings.gait, places, trunk, reference, dt)
     too_low = memory.ground + settings.height - state.position[2]
     memory.lift += dt * HEIGHT_KI * too_low
     memory.lift = min(max(memory.lift, -MAX_LIFT), MAX_LIFT)
@@ -170,7 +152,7 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
     memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
-    return Plan(v, M, bias, R, feet, tasks, feedback)
+    return Plan(Dynamics(M, bias, v, R, feet, targets.stance), tasks, feedback)
 
 
 @njit(cache=True)
@@ -192,11 +174,10 @@ def tick_condensed(
         state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    robot, work, stance = settings[0], workspace[0], memory[0].targets.stance
-    friction, now = robot.friction, state_views(state)
+    robot, work, now = settings[0], workspace[0], state_views(state)
     torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
     p = plan(robot, memory[0], now, u)
-    contacts = condense(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)
+    contacts = condense(p.robot, p.tasks, robot.friction, work.limits, work)
     work.feedback[:] = p.feedback
     free = free_minimiser(work, 12 + 4 * contacts)
     if free:
@@ -213,9 +194,8 @@ def tick_full(
     u: Array,
 ) -> int:
     """Fill in the QP of this tick in (q̈, τ, F), a `FULL_WORKSPACE`; see `tick_condensed`."""
-    robot, work, stance = settings[0], workspace[0], memory[0].targets.stance
-    friction, now = robot.friction, state_views(state)
+    robot, work, now = settings[0], workspace[0], state_views(state)
     torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
     p = plan(robot, memory[0], now, u)
     work.feedback[:] = p.feedback
-    return full_form(p.M, p.bias, p.v, p.R, p.feet, stance, p.tasks, friction, work.limits, work)
+    return full_form(p.robot, p.tasks, robot.friction, work.limits, work)

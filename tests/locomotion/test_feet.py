@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hcbf_gym.locomotion.body_reference import (
     REFERENCE,
 )
-from hcbf_gym.locomotion.feet import TARGETS, plan_feet, stand
-from hcbf_gym.locomotion.foothold import MAX_OFFSET, foothold, nominal_stance
+from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet, stand
+from hcbf_gym.locomotion.foothold import MAX_OFFSET, Trunk, foothold, nominal_stance
 from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
@@ -79,7 +79,8 @@ def test_footholds_stay_within_reach_of_the_hip(vx, vy, yaw_rate, remaining):
     reference.yaw_rate = yaw_rate
     velocity = np.array([vx, vy, 0.0])
     for foot in range(4):
-        landing = foothold(nominal[foot], ORIGIN, velocity, 0.0, reference, remaining, 0.13, 0.27)
+        trunk = Trunk(ORIGIN, velocity, 0.0, 0.27)
+        landing = foothold(nominal[foot], trunk, reference, remaining, 0.13)
         turned = yaw_rate * remaining
         turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
         hip = velocity[:2] * remaining + turn @ nominal[foot]
@@ -135,9 +136,8 @@ def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, sta
         sway = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
         velocity = np.array([speed + sway, 0.0, 0.0])
         place[:2] += DT * velocity[:2]
-        plan_feet(
-            targets, phases, gait, feet, nominal, place, velocity, 0.0, reference, 0.27, 0.02, DT
-        )
+        trunk = Trunk(place, velocity, 0.0, 0.27)
+        plan_feet(targets, phases, gait, Places(feet, nominal, 0.02), trunk, reference, DT)
     assert not targets.stance[0]
     assert np.linalg.norm(targets.motion[0, 1, :2]) < 0.35  # chasing its foothold to the end: 0.86
     np.testing.assert_allclose(targets.motion[0, 0, :2], targets.foothold[0], atol=1e-3)

@@ -14,7 +14,7 @@ from hcbf_gym.locomotion.body_reference import (
     REFERENCE,
 )
 from hcbf_gym.locomotion.condensed import WORKSPACE, condense, free_minimiser
-from hcbf_gym.locomotion.dynamics import rigid_body_terms
+from hcbf_gym.locomotion.dynamics import Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
@@ -87,8 +87,8 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
     q = np.concatenate(
         [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
     )
-    args = (M, bias, v, R, feet, np.array(stance, dtype=np.uint8), tasks, 0.6, LIMITS)
-    return args, q
+    robot = Dynamics(M, bias, v, R, feet, np.array(stance, dtype=np.uint8))
+    return (robot, tasks, 0.6, LIMITS), q
 
 
 def condensed(args) -> tuple[QuadraticProgram, np.record]:
@@ -113,7 +113,7 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
     velocity = np.array([speed, -speed, 0.0])
     still = np.array([1.0, 0.0, 0.0, 0.0])
     state = StateViews(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
-    asked = task_accelerations(state, np.eye(3), args[4], reference, targets, 0.0, 1.0).linear[:2]
+    asked = task_accelerations(state, np.eye(3), args[0].feet, reference, targets, 0.0, 1.0).linear[:2]
     wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
     assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
     pd = PLANE_KP * reference.position + PLANE_KD * (reference.velocity - velocity[:2])
@@ -171,7 +171,7 @@ def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
 @pytest.mark.parametrize("stance", STANCES)
 def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
     args, q = problem(2, stance)
-    v = args[2]
+    v = args[0].v
     x = qp.solve(full(args)).x
     assert x is not None
     acceleration, forces = x[:18], x[30:].reshape(-1, 3)
