@@ -1,6 +1,7 @@
 """Both environments, bare and filtered, as users of Gymnasium and SB3 expect them."""
 
 import copy
+import functools
 import pickle
 import warnings
 from dataclasses import replace
@@ -173,7 +174,9 @@ def test_the_observation_is_what_the_documentation_says(env_id):
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_gymnasiums_vector_environments_run_it(env_id):
-    for vector in (gym.vector.SyncVectorEnv, gym.vector.AsyncVectorEnv):
+    # spawned, not forked: other tests of this process may have started JAX's threads
+    spawned = functools.partial(gym.vector.AsyncVectorEnv, context="spawn")
+    for vector in (gym.vector.SyncVectorEnv, spawned):
         envs = vector([lambda: filtered(env_id), lambda: filtered(env_id)])
         envs.reset(seed=0)
         for _ in range(3):

@@ -151,18 +151,23 @@ def test_the_rational_descent_finds_what_complementary_pivots_find(seed, m):
     shares, count = len(polygon_), len(penalties)
     weight = [Fraction(0)] * shares + [p.weight for p in penalties]
     linear = [Fraction(0)] * shares + [p.weight * p.least for p in penalties]
-    of_corners = [[rational.dot(p.a, v) for v in polygon_] for p in penalties]
-    sums = np.array([[1] * shares + [0] * count], dtype=object)
-    rows = np.hstack((np.array(of_corners, dtype=object), np.eye(count, dtype=int).astype(object)))
+    of_corners = [
+        [rational.dot(p.a, v) for v in polygon_] + [Fraction(k == i) for k in range(count)]
+        for i, p in enumerate(penalties)
+    ]
+    sums = [Fraction(1)] * shares + [Fraction(0)] * count
     bounds = [Fraction(1), Fraction(-1), *(p.target - p.least for p in penalties)]
+    # the judge's own rational numbers: gmpy2's, where it is installed, do not mix with Fraction
+    judged = np.vectorize(exact.rational, otypes=[object])
     x = exact.quadratic_program(
-        exact.exactly(np.diag([1.0] * len(weight))) * np.array(weight, dtype=object),
-        np.array(linear, dtype=object),
-        np.vstack((sums, -sums, rows.reshape(count, shares + count))),
-        np.array(bounds, dtype=object),
+        np.diag(judged(weight)) + exact.zeros(len(weight), len(weight)),
+        judged(linear),
+        judged([sums, [-one for one in sums], *of_corners]),
+        judged(bounds),
     )
+    violations = [Fraction(int(s.numerator), int(s.denominator)) for s in x[shares:]]
     least_cost = sum(
-        p.weight * (p.least + s) ** 2 for p, s in zip(penalties, x[shares:], strict=True)
+        p.weight * (p.least + s) ** 2 for p, s in zip(penalties, violations, strict=True)
     )
     paid = [max(p.least, p.target - rational.dot(p.a, u)) for p in penalties]
     assert sum(p.weight * v**2 for p, v in zip(penalties, paid, strict=True)) == least_cost
