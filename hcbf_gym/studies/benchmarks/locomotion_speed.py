@@ -27,7 +27,7 @@ DT = 0.002
 
 def speed_figures(quick: bool) -> list[Measure]:
     """Return real-time factors, the stages of a tick and the peer's figures."""
-    repetitions = 2 if quick else 5
+    repetitions = 1 if quick else 5
     condensed, full, alone = time_episodes(repetitions)
     ratio = float(np.median(alone / condensed))
     figures = [

@@ -3,6 +3,7 @@
 Peers are measured in the same run where they are installed (the extra `benchmark`).
 """
 
+import functools
 import importlib.util
 import time
 from collections.abc import Callable, Sequence
@@ -20,20 +21,20 @@ from hcbf_gym.programs.general.qp import solver_names
 
 Array = NDArray[np.float64]
 
-BATCH = 4096
+BATCH, QUICK_BATCH = 4096, 256
 COMPARED_SOLVERS = ("daqp", "clarabel", "piqp", "osqp", "proxqp", "quadprog")
 ROW_COUNTS = (4, 8, 16, 32, 64)
 
 
 def run(quick: bool) -> dict[str, Any]:
     """Take all figures; times in µs, medians."""
-    repeats = 50 if quick else 400
+    repeats, size = (50, QUICK_BATCH) if quick else (400, BATCH)
     figures: dict[str, Any] = {
         "single": _single(repeats),
         "solvers": _solvers(repeats // 2),
-        "batch": _batch(5 if quick else 25),
-        "growth": _growth(3 if quick else 15),
-        "peers": _peers(repeats, 3 if quick else 15),
+        "batch": _batch(5 if quick else 25, size),
+        "growth": _growth(3 if quick else 15, size),
+        "peers": _peers(repeats, 3 if quick else 15, size),
     }
     single, batch = figures["single"], figures["batch"]
     figures["batch_gain"] = {name: single[name] / batch[name] for name in batch}
@@ -58,6 +59,7 @@ def scene(m: int, rng: np.random.Generator) -> tuple[Barrier, ...]:
     return tuple(barriers)
 
 
+@functools.cache
 def states(count: int, m: int) -> tuple[BarrierSet, Array, Array, Array]:
     """Return scenes of m barriers, states (N, 4), times (N,) and nominal inputs (N, 2)."""
     rng = np.random.default_rng(0)
@@ -114,27 +116,27 @@ def _solvers(repeats: int) -> dict[str, dict[str, float]]:
     return table
 
 
-def _filter_batch(name: str, m: int) -> Callable[[], Any]:
-    barriers, x, t, u = states(BATCH, m)
+def _filter_batch(name: str, m: int, size: int) -> Callable[[], Any]:
+    barriers, x, t, u = states(size, m)
     batch, settings = programs.make_batch(name), RowSettings()
     return lambda: batch(u, barriers.rows(x, t, settings))
 
 
-def _batch(repeats: int) -> dict[str, float]:
+def _batch(repeats: int, size: int) -> dict[str, float]:
     names = programs.names()
-    times = medians([_filter_batch(name, 4) for name in names], repeats)
-    return {name: time / BATCH for name, time in zip(names, times, strict=True)}
+    times = medians([_filter_batch(name, 4, size) for name in names], repeats)
+    return {name: time / size for name, time in zip(names, times, strict=True)}
 
 
-def _growth(repeats: int) -> dict[str, list[float]]:
+def _growth(repeats: int, size: int) -> dict[str, list[float]]:
     table = {}
     for name in programs.names():
-        times = medians([_filter_batch(name, m) for m in ROW_COUNTS], repeats)
-        table[name] = [time / BATCH for time in times]
+        times = medians([_filter_batch(name, m, size) for m in ROW_COUNTS], repeats)
+        table[name] = [time / size for time in times]
     return table
 
 
-def _peers(repeats: int, batch_repeats: int) -> dict[str, float]:
+def _peers(repeats: int, batch_repeats: int, size: int) -> dict[str, float]:
     """Return the peers' times; our own programs take turns with cbfpy's filter."""
     if importlib.util.find_spec("cbfpy") is None or importlib.util.find_spec("qpax") is None:
         return {}
@@ -143,8 +145,8 @@ def _peers(repeats: int, batch_repeats: int) -> dict[str, float]:
     ours = ("lex-cbf-qp", "h-cbf-qp", "eh-cbf-qp")
     calls = [peers.cbfpy_filter(), *(_filter_in_turn(name) for name in ours)]
     times = dict(zip(("cbfpy safety_filter", *ours), medians(calls, repeats), strict=True))
-    (time_of_batch,) = medians([peers.qpax_batch(BATCH)], batch_repeats)
-    return times | {"qpax vmap, per action": time_of_batch / BATCH}
+    (time_of_batch,) = medians([peers.qpax_batch(size)], batch_repeats)
+    return times | {"qpax vmap, per action": time_of_batch / size}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

@@ -136,22 +136,22 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
 
 
 def verify(
-    name: str, samples: int, seed: int = 0, jobs: int = 1, forms: Sequence[str] = FORMS
+    name: str, samples: int, jobs: int = 1, forms: Sequence[str] = FORMS, size: int = GROUP
 ) -> Iterator[dict[str, Tally]]:
     """Compare the forms of a program with its exact solution; yield the tallies as they grow.
 
     Args:
         name: the program.
         samples: how many problems, rounded up to whole groups.
-        seed: decides all of them.
         jobs: how many processes share the work; −1 is one for each core.
         forms: among `FORMS`.
+        size: of a group.
 
     Yields:
         The tallies of each form, after each group of problems.
     """
-    groups = range(-(-samples // GROUP))
-    work = (joblib.delayed(verify_group)(name, [seed, group], forms) for group in groups)
+    groups = range(-(-samples // size))
+    work = (joblib.delayed(verify_group)(name, [0, group], forms, size) for group in groups)
     total: dict[str, Tally] = {}
     done: Any = joblib.Parallel(jobs, return_as="generator")(work)
     for tallies in done:
@@ -222,17 +222,18 @@ def _answers(
 def run(quick: bool) -> dict[str, Any]:
     """Verify every program and return the tallies.
 
-    Two inputs on 100,000 problems (200 if quick), one, three and seven on 20,000 (100).
+    Two inputs on 100,000 problems (40 if quick), one, three and seven on 20,000 (20).
     """
     figures: dict[str, Any] = {name: {} for name in programs.names()}
     planar, general = ("batch", "single"), ("1 input", "3 inputs", "7 inputs")
-    counts = {planar: 200 if quick else 100_000, general: 100 if quick else 20_000}
+    counts = {planar: 40 if quick else 100_000, general: 20 if quick else 20_000}
+    size = 20 if quick else GROUP
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
         for forms, samples in counts.items():
             for name in programs.names():
                 bar = progress.add_task(f"{name}, {forms[0]}", total=samples)
-                for tallies in verify(name, samples, jobs=-1, forms=forms):
+                for tallies in verify(name, samples, jobs=-1, forms=forms, size=size):
                     progress.update(bar, completed=tallies[forms[0]].problems)
                     figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
     return figures
