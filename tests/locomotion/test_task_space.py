@@ -113,7 +113,9 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
     velocity = np.array([speed, -speed, 0.0])
     still = np.array([1.0, 0.0, 0.0, 0.0])
     state = StateViews(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
-    asked = task_accelerations(state, np.eye(3), args[0].feet, reference, targets, 0.0, 1.0).linear[:2]
+    asked = task_accelerations(state, np.eye(3), args[0].feet, reference, targets, 0.0, 1.0).linear[
+        :2
+    ]
     wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
     assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
     pd = PLANE_KP * reference.position + PLANE_KD * (reference.velocity - velocity[:2])
