@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers.barrier import Barrier, Core, Jet, Pair, PlanarBarrier
 from hcbf_gym.barriers.kernels import TINY
 from hcbf_gym.barriers.layout import MAX_VERTICES
-from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
@@ -31,8 +32,9 @@ from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
 
-V_MAX = 1.2
-"""Strict cap on the speed [m/s] where the scenario sets none."""
+V_MAX = 1.5
+"""Strict cap on the speed [m/s] where the scenario sets none; its row keeps the trunk below some
+1.2 m/s, so that the paper's courses can be caught up with."""
 
 FASTEST = 1.8
 """The highest cap [m/s] that a scenario may set: the trot falls not far above it."""
@@ -193,6 +195,16 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self.artist = SceneArtist()
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._take_scene(self.scenario)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the scene."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state of the scene."""
+        return self.simulation.data
 
     @property
     def rom_state(self) -> Array:

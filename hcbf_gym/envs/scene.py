@@ -6,9 +6,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from hcbf_gym.constants import GRAVITY
 from hcbf_gym.envs import palette
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import Robot, foot_name, load_spec
 

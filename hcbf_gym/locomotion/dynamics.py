@@ -14,10 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.constants import GRAVITY
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.state import Array
+from hcbf_gym.models.constants import GRAVITY
 
 FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.constants import GRAVITY
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.state import Array
+from hcbf_gym.models.constants import GRAVITY
 
 SIDEWAYS = 0.085  # [m] the nominal foothold lies this far outside the abad joint
 VELOCITY_GAIN = 0.08  # [s] below √(h/g) = .166, which sways with the instantaneous velocity

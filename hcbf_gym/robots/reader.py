@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.constants import GRAVITY
 from hcbf_gym.errors import RobotModelError
+from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 
 Array = NDArray[np.float64]

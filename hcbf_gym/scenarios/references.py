@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]

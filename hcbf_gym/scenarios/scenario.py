@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from hcbf_gym import barriers, records
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.constants import FARTHEST
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models import input_sets
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.scenarios import references
 from hcbf_gym.scenarios.references import Reference

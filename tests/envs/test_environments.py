@@ -310,3 +310,10 @@ def test_the_public_names_are_there():
         "paper-experiment",
     }
     assert {"cbf-qp", "r-cbf-qp", "h-cbf-qp"} <= set(programs.names())
+
+
+def test_mujocos_model_and_data_stand_where_gymnasium_has_them():
+    env = gym.make("HCBF-A1Regions-v0").unwrapped
+    env.reset(seed=0)
+    assert env.model.nu == 12
+    assert env.data.qpos[:2] == pytest.approx(env.truth[:2])

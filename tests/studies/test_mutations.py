@@ -44,7 +44,7 @@ def test_bent_inputs_are_refused_or_make_sense(kind, tmp_path, monkeypatch):
 def test_a_bent_robot_file_differs():
     text = a1.XML_FILE.read_text(encoding="utf-8")
     files = {mutations.bent_xml(text, np.random.default_rng(seed)) for seed in range(20)}
-    assert len(files) == 20
+    assert text not in files
 
 
 def test_the_judge_tells_refusals_raw_errors_and_hangs_apart(monkeypatch):

@@ -44,7 +44,7 @@ def make_native():
     "make",
     [
         lambda: DummyVecEnv([make_single] * 2),
-        lambda: SubprocVecEnv([make_single] * 2, start_method="fork"),
+        lambda: SubprocVecEnv([make_single] * 2, start_method="spawn"),
         make_native,
     ],
     ids=["dummy", "subprocess", "native"],

@@ -6,11 +6,11 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.constants import GRAVITY
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.gait import GAITS
 from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.studies.benchmarks.locomotion_speed import speed_figures
 from hcbf_gym.studies.benchmarks.measure import Measure
 from hcbf_gym.studies.benchmarks.walks import (
