@@ -79,14 +79,14 @@ class Line(NamedTuple):
 
 AIMED = ("nearest", "corner", "edge")
 LINES = (
-    *(Line("nominal", name, (name,), 50, scenarios=SCENARIOS) for name in ATTACKS),
+    *(Line("nominal", name, (name,), 24, scenarios=SCENARIOS) for name in ATTACKS),
     *(Line("plant", name, AIMED, 8, options) for name, options in PLANTS.items()),
-    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 20, {"estimation": {}}),
+    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 16, {"estimation": {}}),
     Line("body", "footprint", AIMED, 8, {"body": "footprint"}),
-    Line("policy", "pd", ("pd",), 60),
+    Line("policy", "pd", ("pd",), 48),
 )
 """The table: every attack on the nominal plant, the aimed ones on others, and a friendly policy."""
-TRIALS = 640
+TRIALS = 320
 """Attackers that the search tries."""
 
 
