@@ -312,6 +312,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     angle = f"angle {p['farthest']:.6f} of {p['limit']} rad; {p['kernel']:.1%} of the kernel"
     lower = f"{a['entered'][1]} and {a['entered'][2]} entered ranks 2 and 3; {a['reached']} reached"
     conflicts = f"{a['conflicts']} conflicts, {a['needless']} of them needless"
+    slower = "–" if a["us_conflict"] is None else f"{a['us_conflict']:.0f}"
     models = [
         ("pendulum", f"{p['left']} of {p['episodes']}", angle, f"{p['us']:.0f}"),
         (
@@ -320,7 +321,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         ),
         (
             "arm", f"{a['entered'][0]} of {a['targets']}", f"{lower}; {conflicts}",
-            f"{a['us']:.0f}, in conflict {a['us_conflict']:.0f}",
+            f"{a['us']:.0f}, in conflict {slower}",
         ),
     ]  # fmt: skip
     header = ("maze", "policy", "filter", "episodes with contact", "contacts", "arrived", "µs")
