@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.policies import Policy
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ class BatchEpisodes(NamedTuple):
         reward: (k, N), zero after an episode's end.
         intervention: (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter.
         delta: (k, N, m) the program's own relaxation [m/s²], likewise.
+        deadlock: (k, N) whether the robot stood though u* asked it to move, likewise.
         running: (k, N) whether the step belongs to the episode.
         terminated: (N,) whether the episode ended by itself: in a "reach" scene, at the goal.
     """
@@ -36,6 +38,7 @@ class BatchEpisodes(NamedTuple):
     reward: Array
     intervention: Array
     delta: Array
+    deadlock: NDArray[np.bool_]
     running: NDArray[np.bool_]
     terminated: NDArray[np.bool_]
 
@@ -53,6 +56,11 @@ class BatchEpisodes(NamedTuple):
     def intervention_rms(self) -> Array:
         """(N,) root mean square of ‖u − u*‖ over each episode [m/s²]."""
         return np.sqrt((self.intervention**2).sum(axis=0) / self.steps)
+
+    @property
+    def deadlock_share(self) -> Array:
+        """(N,) share of each episode's steps in which it was deadlocked."""
+        return self.deadlock.sum(axis=0) / self.steps
 
 
 def rollout_batch(
@@ -74,7 +82,8 @@ def rollout_batch(
     alive, terminated_itself = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     least = info["min_h"].copy()
     position, h, error = [inner.rom_state[:, :2]], [info["h"]], [info["tracking_error"]]
-    reward, intervention, delta, running = [], [], [], []
+    reward, intervention, delta, deadlock, running = [], [], [], [], []
+    radius = inner.scenes[0].goal_radius
     while alive.any():
         u = np.asarray(policy(observation, info), dtype=np.float64)
         observation, gained, terminated, truncated, info = env.step(u)
@@ -85,6 +94,8 @@ def rollout_batch(
         reward.append(np.where(alive, gained, 0.0))
         intervention.append(np.where(alive, filtered["intervention"], 0.0))
         delta.append(np.where(alive[:, None], filtered["delta"], 0.0))
+        stands = deadlocked(inner.rom_state[:, 2:], u, info["tracking_error"], radius)
+        deadlock.append(alive & stands)
         running.append(alive.copy())
         least[alive] = np.minimum(least, info["min_h"])[alive]
         terminated_itself |= alive & terminated
@@ -99,6 +110,7 @@ def rollout_batch(
         reward=np.array(reward),
         intervention=np.array(intervention),
         delta=np.array(delta),
+        deadlock=np.array(deadlock),
         running=np.array(running),
         terminated=terminated_itself,
     )

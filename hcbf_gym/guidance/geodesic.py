@@ -16,6 +16,9 @@ from hcbf_gym.guidance.row import Pull
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LEAST_CLEARANCE = 0.01
+"""What strict edges keep at least: where two of them touch there is no way between [m]."""
+
 
 class Geodesic:
     """The way to the goal in N scenes, as the guidance row of N states.
@@ -188,8 +191,10 @@ class Geodesic:
         """Return (N, m) what each edge keeps."""
         given = np.asarray(clearance, dtype=np.float64)
         if given.ndim == 0:
-            return scenes.keeps_margin * finite_float("clearance", float(given), minimum=0.0)
-        return finite_array("clearance", given, scenes.kind.shape)
+            kept = scenes.keeps_margin * finite_float("clearance", float(given), minimum=0.0)
+        else:
+            kept = finite_array("clearance", given, scenes.kind.shape)
+        return np.maximum(kept, scenes.keeps_margin * LEAST_CLEARANCE)
 
     def _reserve(self, cells: int) -> None:
         """Make room for fields of so many cells, keeping those that there are."""

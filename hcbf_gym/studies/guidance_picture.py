@@ -7,18 +7,20 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
+import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym import guidance, programs, scenarios
+from hcbf_gym import guidance, scenarios
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs import palette
-from hcbf_gym.envs.regions_batch import RegionsBatch
+from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent
+from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
-from hcbf_gym.studies.benchmarks.guidance import Guide, filtered, policy_of
+from hcbf_gym.wrappers import SafetyFilter
 
 Array = NDArray[np.float64]
 
@@ -54,11 +56,11 @@ def escape_strip(path: Path, scene: str = "random-traps", seed: int = 10_001) ->
     scenario = scenarios.make(scene, np.random.default_rng(seed))
     figure, rows = plt.subplots(2, len(STRIP), figsize=(11.0, 5.2), sharex=True, sharey=True)
     x, y = np.linspace(-0.8, scenario.goal[0] + 0.8, 220), np.linspace(-3.2, 3.2, 160)
-    for kind, line in zip(("none", "geodesic"), rows, strict=True):
-        walked = walk(scenario, scene, kind, STRIP[-1])
+    for kind, line in zip((None, "geodesic"), rows, strict=True):
+        walked = walk(scenario, kind, STRIP[-1])
         for axes, until in zip(line, STRIP, strict=True):
             _regions(axes, scenario, x, y)
-            so_far = walked[: int(until / 0.02)]
+            so_far = walked[: int(until / CONTROL_DT)]
             axes.plot(so_far[:, 0], so_far[:, 1], "k-")
             axes.plot(*so_far[-1], "ko")
             _finish(axes, scenario)
@@ -67,19 +69,18 @@ def escape_strip(path: Path, scene: str = "random-traps", seed: int = 10_001) ->
     plt.close(figure)
 
 
-def walk(scenario: Scenario, name: str, kind: str, until: float) -> Array:
+def walk(scenario: Scenario, kind: str | None, until: float) -> Array:
     """Return (k, 2) where PD gets under lex-cbf-qp; it stays where it is at the goal."""
-    batch, solve = RegionsBatch([scenario]), programs.make_batch("lex-cbf-qp")
-    goal, start = scenario.goal[None], batch.x[:, :2].copy()
-    guide, act = Guide(kind, batch.barrier_set, goal, start, 0, True), policy_of("pd", name)
-    observation, _, _ = batch.look()
-    positions = [batch.x[0, :2].copy()]
-    for _ in range(int(until / 0.02)):
-        u_nominal = np.asarray(act(observation, {}), dtype=np.float64)
-        state, t = batch.x.copy(), batch.time
-        u, _ = filtered(guide, solve, batch.barrier_set, state, t, u_nominal)
-        observation = batch.step(u).observation
-        positions.append(batch.x[0, :2].copy())
+    env: Any = gym.make("HCBF-Regions-v0", scenario=scenario)
+    env = SafetyFilter(env, "lex-cbf-qp", guidance=kind)
+    act, over = PDTracker.for_env(env), False
+    observation, info = env.reset(seed=0)
+    positions = [env.unwrapped.rom_state[:2]]
+    while not over and len(positions) < until / CONTROL_DT:
+        observation, _, terminated, truncated, info = env.step(act(observation, info))
+        positions.append(env.unwrapped.rom_state[:2])
+        over = terminated or truncated
+    env.close()
     return np.array(positions)
 
 

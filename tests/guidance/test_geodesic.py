@@ -284,3 +284,16 @@ def test_the_grid_ends_behind_strict_walls_and_grows_coarser_with_the_scene():
     large = way_of([*walls, Disc("far", 2, (300.0, 0.0), 1.0)], (8.0, 0.0), None)
     assert large.geometry[0, 2] > cell
     assert large.geometry[0, 3] * large.geometry[0, 4] < 11_000
+
+
+def test_where_two_strict_edges_touch_there_is_no_way_between():
+    walls = (
+        HalfPlane("south", 1, (0.0, 1.0), 0.0),
+        Disc("touching", 1, (2.0, 1.5), 1.5),
+        HalfPlane("north", 1, (0.0, -1.0), -3.0),
+    )
+    way = way_of(walls, (5.0, 1.5), clearance=0.0)
+    assert way.reachable(np.array([[-1.0, 1.5, 0.0, 0.0]])).tolist() == [1]
+    apart = (walls[0], Disc("apart", 1, (2.0, 1.5), 1.3), walls[2])
+    way = way_of(apart, (5.0, 1.5), clearance=0.0)
+    assert way.reachable(np.array([[-1.0, 1.5, 0.0, 0.0]])).tolist() == [0]

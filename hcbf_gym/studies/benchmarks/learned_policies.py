@@ -1,13 +1,14 @@
-"""Nominal policies under every program on held-out random scenes: the reduced order, and the A1.
+"""Nominal policies under every filter on held-out random scenes: the reduced order, and the A1.
 
 The reduced-order cells run as one native batch, which walks as the single environments do; the A1
-walks its scenes one after the other, with the policies as they were trained on the reduced order.
+walks its scenes with the policies as they were trained on the reduced order.
 """
 
 from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
@@ -22,7 +23,13 @@ from hcbf_gym.scenarios.random_scenes import PRIORITIES
 Array = NDArray[np.float64]
 
 SCENARIO = "random"
-PROGRAMS = (UNFILTERED, "r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
+    UNFILTERED: (UNFILTERED, {}),
+    **{name: (name, SHOWN_OPTIONS.get(name, {})) for name in ("r-cbf-qp", "h-cbf-qp", "eh-cbf-qp")},
+    "lex-cbf-qp": ("lex-cbf-qp", {}),
+    "lex-cbf-qp, guided": ("lex-cbf-qp", {"guidance": "geodesic"}),
+}
+"""label → program and options."""
 _PRIORITY = np.array([1, 1, *PRIORITIES])  # the walls, then the regions
 _OF = [rank == _PRIORITY for rank in (1, 2, 3)]
 
@@ -44,17 +51,17 @@ def run(quick: bool) -> dict[str, Any]:
 def cells(
     names: list[str], episodes: int, cell: Callable[[str, str, int], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Return the cells of policies × programs.
+    """Return the cells of policies × filters.
 
     Args:
         names: of the policies.
         episodes: of each cell, with the seeds 0, 1, …
-        cell: (policy, program, episodes) → figures.
+        cell: (policy, filter, episodes) → figures.
     """
-    pairs = [(name, program) for name in names for program in PROGRAMS]
+    pairs = [(name, label) for name in names for label in FILTERS]
     return [
-        {"policy": name, "program": program, "episodes": episodes} | cell(name, program, episodes)
-        for name, program in track(pairs, "cells")
+        {"policy": name, "filter": label, "episodes": episodes} | cell(name, label, episodes)
+        for name, label in track(pairs, "cells")
     ]
 
 
@@ -64,8 +71,8 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     return {
         name.replace(" ", "-"): Table(
             f"{name}: {rows[0]['episodes']} held-out random scenes a cell, priorities 1 / 2 / 3",
-            ("policy", "program", *header),
-            [(row["policy"], row["program"], *(text(row) for _, text in _COLUMNS)) for row in rows],
+            ("policy", "filter", *header),
+            [(row["policy"], row["filter"], *(text(row) for _, text in _COLUMNS)) for row in rows],
         )
         for name, rows in figures.items()
     }
@@ -82,18 +89,20 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("time inside [s]", lambda row: _three(row["seconds_inside"])),
     ("deepest [m]", lambda row: _three(row["deepest_m"], digits=3)),
     ("rms ‖u − u*‖ [m/s²]", lambda row: f"{row['intervention_rms']:.2f}"),
+    ("deadlock [%]", lambda row: f"{100.0 * row['deadlock']:.1f}"),
     ("falls [%]", lambda row: f"{100.0 * row['fell']:.0f}"),
 )
 
 
-def rom_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
-    """Return the figures of a policy under a program on the reduced-order model."""
+def rom_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
+    """Return the figures of a policy under a filter on the reduced-order model."""
+    program, options = FILTERS[label]
     env = gym.make_vec(
         "HCBF-Regions-v0", num_envs=episodes, scenario=SCENARIO, autoreset_mode="Disabled"
     )
     policy: Policy = PDTracker.for_env(env) if name == "pd" else policies.load(name, env)
     if program != UNFILTERED:
-        env = wrappers.VectorSafetyFilter(env, program, **SHOWN_OPTIONS.get(program, {}))
+        env = wrappers.VectorSafetyFilter(env, program, **options)
     run = rollout_batch(env, policy, seed=0)
     m = len(_PRIORITY)
     return _figures(
@@ -102,15 +111,18 @@ def rom_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
         run.min_h[:, :m],
         run.seconds_inside[:, :m],
         run.intervention_rms,
+        run.deadlock_share,
         np.zeros(episodes),
     )
 
 
-def a1_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
-    """Return the figures of a policy under a program on the A1, and where it left strict rows."""
-    case = Case("HCBF-A1Regions-v0", SCENARIO, name, program)
+def a1_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
+    """Return the figures of a policy under a filter on the A1, and where it left strict rows."""
+    program, options = FILTERS[label]
+    case = Case("HCBF-A1Regions-v0", SCENARIO, name, program, options)
     m = len(_PRIORITY)
-    summaries = [case.run(seed).summary() for seed in range(episodes)]
+    walk = joblib.delayed(_summary)
+    summaries: Any = joblib.Parallel(n_jobs=-1)(walk(case, seed) for seed in range(episodes))
     least: Array = np.array([summary["min_h"] for summary in summaries])
     inside = np.array([summary["violation_seconds"] for summary in summaries])
     figures = _figures(
@@ -119,6 +131,7 @@ def a1_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
         least[:, :m],
         inside[:, :m],
         np.array([summary["intervention_rms"] for summary in summaries]),
+        np.array([summary["deadlock_share"] for summary in summaries]),
         np.array([summary["fell"] for summary in summaries]),
     )
     strict = least[:, :m][:, _PRIORITY == 1].min(axis=1)
@@ -129,12 +142,17 @@ def a1_cell(name: str, program: str, episodes: int) -> dict[str, Any]:
     return figures
 
 
+def _summary(case: Case, seed: int) -> dict[str, Any]:
+    return case.run(seed).summary()
+
+
 def _figures(
     reached: NDArray[Any],
     returns: Array,
     least: Array,
     inside: Array,
     intervention: Array,
+    deadlock: Array,
     fell: NDArray[Any],
 ) -> dict[str, Any]:
     """Return the figures of a cell from what each of its N episodes recorded.
@@ -145,6 +163,7 @@ def _figures(
         least: (N, m) least h [m].
         inside: (N, m) time with h < 0 [s].
         intervention: (N,) root mean square of ‖u − u*‖ [m/s²].
+        deadlock: (N,) share of the time that the robot stood though u* asked it to move.
         fell: (N,) whether the robot fell.
     """
     depth = np.maximum(-np.column_stack([least[:, of].min(axis=1) for of in _OF]), 0.0)
@@ -156,5 +175,6 @@ def _figures(
         "seconds_inside": time_in.mean(axis=0).tolist(),
         "deepest_m": depth.max(axis=0).tolist(),
         "intervention_rms": float(intervention.mean()),
+        "deadlock": float(deadlock.mean()),
         "fell": float(fell.mean()),
     }

@@ -136,7 +136,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 def _priorities(kind: str, results: list[dict[str, Any]]) -> Table:
     header = ("policy", "program", "enters 1", "2", "3", "4", "depth in 2/3/4 [m]")
-    header += ("time in 2/3/4 [s]", "rms ‖u − u*‖", "at the goal", "entered though met")
+    header += ("time in 2/3/4 [s]", "rms ‖u − u*‖", "at the goal", "deadlock", "entered though met")
     rows = [
         (
             r["policy"],
@@ -146,6 +146,7 @@ def _priorities(kind: str, results: list[dict[str, Any]]) -> Table:
             "/".join(f"{seconds:.1f}" for seconds in r["seconds"][1:]),
             f"{r['intervention']:.2f}",
             f"{r['reached']:.1%}",
+            f"{r['deadlock']:.1%}",
             "/".join(str(count) for count in r["entered_though_met"]),
         )
         for r in results

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hcbf_gym import programs
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels, layout
 from hcbf_gym.errors import choose
+from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.programs import FilterStatus
@@ -63,6 +64,7 @@ class Outcome:
         clearance: the least distance kept from the strict regions and walls [m], negative inside.
         excused: of each priority, whether one of its rows could not be met at some time.
         intervention: root mean square of ‖u − u*‖ [m/s²].
+        deadlock: share of the time that the robot stood though u* asked it to move.
         reached: whether the robot ended within 0.25 m of the goal.
     """
 
@@ -72,6 +74,7 @@ class Outcome:
     clearance: float
     excused: list[bool]
     intervention: float
+    deadlock: float
     reached: bool
 
 
@@ -131,6 +134,7 @@ def run(
     least, inside = barriers.values(x, np.zeros(count)), np.zeros((count, m))
     woke_in = barriers.priority[np.arange(count), least.argmin(axis=1)]
     unmet, effort = np.zeros((count, m), dtype=bool), np.zeros(count)
+    stood = np.zeros(count)
     for step in range(STEPS):
         t = np.full(count, step * DT)
         u_nominal = _nominal(policy, x, t[0], barriers, noise)
@@ -141,6 +145,7 @@ def run(
             unmet |= result.slack > 0.0
             assert (result.status != FilterStatus.BACKUP).all()
         effort += np.sum((u - u_nominal) ** 2, axis=1)
+        stood += deadlocked(x[:, 2:], u_nominal, np.linalg.norm(x[:, :2] - GOAL, axis=1), REACHED)
         advance(barriers.kind, barriers.parameters, x, t, u, DT, LOOKS, least, inside)
 
     near = np.linalg.norm(x[:, :2] - GOAL, axis=1) < REACHED
@@ -154,6 +159,7 @@ def run(
             float(least[i, levels[0]].min()),
             [bool(unmet[i, level].any()) for level in levels],
             float(np.sqrt(effort[i] / STEPS)),
+            float(stood[i] / STEPS),
             bool(near[i]),
         )
         outcomes.append(asdict(outcome))
@@ -226,5 +232,6 @@ def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:
         "least_clearance": float(clearance.min()),
         "median_clearance": float(np.median(clearance)),
         "intervention": float(np.mean([o["intervention"] for o in outcomes])),
+        "deadlock": float(np.mean([o["deadlock"] for o in outcomes])),
         "reached": float(np.mean([o["reached"] for o in outcomes])),
     }
