@@ -105,6 +105,13 @@ SUITES = {
         extra="examples",
         needs=("gymnasium_robotics", "jax", "stable_baselines3"),
     ),
+    "functions": Suite(
+        "benchmarks.functions",
+        "users' functions beside the analytic shapes",
+        1,
+        extra="benchmark",
+        needs=("cbfpy",),
+    ),
     "mutations": Suite(
         "benchmarks.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
     ),

@@ -1,0 +1,102 @@
+"""Users' functions beside the analytic shapes: how far their rows are apart, and how fast they are.
+
+One core, processor time, medians. cbfpy takes turns with one call of rows for four functions.
+"""
+
+import os
+import time
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.barriers import (
+    Barrier,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    Function,
+    HalfPlane,
+    LinearClassK,
+    LogClassK,
+    SpeedLimit,
+)
+from hcbf_gym.barriers.compose import traced
+from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.models import DoubleIntegrator
+from hcbf_gym.studies.benchmarks import peers
+from hcbf_gym.studies.benchmarks.filter import in_turn
+
+SHAPES: dict[str, Barrier] = {
+    "half-plane": HalfPlane("wall", 1, (0.0, 1.0), -2.0),
+    "disc": Disc("disc", 1, (2.0, 0.0), 1.0),
+    "ellipse": Ellipse("ellipse", 1, (2.0, 0.0), (1.0, 0.5)),
+    "polygon": ConvexPolygon("polygon", 1, ((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0))),
+    "speed limit": SpeedLimit("speed", 1, 1.0),
+}
+BATCH = 16_384
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Return rates of batches, the largest difference from analytic rows, and one call's time."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(allowed)})
+    try:
+        batches = [batch(name, [name] * 4, 3 if quick else 25) for name in SHAPES]
+        batches.append(batch("all five", list(SHAPES), 3 if quick else 25))
+        return {"batches": batches, "call": one_call(100 if quick else 4000)}
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def batch(label: str, names: list[str], rounds: int) -> dict[str, Any]:
+    """Return the rate of rows of many states, and how far they are from the shapes' own."""
+    shapes = [SHAPES[name] for name in names]
+    functions = [Function(f"{name} {k}", 1, traced(SHAPES[name])) for k, name in enumerate(names)]
+    rows = GeneralRows(DoubleIntegrator(), LogClassK(), LinearClassK(2.0))
+    x = np.random.default_rng(0).uniform(-3.0, 3.0, (BATCH, 4))
+    t = np.zeros(BATCH)
+    ours = rows(functions, x, t)
+    times = []
+    for _ in range(rounds):
+        began = time.process_time()
+        rows(functions, x, t)
+        times.append(time.process_time() - began)
+    apart = 0.0
+    for k in range(0, BATCH, BATCH // 64):
+        theirs = rows(shapes, x[k], 0.0)
+        for mine, analytic in ((ours.a[k], theirs.a), (ours.b[k], theirs.b)):
+            apart = max(apart, float(np.abs(mine - analytic).max()))
+    rate = len(names) * BATCH / float(np.median(times))
+    return {"functions": label, "rows_per_second": rate, "apart": apart}
+
+
+def one_call(rounds: int) -> dict[str, float]:
+    """Return the time of one state's rows of four functions [µs], and that of cbfpy's filter."""
+    names = ("half-plane", "disc", "ellipse", "polygon")
+    functions = [Function(name, 1, traced(SHAPES[name])) for name in names]
+    rows = GeneralRows(DoubleIntegrator(), LogClassK(), LinearClassK(2.0))
+    x = np.array([0.0, 0.0, 0.5, -0.2])
+
+    def nothing() -> None:
+        pass
+
+    calls = [(nothing, lambda: rows(functions, x, 0.0)), (nothing, peers.cbfpy_filter())]
+    ours, cbfpy = in_turn(calls, rounds)
+    return {"rows": ours, "cbfpy": cbfpy}
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the table of docs/rows.md."""
+    call = figures["call"]
+    rows = [
+        (r["functions"], f"{r['rows_per_second'] / 1e6:.1f}", f"{r['apart']:.0e}")
+        for r in figures["batches"]
+    ]
+    header = ("functions", "million rows/s", "apart from the shape's own rows")
+    calls = [("rows of four functions", f"{call['rows']:.0f}"),
+             ("cbfpy's whole filter, two rows", f"{call['cbfpy']:.0f}")]  # fmt: skip
+    return {
+        "functions": Table("barriers.Function in batches of 16,384 states", header, rows),
+        "functions-call": Table("one call", ("what", "µs"), calls),
+    }
