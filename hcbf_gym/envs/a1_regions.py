@@ -21,6 +21,7 @@ from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
+from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
@@ -192,7 +193,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self._known: Array | None = None  # the robot's state as estimated
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
-        self.artist = SceneArtist()
+        self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._take_scene(self.scenario)
 

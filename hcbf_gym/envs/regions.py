@@ -1,5 +1,6 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
+from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
+
+PATH_POINTS = 3000
+"""How many of the last positions a picture shows; an episode without end forgets the others."""
 
 
 class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
@@ -101,7 +105,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._view: TopDownView | None = None
-        self._path: list[Array] = []
+        self._path: deque[Array] = deque(maxlen=PATH_POINTS)
         self._started = False
 
     @property
@@ -164,7 +168,8 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             self.scenario = scene
             self._batch.set_scene(0, scene)
         self._batch.restart(np.ones(1, dtype=np.bool_))
-        self._path = [self.rom_state[:2]]
+        self._path.clear()
+        self._path.append(self.rom_state[:2])
         self._started = True
         observation, info = self._batch.reset_infos()
         return observation[0], task.first(info)

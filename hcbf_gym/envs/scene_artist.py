@@ -1,6 +1,7 @@
 """What the robot cannot feel, as shapes of a MuJoCo scene: regions, walls, reference and path."""
 
 import itertools
+from collections import deque
 from collections.abc import Sequence
 
 import mujoco
@@ -18,6 +19,7 @@ _LAYER = 0.004  # [m] between a rank and the next, the first on top
 _WALL_LENGTH, _WALL_HEIGHT, _WALL_OPACITY = 40.0, 0.25, 0.6  # [m], [m]
 _GRID_CELL, _GRID_HALF_SIZE = 0.5, 8.0  # [m]
 _STRIDE = 0.05  # [m] between two points of the path
+_PATH_POINTS = 1000  # of which the last ones are kept
 _REFERENCE_POINTS = 60
 _LINE_HEIGHT = 0.03  # [m]
 _GRID_WIDTH, _LINE_WIDTH, _PATH_WIDTH = 1.0, 3.0, 5.0  # [pixels]
@@ -28,19 +30,23 @@ _IDENTITY = np.eye(3)
 class SceneArtist:
     """Draws a scenario and the robot's path.
 
+    Args:
+        lift: how high the ground rises above zero at most [m]; all is painted above that.
+
     Attributes:
         path_color: (r, g, b, opacity) of the path, each in [0, 1].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lift: float = 0.0) -> None:
+        self._lift = lift
         self.path_color: Color = palette.rgba(palette.PATH)
-        self._path: list[Array] = []
+        self._path: deque[Array] = deque(maxlen=_PATH_POINTS)
         self._scenario: Scenario | None = None
         self._reference: list[Array] = []
 
     def restart(self) -> None:
         """Forget the path."""
-        self._path = []
+        self._path.clear()
 
     def walk(self, position: Array) -> None:
         """Add a position (2,) [m] to the path, unless the last one is as good as the same."""
@@ -59,6 +65,7 @@ class SceneArtist:
             position: (2,) of the robot [m].
             yaw: its heading [rad].
         """
+        first = scene.ngeom
         for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
             _draw_barrier(scene, barrier, t)
         _draw_grid(scene, position)
@@ -72,6 +79,8 @@ class SceneArtist:
         _add(scene, "SPHERE", (0.08, 0, 0), (*scenario.goal, 0.08), palette.rgba(palette.GOAL))
         walked = [*self._path, position]
         _draw_line(scene, walked[:-1], walked[1:], _PATH_WIDTH, self.path_color)
+        for k in range(first, scene.ngeom):
+            scene.geoms[k].pos[2] += self._lift
 
 
 def _draw_barrier(scene: mujoco.MjvScene, barrier: Barrier, t: float) -> None:

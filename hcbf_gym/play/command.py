@@ -4,7 +4,7 @@ import threading
 from dataclasses import dataclass
 from typing import Literal
 
-from hcbf_gym.play.page import Page
+from hcbf_gym.play.page import FIRST_PORT, Page, check_address
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
 
@@ -15,8 +15,8 @@ class Args:
 
     host: str = "127.0.0.1"
     """The address to listen at; 0.0.0.0 lets other machines in."""
-    port: int = 8080
-    """The first port to try; where it is taken, the next free one."""
+    port: int | None = None
+    """The port; by default the first free one from 8080 on."""
     model: Literal["a1", "reduced"] = "a1"
     """The A1 with full physics, or the reduced-order model alone."""
     body: Literal["point", "footprint"] = "point"
@@ -41,6 +41,7 @@ class Args:
 
 def main(args: Args) -> None:
     """Serve the page until Ctrl-C."""
+    check_address(args.host, args.port)
     settings = Settings(
         model=args.model,
         body=args.body,
@@ -57,8 +58,8 @@ def main(args: Args) -> None:
     page = Page(session, args.host, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
-    if args.port not in (0, page.port):
-        print(f"Port {args.port} is taken.")
+    if args.port is None and page.port != FIRST_PORT:
+        print(f"Port {FIRST_PORT} is taken.")
     shown = "127.0.0.1" if args.host == "0.0.0.0" else args.host
     print(f"The playground is at http://{shown}:{page.port}/ (Ctrl-C ends it)", flush=True)
     simulation.start()

@@ -13,6 +13,7 @@ from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import BODIES, MODELS, policy_names, program_names
+from hcbf_gym.scenarios import Scenario
 
 Act = Callable[[Any], None]
 
@@ -21,6 +22,9 @@ STICK_STEP = 0.25
 DRAG_PERIOD = 0.1
 """The least time between two edits of a drag [s]."""
 KEYS = {"W": (0.0, 1.0), "S": (0.0, -1.0), "A": (-1.0, 0.0), "D": (1.0, 0.0)}
+LEAST_RANKS = 5
+"""How many ranks can be chosen from; more where a scene has more."""
+NO_REGION = "none"
 DERIVED = -0.01
 """The slider of the margin stands here while the filter derives it [m]."""
 
@@ -60,6 +64,13 @@ class Controls:
         stale, self._stale = self._stale, False
         return stale
 
+    def left(self, client: int) -> None:
+        """Let the stick go if the browser that left was the one that steers."""
+        if self._helm.leave(client):
+            self._held = False
+            self._post(self._session.lead_to, None)
+            self._set_stick(0.0, 0.0)
+
     def follow(self, snapshot: Snapshot) -> None:
         """Keep the stick on the robot while nobody drags it."""
         self._stick.visible = snapshot.settings.policy == "human"
@@ -76,16 +87,29 @@ class Controls:
         self._margin.value = DERIVED if settings.margin is None else settings.margin
         self._seed.value = settings.seed
         self._pause.value = not snapshot.running
-        names = tuple(barrier.name for barrier in scene.barriers)
-        if tuple(self._region.options) != names:
-            self._region.options = names
+        known = scenarios.names()
+        self._scene_name.options = known if scene.name in known else [*known, scene.name]
+        self._scene_name.value = scene.name
+        self._agree_on_region(scene, snapshot.time)
+
+    def _agree_on_region(self, scene: Scenario, t: float) -> None:
+        """Show the region that is chosen, if there is one."""
+        names = tuple(editing.names(scene))
+        self._region.options = names or (NO_REGION,)
+        for part in (self._place, self._size, self._rank):
+            part.disabled = not names
+        self._gizmo.visible = bool(names)
+        if not names:
+            return
         chosen = editing.region(scene, self._region.value)
         size = editing.size(chosen)
+        ranks = max(LEAST_RANKS, *(barrier.priority for barrier in scene.barriers))
+        self._rank.options = tuple(map(str, range(1, ranks + 1)))
         self._rank.value = str(chosen.priority)
         self._size.disabled = size is None
         if size is not None:
             self._size.value = size
-        x, y = editing.position(chosen, snapshot.time).tolist()
+        x, y = editing.position(chosen, t).tolist()
         self._place.value = (round(x, 3), round(y, 3))
         self._gizmo.position = (x, y, 0.1)
 
@@ -210,21 +234,18 @@ class Controls:
         self._post(self._session.change, margin=None if value < 0.0 else value)
 
     def _scene(self, gui: viser.GuiApi) -> None:
-        session, latest = self._session, self._session.latest
+        session = self._session
         self._model = self._on_choice(gui.add_dropdown("robot", tuple(MODELS)), "model")
         self._body = self._on_choice(gui.add_dropdown("what stays outside", tuple(BODIES)), "body")
-        names = scenarios.names()
-        now = latest.scenario.name
-        scene = gui.add_dropdown("scene", names, initial_value=now if now in names else names[0])
-        self._on_value(scene, session.choose_scene)
-        regions = tuple(barrier.name for barrier in latest.scenario.barriers)
-        self._region = gui.add_dropdown("region", regions)
+        scene = gui.add_dropdown("scene", scenarios.names())
+        self._scene_name: Any = self._on_value(scene, session.choose_scene)
+        self._region: Any = gui.add_dropdown("region", (NO_REGION,))
         self._region.on_update(self._look_at_another)
         self._place = gui.add_vector2("place [m]", (0.0, 0.0), step=0.05)
         self._place.on_update(self._if_steering(self._edit(session.move)))
         self._size = gui.add_slider("size [m]", min=0.0, max=8.0, step=0.05, initial_value=1.0)
         self._size.on_update(self._if_steering(self._edit(session.resize)))
-        self._rank: Any = gui.add_dropdown("rank", ("1", "2", "3", "4", "5"))
+        self._rank: Any = gui.add_dropdown("rank", ("1",))
         self._rank.on_update(self._if_steering(self._set_rank))
         save = gui.add_button("save the scene", icon=viser.Icon.DOWNLOAD)
         save.on_click(self._save)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.scenarios import Scenario
 
@@ -23,6 +23,11 @@ def region(scenario: Scenario, name: str) -> Any:
         UnknownNameError: if there is none; the message lists the names.
     """
     return choose("region", name, {barrier.name: barrier for barrier in scenario.barriers})
+
+
+def names(scenario: Scenario) -> list[str]:
+    """Return the names of what can be moved; a speed limit cannot."""
+    return [barrier.name for barrier in scenario.barriers if isinstance(barrier, PlanarBarrier)]
 
 
 def position(barrier: Barrier, t: float = 0.0) -> Array:

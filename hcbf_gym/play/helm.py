@@ -27,8 +27,10 @@ class Helm:
         with self._lock:
             self._holder = client
 
-    def leave(self, client: int) -> None:
-        """Free the controls if this browser had them."""
+    def leave(self, client: int) -> bool:
+        """Free the controls if this browser had them, and return whether it had."""
         with self._lock:
-            if self._holder == client:
+            had = self._holder == client
+            if had:
                 self._holder = None
+            return had

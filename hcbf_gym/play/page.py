@@ -18,6 +18,7 @@ from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.plots import Plots
 from hcbf_gym.play.session import Session
 
+FIRST_PORT = 8080
 RATE = 40.0
 """How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
 SLOWER = 5
@@ -34,28 +35,33 @@ class Page:
     Args:
         session: what is shown.
         host: the address to listen at.
-        port: the first port to try; one that is taken makes room for the next.
+        port: the port; None takes the first free one from 8080 on, 0 any free one.
 
     Attributes:
         port: the port that it is.
+        helm: who steers.
+        controls: what can be touched.
 
     Raises:
-        InvalidInputError: if nothing can listen at that address.
+        InvalidInputError: if nothing can listen at that address, or the port is taken.
     """
 
-    def __init__(self, session: Session, host: str, port: int):
-        _check_address(host, port)
+    def __init__(self, session: Session, host: str, port: int | None):
+        check_address(host, port)
+        first = FIRST_PORT if port is None else port
         with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner
-            self._server = viser.ViserServer(host=host, port=port, label="hcbf play", verbose=False)
+            self._server = viser.ViserServer(
+                host=host, port=first, label="hcbf play", verbose=False
+            )
         self.port = self._server.get_port()
-        self._session, self._helm = session, Helm()
-        self._server.on_client_disconnect(lambda client: self._helm.leave(client.client_id))
+        self._session, self.helm = session, Helm()
         self._server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="large"
         )
         self._words = self._server.gui.add_html("")
-        self._controls = Controls(self._server, session, self._helm)
-        self._plots = Plots(self._server, self._controls.plots)
+        self.controls = Controls(self._server, session, self.helm)
+        self._server.on_client_disconnect(lambda client: self.controls.left(client.client_id))
+        self._plots = Plots(self._server, self.controls.plots)
         self._stage = Stage(self._server)
         x, y = session.latest.position.tolist()
         self._server.initial_camera.position = (x - 3.0, y - 3.0, 3.5)
@@ -85,14 +91,14 @@ class Page:
             if snapshot.time < self._time:
                 self._stage.restart()
                 self._plots.restart()
-            if snapshot.revision != self._revision or self._controls.stale():
+            if snapshot.revision != self._revision or self.controls.stale():
                 self._stage.show_scene(snapshot.scenario, snapshot.time)
-                self._controls.agree(snapshot)
-                self._show_field(snapshot.scenario if self._controls.show_field else None)
+                self.controls.agree(snapshot)
+                self._show_field(snapshot.scenario if self.controls.show_field else None)
             self._revision, self._time = snapshot.revision, snapshot.time
             self._stage.move(snapshot.position, snapshot.poses, snapshot.reference, snapshot.time)
-            self._controls.follow(snapshot)
-            if self._controls.follows:
+            self.controls.follow(snapshot)
+            if self.controls.follows:
                 self._follow(snapshot.position)
             if self._count % SLOWER == 0:
                 self._words.content = readings.html(snapshot, self._steering())
@@ -116,14 +122,18 @@ class Page:
                 client.add_notification("no guidance field", str(error), auto_close_seconds=6.0)
 
     def _steering(self) -> str:
-        watching, holder = len(self._server.get_clients()), self._helm.holder
+        watching, holder = len(self._server.get_clients()), self.helm.holder
         who = "nobody steers yet" if holder is None else f"browser {holder} steers"
         return f"{who}, {watching} connected"
 
 
-def _check_address(host: str, port: int) -> None:
-    """Refuse an address that nothing can listen at; viser would try a thousand ports there."""
-    if not 0 <= port <= 65535:
+def check_address(host: str, port: int | None) -> None:
+    """Refuse an address that nothing can listen at; viser would try a thousand ports there.
+
+    Raises:
+        InvalidInputError: if the host is not of this machine, or the port is taken.
+    """
+    if port is not None and not 0 <= port <= 65535:
         raise InvalidInputError(f"port: got {port}, expected 0 to 65535")
     try:
         with socket.create_server((host, 0)):
@@ -131,4 +141,11 @@ def _check_address(host: str, port: int) -> None:
     except OSError as error:
         raise InvalidInputError(
             f"host: got {host!r} ({error}), expected an address of this machine, such as 127.0.0.1"
+        ) from error
+    try:
+        with socket.create_server((host, port or 0)):
+            pass
+    except OSError as error:
+        raise InvalidInputError(
+            f"port: got {port} ({error}), expected one that is free; without --port it is chosen"
         ) from error

@@ -78,6 +78,7 @@ class Session:
     def tick(self) -> None:
         """Obey what was posted, step once if time goes on, and leave a record."""
         while not self._commands.empty():
+            self._message = ""
             try:
                 self._commands.get()()
             except HcbfError as error:
@@ -266,7 +267,7 @@ class Session:
             slack = report.by_rank(said["slack"][:m], priority, np.max)
             status, gap = FilterStatus(int(said["status"])).name, float(said["intervention"])
             details = {
-                "margin": float(said["margin"][regions].max()),
+                "margin": float(said["margin"][regions].max(initial=0.0)),
                 "model error": float(said["model_error"]),
                 "reachable": float(said["reachable"]),
             }

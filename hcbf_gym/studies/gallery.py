@@ -54,7 +54,7 @@ class Loop(NamedTuple):
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
 GUIDED = LEX | {"guidance": "geodesic"}
 LOOPS = {
-    "attack": Loop("random", 3, "edge", 14.0, LEX),
+    "attack": Loop("random", 3, "edge", 14.0, LEX, {"body": "footprint"}),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
     "paper-simulation": Loop(
         "paper-simulation",
@@ -113,9 +113,9 @@ def film(loop: Loop) -> tuple[list[Image.Image], float]:
         for step in range(round(loop.seconds / CONTROL_DT)):
             action = policy(observation, info)
             observation, _, terminated, truncated, info = env.step(action)
-            least = min(least, float(np.asarray(info["min_h"])[strict].min()))
+            least = min(least, _height(info, strict, "min_"))
             if step % STEPS == 0:
-                now = float(np.asarray(info["h"])[strict].min())
+                now = _height(info, strict)
                 pictures.append(_captioned(np.asarray(env.render()), inner.time, now))
             if terminated or truncated:
                 break
@@ -141,6 +141,12 @@ def save(path: Path, pictures: list[Image.Image]) -> None:
         quality=QUALITY,
         method=4,
     )
+
+
+def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
+    """Return the least of the strict h [m], of the whole robot where that must stay outside."""
+    heights = info.get(f"{least}body_h", info[f"{least}h"])
+    return float(np.asarray(heights)[strict].min())
 
 
 def _policy(loop: Loop, env: gym.Env) -> Policy:

@@ -4,12 +4,14 @@ import itertools
 import time
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
 from hcbf_gym import scenarios
 from hcbf_gym.envs import palette
+from hcbf_gym.envs.scene_artist import SceneArtist
 
 # How dichromats see linear RGB: Machado, Oliveira and Fernandes, IEEE TVCG 15(6), 2009, table 1.
 SEEN_BY = {
@@ -78,6 +80,16 @@ def test_a_polygon_is_filled_in_its_ranks_colour():
         env.close()
         assert shares[priority - 1] > 0.03
         assert shares[2 - priority] < 0.01
+
+
+def test_of_a_long_way_the_end_is_drawn():
+    scene = mujoco.MjvScene(mujoco.MjModel.from_xml_string("<mujoco/>"), maxgeom=2000)
+    artist, scenario = SceneArtist(), scenarios.make("random")
+    for k in range(5000):
+        artist.walk(np.array([0.1 * k, 0.0]))
+    artist.draw(scene, scenario, 0.0, np.array([499.95, 0.0]), 0.0)
+    assert scene.ngeom < 2000
+    assert scene.geoms[scene.ngeom - 1].pos[0] == pytest.approx(499.9, abs=0.1)
 
 
 @pytest.mark.physics

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hcbf_gym import scenarios
-from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.play import editing
 from hcbf_gym.play.report import sentence
 from hcbf_gym.play.session import Session
@@ -80,6 +80,20 @@ def test_regions_move_change_size_and_rank_while_the_robot_walks(session):
     assert before.time < said.time < before.time + 0.1
     expected = min(np.hypot(*(said.position - (3.0, 0.1))) - 0.8, said.position[1] + 3.0)
     assert said.h[1] == pytest.approx(expected)
+
+
+def test_a_scene_with_nothing_to_move_runs_too(session):
+    limit = SpeedLimit("limit", 1, v_max=0.5)
+    do(session, session.choose_scene, scenarios.Scenario("open", (limit,), GATE.reference))
+    said = ticks(session, 100)
+    assert editing.names(said.scenario) == []
+    assert said.h == {}
+    assert np.linalg.norm(said.velocity) <= 0.5
+
+
+def test_what_was_refused_is_forgotten_with_the_next_command(session):
+    assert do(session, session.resize, "strict", 0.0).message
+    assert not do(session, session.resize, "strict", 0.4).message
 
 
 def test_an_edit_ends_at_the_region_as_it_moves_itself():

@@ -1,0 +1,298 @@
+"""A person's visit to the playground, in a real browser."""
+
+import contextlib
+import itertools
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.play import editing
+from hcbf_gym.scenarios.references import PointReference
+
+FLAGS = [
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-unsafe-swiftshader",
+]
+WIDTH, HEIGHT = 1000, 640
+CAMERA, LOOKS_AT, FIELD_OF_VIEW = np.array([0.0, -0.8, 4.0]), np.zeros(3), 75.0
+"""Of the browser, in the scene [m, °]: nearly from above; the panel hides what lies in the east."""
+PATIENCE = 60.0
+"""How long anything may take [s]: the machine may be busy."""
+
+SCENE = scenarios.Scenario(
+    "course",
+    (
+        Disc("strict", 1, center=(-2.2, 1.3), radius=0.6),
+        Disc("soft", 2, center=(-0.8, -0.5), radius=0.4),
+        HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-4.0),
+    ),
+    PointReference((-6.0, 0.0)),
+)
+REDUCED = ("--model", "reduced", "--scenario", "paper-simulation")
+
+
+@contextlib.contextmanager
+def playground(*arguments):
+    command = [sys.executable, "-m", "hcbf_gym.cli", "play", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    said = []
+    try:
+        for line in process.stdout:
+            said.append(line)
+            if found := re.search(r"http://\S+", line):
+                break
+        else:
+            pytest.fail(f"hcbf play ended: {''.join(said)}")
+        yield found[0], "".join(said)
+    finally:
+        process.terminate()
+        rest, _ = process.communicate(timeout=PATIENCE)
+    assert "Traceback" not in "".join(said) + rest
+
+
+def pixel(point):
+    """Where a point (3,) [m] of the scene is seen by the camera of a fresh tab."""
+    ahead = (LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    ray = np.array(point) - CAMERA
+    focal = 0.5 * HEIGHT / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ ahead)
+    across, up = focal * (ray @ right), focal * (ray @ np.cross(right, ahead))
+    return 0.5 * WIDTH + across, 0.5 * HEIGHT - up
+
+
+class Visit:
+    """A tab on the playground, with the readings that it shows."""
+
+    def __init__(self, browser, url):
+        self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        self.page.set_default_timeout(1000 * PATIENCE)
+        eye, target = (",".join(map(str, point)) for point in (CAMERA, LOOKS_AT))
+        self.page.goto(f"{url}?initialCameraPosition={eye}&initialCameraLookAt={target}")
+        self.page.wait_for_selector('[data-reading="status"]')
+
+    def readings(self):
+        """Return name → text of all that the page reads at one instant."""
+        return self.page.evaluate(
+            "Object.fromEntries([...document.querySelectorAll('[data-reading]')]"
+            ".map(part => [part.dataset.reading, part.textContent]))"
+        )
+
+    def says(self, name):
+        return self.readings()[name]
+
+    def number(self, name):
+        return float(re.match(r"[+-]?[\d.]+", self.says(name))[0])
+
+    def position(self):
+        return tuple(map(float, re.findall(r"-?[\d.]+", self.says("position"))))
+
+    def until(self, condition, what):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f"waited for {what}: {self.readings()}"
+            time.sleep(0.1)
+
+    def until_said(self, name, text):
+        self.until(lambda: text in self.says(name), f"{name} to say {text!r}")
+
+    def tab(self, name):
+        self.page.get_by_role("tab", name=name).click()
+
+    def button(self, name):
+        self.page.get_by_role("button", name=name).click()
+
+    def field(self, label):
+        """Return the inputs that follow a label."""
+        name = self.page.get_by_text(label, exact=True)
+        return name.locator("xpath=following::input[not(@type='hidden')]")
+
+    def choose(self, label, option):
+        self.field(label).first.click()
+        self.page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
+
+    def type(self, label, *values):
+        for k, value in enumerate(values):
+            box = self.field(label).nth(k)
+            box.fill(str(value))
+            box.press("Enter")
+
+    def grasp(self, handle, scale):
+        """Press the mouse on the square of a handle that stands at (3,) [m]."""
+        middle = scale * (1.0 / 7.0 + 0.225 / 2.0)  # of the square between the arrows
+        self.page.mouse.move(*pixel(np.add(handle, (middle, middle, 0.0))))
+        self.page.mouse.down()
+        return middle
+
+    def pull(self, start, end):
+        """Move the mouse from above one point (3,) [m] to another, as a hand does."""
+        for share in np.linspace(0.0, 1.0, 6)[1:]:
+            self.page.mouse.move(*pixel((1.0 - share) * np.array(start) + share * np.array(end)))
+
+
+def chromium():
+    """Return the browser; a machine of CI must have one, another need not."""
+    path = shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None and os.environ.get("CI") != "true":
+        pytest.skip("no Chromium on this machine")
+    assert path, "CI needs Chromium: apt-get install chromium"
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = chromium()
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def album(tmp_path):
+    """A function that takes a picture of a visit, for people: into $HCBF_PICTURES if given."""
+    folder, count = Path(os.environ.get("HCBF_PICTURES", tmp_path)), itertools.count(1)
+
+    def picture(visit, name):
+        visit.page.screenshot(path=folder / f"{next(count)}-{name}.png")
+
+    return picture
+
+
+def drag_the_region_over_the_way(visit):
+    x, y = SCENE.barriers[0].center
+    reach = visit.grasp((x, y, 0.1), 0.6)
+    visit.pull((x + reach, y + reach, 0.1), (x + reach, reach, 0.1))
+    visit.page.mouse.up()
+    visit.tab("Scene")
+    place = visit.field("place [m]").nth(1)
+    visit.until(lambda: abs(float(place.input_value())) < 0.2, "the region to lie on the way")
+
+
+def steer_into_rank_1(visit):
+    """Hold the stick in the midst of the region for 10 s; return the readings meanwhile."""
+    x, y = visit.position()
+    reach = visit.grasp((x, y, 0.5), 0.35)
+    visit.pull((x + reach, y + reach, 0.5), (-2.2 + reach, reach, 0.5))
+    visit.until(lambda: visit.position()[0] < -0.1, "the robot to follow the stick")
+    began, seen = visit.number("time"), [visit.readings()]
+    while float(seen[-1]["time"]) < began + 10.0:
+        time.sleep(0.1)
+        seen.append(visit.readings())
+    return seen
+
+
+@pytest.mark.physics
+def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
+    file = tmp_path / "course.json"
+    file.write_bytes(editing.to_json(SCENE))
+    with playground("--port", "0", "--scenario", str(file), "--policy", "human") as (url, _):
+        visit = Visit(browser, url)
+        visit.until(lambda: visit.number("time") > 1.0, "the robot")
+        assert visit.says("program") == "eh-cbf-qp"
+        visit.tab("Filter")
+        visit.choose("program", "lex-cbf-qp")
+        visit.until_said("program", "lex-cbf-qp")
+        album(visit, "program")
+
+        drag_the_region_over_the_way(visit)
+        album(visit, "region")
+
+        seen = steer_into_rank_1(visit)
+        album(visit, "steered")
+        visit.page.mouse.up()
+        assert min(float(said["least-1"].split()[0]) for said in seen) >= 0.0
+        assert float(seen[-1]["h-1"].split()[0]) < 0.3  # it did press against the region
+        statuses = {said["status"] for said in seen}
+        assert "SAFE" in statuses
+        assert statuses <= {"NOMINAL", "SAFE", "RELAXED"}
+
+        visit.tab("Drive")
+        visit.type("push [N]", -60.0, -60.0)
+        visit.button("push the trunk")
+        visit.until(lambda: visit.number("least-1") < 0.0, "the push to throw it into the region")
+        visit.until(lambda: visit.number("h-1") >= 0.0, "the robot to come out")
+        visit.until(lambda: visit.says("status") in ("NOMINAL", "SAFE"), "the robot to recover")
+        album(visit, "pushed")
+
+        visit.tab("Plots")
+        chart = visit.page.locator(".uplot canvas").first
+        before = chart.evaluate("canvas => canvas.toDataURL()")
+        visit.until(lambda: chart.evaluate("canvas => canvas.toDataURL()") != before, "the plots")
+        album(visit, "plots")
+
+        visit.field("pause").first.click()
+        visit.until_said("state", "paused")
+        still = visit.says("time")
+        visit.tab("Scene")
+        with visit.page.expect_download() as download:
+            visit.button("save the scene")
+        saved = tmp_path / "saved.json"
+        download.value.save_as(saved)
+        kept = scenarios.load(saved)
+        assert np.allclose(editing.region(kept, "strict").center, (-2.2, 0.0), atol=0.2)
+        assert visit.says("time") == still
+        album(visit, "paused")
+
+        renamed = tmp_path / "renamed.json"
+        renamed.write_text(json.dumps(json.loads(saved.read_text()) | {"name": "again"}))
+        visit.page.locator('input[type="file"]').set_input_files(renamed)
+        visit.until_said("scene", "again")
+        assert visit.number("time") < float(still)
+        assert editing.region(kept, "strict") == editing.region(scenarios.load(renamed), "strict")
+        album(visit, "loaded")
+
+
+def test_what_cannot_be_done_is_said_in_the_page(browser, tmp_path, album):
+    with playground("--port", "0", *REDUCED) as (url, _):
+        visit = Visit(browser, url)
+        visit.tab("Scene")
+        visit.choose("region", "h3 region 1")
+        size = visit.field("size [m]").first
+        visit.until(lambda: not size.is_disabled(), "the region's size")
+        before = size.input_value()
+        size.fill("0")
+        size.press("Enter")
+        visit.until_said("message", "expected a number > 0")
+        visit.until(lambda: size.input_value() == before, "the slider to go back")
+        album(visit, "radius")
+        broken = tmp_path / "broken.json"
+        broken.write_text("{")
+        visit.page.locator('input[type="file"]').set_input_files(broken)
+        visit.until_said("message", "got no JSON")
+        assert visit.says("scene") == "paper-simulation"
+        album(visit, "broken")
+
+
+def test_of_two_browsers_one_steers_and_a_closed_tab_hands_over(browser, album):
+    with playground("--port", "0", *REDUCED) as (url, _):
+        first, second = Visit(browser, url), Visit(browser, url)
+        first.choose("policy", "human")
+        second.until_said("policy", "human")
+        second.choose("policy", "pd")
+        second.page.get_by_text("Somebody else steers").first.wait_for()
+        assert first.says("policy") == "human"
+        album(second, "refused")
+        second.button("take the controls")
+        second.page.get_by_text("You steer").first.wait_for()
+        second.choose("policy", "pd")
+        first.until_said("policy", "pd")
+        second.page.close()
+        first.until_said("steering", "nobody steers")
+        first.choose("policy", "human")
+        first.until_said("policy", "human")

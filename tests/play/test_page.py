@@ -1,0 +1,107 @@
+"""Ports, files and who steers: what needs a page, but no browser."""
+
+import contextlib
+import json
+import socket
+
+import pytest
+
+from hcbf_gym import cli
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.play import command
+from hcbf_gym.play.helm import Helm
+from hcbf_gym.play.page import FIRST_PORT, Page
+from hcbf_gym.play.session import Session
+from hcbf_gym.play.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def session():
+    return Session(Settings(model="reduced"), "paper-simulation")
+
+
+@pytest.fixture
+def taken():
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield listening.getsockname()[1]
+
+
+def test_two_pages_find_a_port_each(session):
+    with (
+        contextlib.closing(Page(session, "127.0.0.1", None)) as one,
+        contextlib.closing(Page(session, "127.0.0.1", None)) as other,
+    ):
+        assert FIRST_PORT <= one.port < other.port
+        for page in (one, other):
+            socket.create_connection(("127.0.0.1", page.port), timeout=10.0).close()
+
+
+def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
+    with pytest.raises(InvalidInputError, match=f"port: got {taken} .*free"):
+        Page(session, "127.0.0.1", taken)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--port", "70000"], "expected 0 to 65535"),
+        (["--host", "203.0.113.1"], "expected an address of this machine"),
+        (["--scenario", "{folder}/broken.json"], "broken.json"),
+        (["--scenario", "{folder}/nothing.json"], "nothing.json"),
+        (["--scenario", "{folder}/flat.json"], "expected a number > 0"),
+        (["--program", "no-such"], "unknown program"),
+    ],
+)
+def test_the_command_ends_in_one_line_before_anything_is_served(tmp_path, arguments, message):
+    (tmp_path / "broken.json").write_text("{")
+    flat = {"kind": "disc", "name": "flat", "priority": 1, "center": [0.0, 5.0], "radius": 0.0}
+    reference = {"kind": "point", "goal": [1.0, 0.0]}
+    scene = {"name": "flat", "barriers": [flat], "reference": reference}
+    (tmp_path / "flat.json").write_text(json.dumps(scene))
+    given = [argument.format(folder=tmp_path) for argument in arguments]
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["play", "--model", "reduced", *given])
+    assert message in str(ended.value)
+    assert "\n" not in str(ended.value)
+
+
+def test_the_command_says_where_the_page_is_when_its_usual_port_is_taken(
+    session, monkeypatch, capsys, taken
+):
+    monkeypatch.setattr(command, "FIRST_PORT", taken)
+    monkeypatch.setattr("hcbf_gym.play.page.FIRST_PORT", taken)
+    monkeypatch.setattr(Page, "run", lambda *_: None)
+    command.main(command.Args(model="reduced", scenario="paper-simulation"))
+    said = capsys.readouterr().out
+    assert f"Port {taken} is taken." in said
+    assert f"http://127.0.0.1:{taken}/" not in said
+
+
+def test_the_first_who_touches_steers_until_it_leaves_or_another_takes_over():
+    helm = Helm()
+    assert helm.may(1)
+    assert not helm.may(2)
+    assert not helm.leave(2)
+    helm.take(2)
+    assert not helm.may(1)
+    assert helm.leave(2)
+    assert helm.holder is None
+    assert helm.may(1)
+
+
+def test_the_stick_goes_back_when_the_browser_that_steers_leaves(session):
+    with contextlib.closing(Page(session, "127.0.0.1", None)) as page:
+        session.post(session.change, policy="human")
+        session.post(session.steer, (1.0, 0.0))
+        session.post(session.lead_to, (3.0, 3.0))
+        for _ in range(5):
+            session.tick()
+        page.helm.take(7)
+        page.controls.left(8)  # one that only watched
+        session.tick()
+        moving = session.latest.velocity.copy()
+        page.controls.left(7)
+        for _ in range(200):
+            session.tick()
+        assert (abs(moving) > 0.0).any()
+        assert session.latest.velocity == pytest.approx([0.0, 0.0], abs=0.02)
