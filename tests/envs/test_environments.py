@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import os
 import pickle
 import warnings
 from dataclasses import replace
@@ -284,6 +285,7 @@ def test_a_picture_can_be_taken_and_close_is_safe_twice(env_id):
     try:
         frame = env.render()
     except RenderingError as error:
+        assert os.environ.get("CI") != "true", "CI must be able to render"
         pytest.skip(str(error))
     assert frame.dtype == np.uint8
     assert frame.ndim == 3

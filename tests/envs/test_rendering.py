@@ -4,7 +4,6 @@ import itertools
 import time
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -83,6 +82,8 @@ def test_a_polygon_is_filled_in_its_ranks_colour():
 
 
 def test_of_a_long_way_the_end_is_drawn():
+    import mujoco  # after this package, which chooses how MuJoCo renders
+
     scene = mujoco.MjvScene(mujoco.MjModel.from_xml_string("<mujoco/>"), maxgeom=2000)
     artist, scenario = SceneArtist(), scenarios.make("random")
     for k in range(5000):
