@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -31,6 +32,29 @@ def test_a_unicycle_that_turns_towards_a_pillar_never_enters_it():
             moved |= bool(info["safety_filter"]["status"] > 0)
             assert np.hypot(x[0] - 1.0, x[1]) > 0.5
         assert moved
+
+
+@pytest.mark.parametrize("kind", ["sync", "async"])
+def test_functions_filter_inside_gymnasiums_vector_environments(kind, monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    make = importlib.import_module("unicycle").make  # by its name, which a new process imports
+    single = make()
+    if kind == "sync":
+        env = gym.vector.SyncVectorEnv([make] * 2)
+    else:  # JAX has threads, which a forked process would miss
+        env = gym.vector.AsyncVectorEnv([make] * 2, context="spawn")
+    env.reset()
+    x, _ = single.reset()
+    for turn in (0.5, -0.5, 0.5, 0.0) * 10:
+        u = np.array([1.0, turn])
+        many, *_, infos = env.step(np.stack((u, u)))
+        x, *_, info = single.step(u)
+        for k in range(2):
+            np.testing.assert_array_equal(many[k], x)
+            for key, value in info["safety_filter"].items():
+                np.testing.assert_array_equal(infos["safety_filter"][key][k], value)
+    assert info["safety_filter"]["intervention"] > 0.1
+    env.close()
 
 
 def test_no_torque_takes_the_pole_beyond_its_limit():
