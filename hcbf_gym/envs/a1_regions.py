@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import task
+from hcbf_gym.envs import a1_plant, task
+from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
-from hcbf_gym.envs.physics import BASE, Physics
+from hcbf_gym.envs.physics import Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.randomization import Randomization
@@ -24,49 +25,14 @@ from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.estimation import Estimator
-from hcbf_gym.locomotion.controller import Diagnostics, LocomotionController
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
-
-V_MAX = 1.5
-"""Strict cap on the speed [m/s] where the scenario sets none; its row keeps the trunk below some
-1.2 m/s, so that the paper's courses can be caught up with."""
-
-FASTEST = 1.8
-"""The highest cap [m/s] that a scenario may set: the trot falls not far above it."""
-
-UNCERTAINTY = Uncertainty(
-    distance=0.027,
-    per_velocity=0.3,
-    per_lead=1.5,
-    cap=0.2,
-    confidence=4.0,
-    speed=0.25,
-    speed_per_velocity=0.1,
-)
-"""What the trunk does beside its reduced-order model; `hcbf benchmark --suite strict` is the ground
-of these numbers."""
-
-OFF_NOMINAL = 0.02
-"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough
-ground, or a randomisation of more than the start."""
-
-BODY_RADIUS = 0.45
-"""Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
-`strict` reports the greatest reach."""
-
-_BODIES = {"point": 0.0, "footprint": BODY_RADIUS}
-
-_FEEDBACK = {
-    "measured": "position and velocity of the trunk",
-    "position": "position of the trunk, velocity of the reduced-order model",
-    "rom": "position and velocity of the reduced-order model",
-}
 
 
 class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
@@ -111,7 +77,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
     * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
     * `gait`: "trot", "walk", or "stand" (which trots when something is asked or disturbs).
-    * `friction`: µ of the contact forces that the controller plans.
+    * `friction`: µ of the contact forces that the controller plans, and to which the filter's U and
+      the robot's turns are fitted; None believes three quarters of the least that `randomization`
+      lets the floor have, at most 0.6.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, sensor noise, start pose.
@@ -141,7 +109,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         xml_file: str | None = None,
         timestep: float = task.PHYSICS_DT,
         gait: str = "trot",
-        friction: float = 0.6,
+        friction: float | None = None,
         terrain: str = "flat",
         randomization: Mapping[str, Any] | None = None,
         disturbances: Mapping[str, Any] | None = None,
@@ -159,17 +127,13 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
                 f"render_mode: got {render_mode!r}, expected None or one of "
                 f"{self.metadata['render_modes']}"
             )
-        choose("feedback", feedback, _FEEDBACK)
-        self._body_radius = choose("body", body, _BODIES)
         self.render_mode = render_mode
-        self.feedback = feedback
         self._scenes = SceneSource(scenario)
-        self._started = False
+        self._started, self._steps = False, 0
         self._diagnostics = diagnostics
-        self._ticks: Array = np.arange(1, _substeps(timestep) + 1) * np.float64(timestep)
         self.scenario = self._scenes.own
         robot = a1.XML_FILE if xml_file is None else xml_file
-        self.simulation = Physics(
+        simulation = Physics(
             robot,
             timestep=timestep,
             obstacles=self.scenario.obstacles,
@@ -177,25 +141,37 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             randomization=randomization,
             disturbances=disturbances,
         )
-        self._off_nominal = terrain != "flat" or Randomization.from_dict(randomization).off_nominal
-        self._footprint = None if body == "point" else Footprint(self.simulation.model, a1.TRUNK)
-        self._v_max = _speed_limit(self.scenario)
-        self.controller = LocomotionController(
-            robot, timestep=timestep, friction=friction, gait=gait, max_speed=self._v_max
+        declared = Randomization.from_dict(randomization)
+        believed = a1_plant.believed_friction(declared) if friction is None else friction
+        self._v_max = a1_plant.speed_limit(self.scenario)
+        controller = LocomotionController(
+            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
-        self._estimator = (
-            None
-            if estimation is None
-            else Estimator(
-                self.controller.model.legs, self.simulation.robot.foot_radius, estimation, timestep
-            )
+        self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
+        self._uncertainty = a1_plant.uncertainty_of(declared, terrain, body, self._carried)
+        legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
+        self.walker = Walker(
+            simulation,
+            controller,
+            None if estimation is None else Estimator(legs, foot_radius, estimation, timestep),
+            None if body == "point" else Footprint(simulation.model, a1.TRUNK),
+            feedback,
         )
-        self._known: Array | None = None  # the robot's state as estimated
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._take_scene(self.scenario)
+
+    @property
+    def simulation(self) -> Physics:
+        """The plant: the scene with the robot in it."""
+        return self.walker.simulation
+
+    @property
+    def controller(self) -> LocomotionController:
+        """What makes the robot walk."""
+        return self.walker.controller
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -220,30 +196,17 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        distance = UNCERTAINTY.distance + (OFF_NOMINAL if self._off_nominal else 0.0)
-        return plant_of(self, UNCERTAINTY._replace(body=self._body_radius, distance=distance))
+        return plant_of(self, self._carried, self._uncertainty)
 
     @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
-        body = self._truth if self._known is None else self._known[BASE]
-        reference = self.controller.reference
-        model = np.concatenate([reference.position, reference.velocity])
-        x = {
-            "measured": body,
-            "position": np.concatenate([body[:2], model[2:]]),
-            "rom": model,
-        }[self.feedback]
-        covariance, yaw = None, self.simulation.yaw
-        if self._estimator is not None:
-            known = self._estimator.estimate
-            covariance, yaw = known.covariance, known.yaw
-        return Estimate(x, self.time, covariance, model, body - model, np.float64(yaw))
+        return self.walker.estimate(self.time)
 
     @property
     def truth(self) -> Array:
         """(4,) the trunk's true position [m] and velocity [m/s] in the plane."""
-        return self._truth.copy()
+        return self.walker.truth.copy()
 
     @property
     def goal(self) -> Array:
@@ -273,25 +236,12 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         if scene is not self.scenario:
             self._take_scene(scene)
         self._steps, self._started = 0, True
-        yaw = _initial_yaw(self.scenario)
-        self.simulation.reset(np.array(self.scenario.start), yaw, self.np_random)
-        if self._estimator is not None:
-            # errors of the sensors come from a stream of their own: the plant stays the same
-            (errors,) = self.np_random.spawn(1)
-            self._known = self._estimator.reset(self.simulation.truth, errors)
-        self.controller.reset(self.simulation.state(self._known))
-        self._truth = self.simulation.base_state
+        start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
+        walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
-        h = self.barrier_set.along(self._truth[None], np.zeros(1))
+        h = self.barrier_set.along(walk.path, walk.times)
         info = task.first(task.reset_info(self.scenario.task, h, self._error()))
-        if self._footprint is not None:
-            body_h = self._footprint.h(self.simulation.data, self.barrier_set, 0.0)
-            info |= {"body_h": body_h, "min_body_h": body_h.copy()}
-        return self._observe(), info | {
-            "fallen": np.float64(0.0),
-            "qp_failures": np.float64(0.0),
-            "obstacle_force": np.zeros(len(self.scenario.obstacles)),
-        }
+        return self._observe(), info | self._info_of(walk)
 
     def change_scene(self, scenario: Scenario) -> None:
         """Move, resize or rank regions anew in the midst of an episode.
@@ -307,45 +257,19 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         u = task.check_action(action, (2,)).clip(*self._bounds)
         task.check_started(self._started)
         distance_before = self._error()
-        path, forces = [], [np.zeros(len(self.scenario.obstacles))]
-        bodies: list[Array] = []
-        for tick in self._ticks:
-            self.simulation.step(self.controller.step(self.simulation.state(self._known), u))
-            if self.simulation.diverged:  # the last finite state stands
-                break
-            if self._estimator is not None:
-                self._known = self._estimator.tick(self.simulation.truth)
-            path.append(self.simulation.truth)
-            if self._footprint is not None:
-                now = self.time + tick
-                bodies.append(self._footprint.h(self.simulation.data, self.barrier_set, now))
-            forces.append(self.simulation.obstacle_forces())
-        fallen = self.simulation.fallen
-        walked = np.array(path).take(BASE, axis=1) if path else self._truth[None]
-        self._truth = walked[-1]
-        h = self.barrier_set.along(walked, self.time + self._ticks[: len(walked)])
+        walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
-        self.artist.walk(self._truth[:2])
+        self.artist.walk(self.walker.truth[:2])
+        h = self.barrier_set.along(walk.path, walk.times)
 
-        distance = self._error()
+        distance, fallen = self._error(), self.simulation.fallen
         at_end = self._steps >= len(self._references) - 1
         success = (distance <= self.scenario.goal_radius) & (at_end and not fallen)
         reached = success & (self.scenario.task == "reach")
         terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
         least = h.min(axis=0, keepdims=True)
         info = task.first(task.step_info(h[-1:], least, distance, success) | terms)
-        info |= {
-            "fallen": np.float64(fallen),
-            "qp_failures": np.float64(self.controller.failed),
-            "obstacle_force": np.maximum.reduce(forces),
-        }
-        if self._footprint is not None:
-            bodies = bodies or [
-                self._footprint.h(self.simulation.data, self.barrier_set, self.time)
-            ]
-            info |= {"body_h": bodies[-1], "min_body_h": np.minimum.reduce(bodies)}
-        if self._diagnostics:
-            info["locomotion"] = _plain(self.controller.diagnostics)
+        info |= self._info_of(walk)
         if self.render_mode == "human":
             self.render()
         reward = float(sum(term[0] for term in terms.values()))
@@ -401,47 +325,32 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
-        self._truth = np.array([*scenario.start, 0.0, 0.0])
-        self._known = None
+        self.walker.rest(np.array(scenario.start))
+
+    def _info_of(self, walk: Walk) -> dict[str, Any]:
+        """Return what infos say of the robot besides."""
+        info: dict[str, Any] = {
+            "fallen": np.float64(self.simulation.fallen),
+            "qp_failures": np.float64(self.controller.failed),
+            "obstacle_force": walk.obstacle_force,
+        }
+        if walk.body_h is not None and walk.least_body_h is not None:
+            info |= {"body_h": walk.body_h, "min_body_h": walk.least_body_h.copy()}
+        if self._diagnostics:
+            info["locomotion"] = self.walker.diagnostics()
+        return info
 
     def _reference(self) -> Array:
         return self._references[None, min(self._steps, len(self._references) - 1)]
 
     def _error(self) -> Array:
-        gap = self._reference()[0, :2] - self._truth[:2]
+        gap = self._reference()[0, :2] - self.walker.truth[:2]
         return np.array([math.hypot(*gap.tolist())])
 
     def _observe(self) -> Array:
         x = self.rom_state[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
         return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
-
-
-def _plain(diagnostics: Diagnostics) -> dict[str, Any]:
-    """Return the controller's record as NumPy's float64, as infos carry them."""
-    return {
-        name: np.asarray(value, dtype=np.float64) if np.ndim(value) else np.float64(value)
-        for name, value in diagnostics._asdict().items()
-    }
-
-
-def _speed_limit(scenario: Scenario) -> float:
-    v_max = V_MAX if scenario.v_max is None else scenario.v_max
-    if v_max > FASTEST:
-        raise InvalidInputError(
-            f"{scenario.name}: v_max: got {v_max} m/s, expected at most {FASTEST} for the A1"
-        )
-    return v_max
-
-
-def _substeps(timestep: float) -> int:
-    timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
-    substeps = round(task.CONTROL_DT / timestep)
-    if substeps < 1 or abs(substeps * timestep - task.CONTROL_DT) > 1e-9:
-        raise InvalidInputError(
-            f"timestep: got {timestep} s, expected one that divides {task.CONTROL_DT} s"
-        )
-    return substeps
 
 
 def _initial_yaw(scenario: Scenario) -> float:

@@ -4,17 +4,26 @@ from typing import Any
 
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
-def plant_of(env: Any, uncertainty: Uncertainty = EXACT) -> Plant:
-    """Return the plant of one of this package's environments, single or native vector."""
+def plant_of(
+    env: Any, input_set: InputSet | None = None, uncertainty: Uncertainty = EXACT
+) -> Plant:
+    """Return the plant of one of this package's environments, single or native vector.
+
+    Args:
+        env: the environment.
+        input_set: U; None is the scenario's.
+        uncertainty: how far the plant may be from its model.
+    """
     return Plant(
         model=DoubleIntegrator(),
         barriers=_barriers,
         state=_estimate,
-        input_set=env.scenario.input_set,
+        input_set=env.scenario.input_set if input_set is None else input_set,
         period=CONTROL_DT,
         goal=_goal,
         uncertainty=uncertainty,

@@ -9,6 +9,7 @@ from hcbf_gym.locomotion.rotation import wrap_angle
 from hcbf_gym.locomotion.state import Array
 
 LEASH = 0.15  # [m] the reference never runs further ahead of the robot
+# at full grip, and less in proportion to it: turning takes the ground's friction, too
 MAX_YAW_RATE = 2.5  # [rad/s]
 MAX_YAW_ACCELERATION = 15.0  # [rad/s²]
 BRAKING = 0.7  # share of it that a turn plans to brake with
@@ -64,6 +65,7 @@ def advance(
     dt: float,
     max_speed: float,
     follow_velocity: bool,
+    grip: float,
 ) -> None:
     """Move the reference on by one tick: ``p̈ = u``, and the heading along the velocity.
 
@@ -77,6 +79,7 @@ def advance(
         dt: tick [s].
         max_speed: cap on the speed [m/s].
         follow_velocity: whether the heading follows the velocity; else it is kept.
+        grip: share of the fastest turn that the ground carries.
     """
     velocity = reference.velocity + dt * u
     speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
@@ -97,9 +100,10 @@ def advance(
     if turning:
         error = wrap_angle(np.arctan2(velocity[1], velocity[0]) - reference.yaw)
     # the fastest rate from which the turn can still be braked at the target
-    rate = min(MAX_YAW_RATE, np.sqrt(2.0 * BRAKING * MAX_YAW_ACCELERATION * abs(error)))
+    most = grip * MAX_YAW_ACCELERATION
+    rate = min(grip * MAX_YAW_RATE, np.sqrt(2.0 * BRAKING * most * abs(error)))
     rate = np.sign(error) * min(rate, abs(error) / dt)
-    step = MAX_YAW_ACCELERATION * dt
+    step = most * dt
     yaw_rate = reference.yaw_rate + min(max(rate - reference.yaw_rate, -step), step)
     reference.turning = turning
     reference.yaw_acceleration = (yaw_rate - reference.yaw_rate) / dt

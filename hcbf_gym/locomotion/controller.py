@@ -34,8 +34,8 @@ class Diagnostics(NamedTuple):
         foothold: (4, 2) where they shall land, or stand [m].
         torque: (12,) as commanded [N·m].
         feedforward: (12,) the QP's share of it [N·m].
-        qp_exitflag: DAQP's; 1 means optimal.
-        qp_residual: largest violation of the KKT conditions.
+        qp_exitflag: DAQP's; 1 means optimal, 0 that there was no program yet.
+        qp_residual: largest violation of the KKT conditions; 0 where there was no program yet.
         qp_solved: programs solved since reset.
         qp_failed: programs without a solution since reset; the last torques were held there.
     """
@@ -57,7 +57,8 @@ class LocomotionController:
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
-        friction: µ of the friction pyramid that the contact forces keep to.
+        friction: µ of the friction pyramid that the contact forces keep to; below `FULL_GRIP` the
+            robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
         heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
@@ -107,6 +108,7 @@ class LocomotionController:
         self._memory = np.zeros(1, dtype=MEMORY)
         make = choose("formulation", formulation, {"full": FullForm, "condensed": CondensedForm})
         self._form = make(self._settings, self._memory)
+        self._begun = False
         self._solution: qp.QpSolution | None = None
         self._torque = np.zeros(12)
         self.solved = 0
@@ -130,7 +132,8 @@ class LocomotionController:
         for foot in range(4):
             stand(memory.targets, foot, feet[foot])
         self._form.feedforward[:] = 0.0
-        self._solution = None
+        self._torque = np.zeros(12)
+        self._begun, self._solution = True, None
         self.solved = 0
         self.failed = 0
 
@@ -164,18 +167,21 @@ class LocomotionController:
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """What the latest tick did; made on request, for its residual takes longer than the QP."""
-        targets = self._memory[0].targets
-        if self._solution is None:
-            raise InvalidInputError("diagnostics: got no step yet, expected one since the reset")
+        """What the latest tick did, or where the robot stands since the reset.
+
+        Made on request, for the residual takes longer than the QP.
+        """
+        if not self._begun:
+            raise InvalidInputError("diagnostics: got no reset yet, expected one first")
+        targets, solved = self._memory[0].targets, self._solution
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
             feedforward=self._form.feedforward.copy(),
-            qp_exitflag=self._solution.exitflag,
-            qp_residual=qp.residual(self._form.program, self._solution),
+            qp_exitflag=0 if solved is None else solved.exitflag,
+            qp_residual=0.0 if solved is None else qp.residual(self._form.program, solved),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )

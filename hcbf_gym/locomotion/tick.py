@@ -26,6 +26,7 @@ from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 from hcbf_gym.robots.motors import torque_limits
 
 GROUND_GAIN = 0.02  # per tick, by which the ground's estimate follows the standing feet
+FULL_GRIP = 0.6  # µ on which the robot turns as fast as it can
 # what the model leaves out (impacts, latency) grows with the speed and would lift the trunk
 HEIGHT_KI, MAX_LIFT = 300.0, 8.0  # [1/s³], [m/s²]
 
@@ -137,7 +138,8 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
     for foot in range(4):
         feet_in_world[foot] = state.position + apply(R, feet.position[foot])
 
-    advance(reference, u, state.position, dt, settings.max_speed, settings.follow_velocity)
+    grip = min(1.0, settings.friction / FULL_GRIP)
+    advance(reference, u, state.position, dt, settings.max_speed, settings.follow_velocity, grip)
     phases = foot_phases(settings.gait, memory.clock, state.foot_contact)
     carrying = phases.stance & state.foot_contact
     memory.ground = ground_height(memory.ground, feet_in_world, carrying, settings.foot_radius)

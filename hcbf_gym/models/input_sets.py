@@ -84,6 +84,10 @@ class Box:
         limits = zip(self.low, self.high, strict=True)
         return np.stack(np.meshgrid(*limits, indexing="ij"), axis=-1).reshape(-1, self.n_u)
 
+    def scaled(self, factor: float) -> "Box":
+        """Return the set with every input multiplied by a factor above 0."""
+        return Box(factor * self.low, factor * self.high)
+
     def to_dict(self) -> dict[str, Any]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
         return {"kind": "box", "low": self.low.tolist(), "high": self.high.tolist()}
@@ -146,6 +150,10 @@ class Ball:
         along = np.sum((point - start) * side, axis=1) / np.sum(side**2, axis=1)
         nearest = start + np.clip(along, 0.0, 1.0)[:, None] * side
         return nearest[np.argmin(np.sum((nearest - point) ** 2, axis=1))]
+
+    def scaled(self, factor: float) -> "Ball":
+        """Return the set with every input multiplied by a factor above 0."""
+        return Ball(factor * self.radius, self.sides)
 
     def to_dict(self) -> dict[str, Any]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""

@@ -124,7 +124,8 @@ def test_a_copy_of_the_a1_walks_alike_or_is_refused(duplicate):
 @pytest.mark.parametrize("env_id", ENV_IDS)
 @pytest.mark.parametrize("scenario", SHORT_SCENES)
 def test_infos_are_consistent_and_the_reward_is_the_sum_of_its_terms(env_id, scenario):
-    env = filtered(env_id, scenario=scenario)
+    more = {"diagnostics": True} if env_id == "HCBF-A1Regions-v0" else {}
+    env = filtered(env_id, scenario=scenario, **more)
     inner = env.unwrapped
     record = run(env, 40)
     at_reset = {key: np.shape(value) for key, value in flat(record[0][2])}

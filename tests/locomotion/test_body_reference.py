@@ -29,7 +29,7 @@ def test_the_reference_is_the_exact_double_integrator_below_its_cap(ux, uy, dura
     ticks = round(duration / DT)
     for _ in range(ticks):
         place = np.array([*reference.position, 0.27])  # a robot that keeps up
-        advance(reference, u, place, DT, 2.0, False)
+        advance(reference, u, place, DT, 2.0, False, 1.0)
     t = ticks * DT
     np.testing.assert_allclose(reference.velocity, u * t, atol=1e-12)
     np.testing.assert_allclose(reference.position, 0.5 * u * t**2, atol=1e-12)
@@ -37,28 +37,31 @@ def test_the_reference_is_the_exact_double_integrator_below_its_cap(ux, uy, dura
 
 
 @examples
-@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=8))
-def test_the_reference_keeps_to_speed_leash_and_yaw_limits(inputs):
+@given(
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=8),
+    st.floats(0.1, 1.0),
+)
+def test_the_reference_keeps_to_speed_leash_and_yaw_limits(inputs, grip):
     reference = at_rest()
     for u in inputs:
         for _ in range(50):
             rate = reference.yaw_rate
-            advance(reference, np.array(u), ORIGIN, DT, 1.2, True)
+            advance(reference, np.array(u), ORIGIN, DT, 1.2, True, grip)
             assert np.linalg.norm(reference.velocity) <= 1.2 + 1e-12
             assert np.linalg.norm(reference.position) <= LEASH + 1e-12
-            assert abs(reference.yaw_rate) <= MAX_YAW_RATE + 1e-12
-            assert abs(reference.yaw_rate - rate) <= MAX_YAW_ACCELERATION * DT + 1e-12
+            assert abs(reference.yaw_rate) <= grip * MAX_YAW_RATE + 1e-12
+            assert abs(reference.yaw_rate - rate) <= grip * MAX_YAW_ACCELERATION * DT + 1e-12
 
 
 @examples
-@given(st.floats(-np.pi, np.pi))
-def test_the_heading_turns_to_the_velocity_without_overshoot(direction):
+@given(st.floats(-np.pi, np.pi), st.floats(0.5, 1.0))
+def test_the_heading_turns_to_the_velocity_without_overshoot(direction, grip):
     reference = at_rest()
     u = np.array([np.cos(direction), np.sin(direction)])
     errors = []
     for _ in range(1500):
         place = np.array([*reference.position, 0.27])
-        advance(reference, u, place, DT, 0.8, True)
+        advance(reference, u, place, DT, 0.8, True, grip)
         errors.append((direction - reference.yaw + np.pi) % (2 * np.pi) - np.pi)
     assert abs(errors[-1]) < 1e-3
     overshoot = -np.min(np.sign(errors[200]) * np.array(errors[200:]))
@@ -70,5 +73,5 @@ def test_the_heading_is_held_while_the_velocity_is_noise():
     reference.yaw = 1.0
     for _ in range(500):
         reference.velocity[:] = rng.uniform(-0.1, 0.1, 2)
-        advance(reference, np.zeros(2), ORIGIN, DT, 1.2, True)
+        advance(reference, np.zeros(2), ORIGIN, DT, 1.2, True, 1.0)
     assert reference.yaw == 1.0

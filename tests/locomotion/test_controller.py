@@ -91,9 +91,16 @@ def test_a_failing_program_is_counted_and_the_torques_stay_finite(monkeypatch):
     assert controller.diagnostics.qp_residual == np.inf
 
 
-def test_diagnostics_before_the_first_step_are_refused():
-    with pytest.raises(InvalidInputError, match="no step yet"):
-        _ = LocomotionController().diagnostics
+def test_diagnostics_of_a_reset_show_a_robot_that_stands():
+    simulation, controller = Physics(), LocomotionController()
+    with pytest.raises(InvalidInputError, match="no reset yet"):
+        _ = controller.diagnostics
+    simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
+    controller.reset(simulation.state())
+    d = controller.diagnostics
+    assert d.stance.all()
+    assert (d.torque == 0.0).all()
+    assert (d.qp_solved, d.qp_exitflag, d.qp_residual) == (0, 0, 0.0)
 
 
 @pytest.mark.parametrize(

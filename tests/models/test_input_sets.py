@@ -41,6 +41,13 @@ def test_projection_is_the_nearest_point(input_set, x, y):
 
 
 @pytest.mark.parametrize("input_set", SETS)
+def test_a_scaled_set_has_scaled_corners(input_set):
+    np.testing.assert_allclose(
+        input_set.scaled(0.3).vertices(), 0.3 * input_set.vertices(), atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("input_set", SETS)
 def test_json_round_trip_keeps_the_set(input_set):
     again = input_sets.from_dict(json.loads(json.dumps(input_set.to_dict())))
     np.testing.assert_array_equal(again.vertices(), input_set.vertices())

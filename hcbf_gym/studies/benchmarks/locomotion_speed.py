@@ -81,7 +81,7 @@ def make_env(formulation: str) -> gym.Env[Any, Any]:
     """Return the paper's course on the A1, its controller in the form asked for."""
     env = gym.make("HCBF-A1Regions-v0", scenario="paper-simulation")
     core: Any = env.unwrapped
-    core.controller = LocomotionController(max_speed=1.2, formulation=formulation)
+    core.walker.controller = LocomotionController(max_speed=1.2, formulation=formulation)
     return env
 
 

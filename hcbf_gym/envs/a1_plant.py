@@ -1,0 +1,106 @@
+"""What controller and filter believe of the A1 and its ground, from what is declared."""
+
+import numpy as np
+
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.locomotion.controller import LEAST_FRICTION
+from hcbf_gym.locomotion.tick import FULL_GRIP
+from hcbf_gym.models.constants import GRAVITY
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.scenarios import Scenario
+
+V_MAX = 1.5
+"""Strict cap on the speed [m/s] where the scenario sets none; its row keeps the trunk below some
+1.2 m/s, so that the paper's courses can be caught up with."""
+
+FASTEST = 1.8
+"""The highest cap [m/s] that a scenario may set: the trot falls not far above it."""
+
+UNCERTAINTY = Uncertainty(
+    distance=0.027,
+    per_velocity=0.3,
+    per_lead=1.5,
+    cap=0.2,
+    confidence=4.0,
+    speed=0.25,
+    speed_per_velocity=0.1,
+)
+"""What the trunk does beside its reduced-order model; `hcbf benchmark --suite strict` is the ground
+of these numbers."""
+
+OFF_NOMINAL = 0.02
+"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough
+ground, or a randomisation of more than the start."""
+
+BODY_RADIUS = 0.45
+"""Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
+`strict` reports the greatest reach."""
+
+_BODIES = {"point": 0.0, "footprint": BODY_RADIUS}
+
+BELIEVED = 0.75
+"""Share of the floor's least friction that the controller believes: the rest is for slips."""
+
+CARRIED = 0.85
+"""Share of µg that a component of u may take: the rest keeps the trunk on its reference."""
+
+
+def believed_friction(declared: Randomization) -> float:
+    """Return µ of the contact forces: three quarters of the least that the floor may have.
+
+    More than the nominal floor's, on which the robot walks as well as it can, is not believed.
+    """
+    return min(FULL_GRIP, max(LEAST_FRICTION, BELIEVED * declared.floor_friction[0]))
+
+
+def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
+    """Return U, shrunk until the ground carries it: ``|u_i| ≤ .85 µ g``.
+
+    Args:
+        input_set: of the scenario.
+        friction: µ that is believed.
+    """
+    largest = float(np.abs(input_set.vertices()).max())
+    share = CARRIED * friction * GRAVITY / largest
+    return input_set if share >= 1.0 else input_set.scaled(share)
+
+
+def uncertainty_of(
+    declared: Randomization, terrain: str, body: str, input_set: InputSet
+) -> Uncertainty:
+    """Return how far the robot may be from its reduced-order model.
+
+    A torque that comes Δτ later than on the nominal plant leaves the trunk with the velocity that u
+    changed meanwhile, ``‖u‖ Δτ``, which the speed limit keeps besides.
+
+    Args:
+        declared: what the plant's conditions are drawn from.
+        terrain: "flat" or "rough".
+        body: "point" or "footprint".
+        input_set: U.
+
+    Raises:
+        UnknownNameError: if there is no such body.
+    """
+    radius = choose("body", body, _BODIES)
+    late = max(0.0, declared.delay[1] - Randomization().delay[1])
+    known = UNCERTAINTY._replace(body=radius, speed=UNCERTAINTY.speed + late * input_set.radius)
+    if terrain == "flat" and not declared.off_nominal:
+        return known
+    return known._replace(distance=known.distance + OFF_NOMINAL)
+
+
+def speed_limit(scenario: Scenario) -> float:
+    """Return the strict cap on the speed [m/s].
+
+    Raises:
+        InvalidInputError: if the scenario's is more than the A1 walks.
+    """
+    v_max = V_MAX if scenario.v_max is None else scenario.v_max
+    if v_max > FASTEST:
+        raise InvalidInputError(
+            f"{scenario.name}: v_max: got {v_max} m/s, expected at most {FASTEST} for the A1"
+        )
+    return v_max

@@ -1,0 +1,73 @@
+"""What the A1's controller and filter believe, from what the arguments declare."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import wrappers
+from hcbf_gym.envs import a1_plant
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.models.constants import GRAVITY
+from hcbf_gym.models.input_sets import Ball, Box
+
+NOMINAL = Randomization()
+
+
+def inner(**options):
+    return gym.make("HCBF-A1Regions-v0", scenario="random", **options).unwrapped
+
+
+def test_the_nominal_plant_keeps_its_inputs_and_margins():
+    plant = inner().plant
+    np.testing.assert_array_equal(plant.input_set.vertices(), Box.symmetric(5.0).vertices())
+    assert plant.uncertainty == a1_plant.UNCERTAINTY
+    assert a1_plant.believed_friction(NOMINAL) == 0.6
+
+
+@pytest.mark.parametrize("input_set", [Box.symmetric(5.0), Ball(4.0), Box([-1.0, 0.0], [6.0, 2.0])])
+def test_no_input_asks_for_more_than_the_ground_carries(input_set):
+    for friction in (0.1, 0.3, 0.6):
+        carried = a1_plant.carried_inputs(input_set, friction).vertices()
+        assert np.abs(carried).max() < friction * GRAVITY
+        share = np.abs(carried).max() / np.abs(input_set.vertices()).max()
+        np.testing.assert_allclose(carried, share * input_set.vertices())
+
+
+def test_the_least_friction_that_is_declared_is_what_counts():
+    declared = Randomization(floor_friction=(0.4, 1.0))
+    assert a1_plant.believed_friction(declared) == pytest.approx(0.3)
+    slippery = inner(randomization={"floor_friction": [0.4, 1.0]})
+    told = inner(randomization={"floor_friction": [0.4, 1.0]}, friction=0.6)
+    assert slippery.plant.input_set.radius == pytest.approx(0.5 * Box.symmetric(5.0).radius, 1e-3)
+    assert told.plant.input_set.radius == Box.symmetric(5.0).radius
+    assert slippery.action_space == told.action_space
+
+
+def test_the_filter_asks_for_no_more_than_a_slippery_floor_carries():
+    env = wrappers.SafetyFilter(
+        gym.make("HCBF-A1Regions-v0", randomization={"floor_friction": 0.4}), program="lex-cbf-qp"
+    )
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.array([5.0, -5.0]))
+    assert np.abs(info["safety_filter"]["u_safe"]).max() <= 0.3 * GRAVITY
+
+
+def test_a_torque_that_comes_late_widens_the_speed_limits_margin():
+    def speed(delay):
+        declared = Randomization(delay=(0.0, delay))
+        known = a1_plant.uncertainty_of(declared, "flat", "point", Box.symmetric(5.0))
+        return known.speed - a1_plant.UNCERTAINTY.speed
+
+    assert speed(0.001) == 0.0
+    assert speed(0.008) == pytest.approx(0.006 * np.hypot(5.0, 5.0))
+
+
+def test_rough_ground_and_a_range_each_widen_the_margin_on_the_position():
+    def distance(declared, terrain):
+        known = a1_plant.uncertainty_of(declared, terrain, "footprint", Box.symmetric(5.0))
+        assert known.body == a1_plant.BODY_RADIUS
+        return known.distance - a1_plant.UNCERTAINTY.distance
+
+    assert distance(Randomization(start_distance=(0.0, 0.3)), "flat") == 0.0
+    assert distance(NOMINAL, "rough") > 0.01
+    assert distance(Randomization(payload=(0.0, 2.0)), "flat") > 0.01
