@@ -52,18 +52,13 @@ class Loop(NamedTuple):
 
 
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
+H: dict[str, Any] = {"program": "h-cbf-qp", "delta_gamma": 1.3}
 GUIDED = LEX | {"guidance": "geodesic"}
 LOOPS = {
-    "attack": Loop("random", 3, "edge", 14.0, LEX, {"body": "footprint"}),
+    "attack": Loop("random", 1, "edge", 14.0, LEX, {"body": "footprint"}),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
-    "paper-simulation": Loop(
-        "paper-simulation",
-        0,
-        "pd",
-        18.0,
-        {"program": "h-cbf-qp", "gamma0": 5.0, "delta_gamma": 1.3},
-    ),
-    "paper-experiment": Loop("paper-experiment", 0, "pd", 18.0, LEX),
+    "paper-simulation": Loop("paper-simulation", 0, "pd", 18.0, H | {"gamma0": 5.0}),
+    "paper-experiment": Loop("paper-experiment", 0, "pd", 18.0, H | {"gamma0": 0.5}),
     "random-clutter": Loop("random-clutter", 1, "pd", 18.0, GUIDED),
     "random-traps": Loop("random-traps", 2, "pd", 20.0, GUIDED),
     "random-moving": Loop("random-moving", 5, "pd", 14.0, LEX),

@@ -112,6 +112,14 @@ SUITES = {
         extra="benchmark",
         needs=("cbfpy",),
     ),
+    "play": Suite(
+        "benchmarks.playground",
+        "the playground's pace, updates and memory over ten minutes",
+        11,
+        A1,
+        extra="play",
+        needs=("viser",),
+    ),
     "mutations": Suite(
         "benchmarks.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
     ),
