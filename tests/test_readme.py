@@ -1,12 +1,15 @@
 """What README and docs show is run as it stands there."""
 
+import importlib
 import json
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
 import gymnasium as gym
 import pytest
+import tyro
 
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
@@ -60,15 +63,47 @@ def test_every_block_of_python_runs(page):
         exec(block, names)
 
 
+def shown_commands(page):
+    """Yield every command of this project that a page shows, as a shell would split it."""
+    text = page.read_text(encoding="utf-8")
+    lines = re.findall(r"`((?:hcbf|python scripts/)[^`\n]+)`", text)
+    for block in re.findall(r"```bash\n(.*?)```", text, flags=re.DOTALL):
+        lines += re.split(r"\n|&&", block.replace("\\\n", " "))
+    for line in lines:
+        words = shlex.split(line.replace("NAME", "course"), comments=True)
+        if words[:1] == ["python"]:
+            called = re.search(r'main\(\["([a-z-]+)"', (ROOT / words[1]).read_text("utf-8"))
+            words = ["hcbf", called[1], *words[2:]] if called else []
+        if words[:1] == ["hcbf"]:
+            yield words[1:]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_command_that_is_shown_exists(page):
-    for block in blocks(page, "(?:bash|sh)"):
-        for name in re.findall(r"\bhcbf ([a-z-]+)", block):
-            assert name in COMMANDS
-        for script in re.findall(r"\bpython (scripts/\S+)", block):
-            assert (ROOT / script).exists()
-        for suite in re.findall(r"--suite ([a-z-]+)", block):
-            assert suite in {*SUITES, "all"}
+def test_every_command_that_is_shown_is_understood(page):
+    for name, *rest in shown_commands(page):
+        assert name in COMMANDS
+        module = importlib.import_module(COMMANDS[name].module)
+        if rest != ["--help"]:
+            args = tyro.cli(module.Args, args=rest)
+            assert set(getattr(args, "suite", ())) <= {*SUITES, "all"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_extra_that_is_named_exists(page):
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        extras = set(tomllib.load(file)["project"]["optional-dependencies"])
+    text = page.read_text(encoding="utf-8")
+    for named in re.findall(r"(?:\.|hcbf-gym)\[([a-z,]+)\]", text):
+        assert set(named.split(",")) <= extras
+
+
+def test_every_block_says_what_it_is_and_only_what_is_tested_looks_like_code():
+    drawn = {"README.md": 2, "guarantees.md": 1, "locomotion.md": 1, "wrappers.md": 1}
+    for page in PAGES:
+        fences = re.findall(r"^ *```(.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        kinds = fences[::2]
+        assert set(kinds) <= {"", "bash", "python", "json", "yaml"}
+        assert kinds.count("") == drawn.get(page.name, 0), page.name  # formulas and diagrams
 
 
 def test_the_site_lists_every_page():
@@ -86,10 +121,19 @@ def test_every_loop_is_shown_and_all_together_are_small():
     assert sum(path.stat().st_size for path in files.values()) < 10e6
 
 
+def headings(page):
+    """The anchors of a page, as the site's generator and code hosts make them."""
+    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title).strip().lower().replace(" ", "-") for title in titles}
+
+
 def test_every_link_of_the_pages_leads_somewhere():
     for page in PAGES:
-        for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
+        text = page.read_text(encoding="utf-8")
+        for target, anchor in re.findall(r"\]\((?!http)([^)#]*)(?:#([^)]+))?\)", text):
+            linked = page.parent / target if target else page
+            assert linked.exists(), f"{page.name}: {target}"
+            assert not anchor or anchor in headings(linked), f"{page.name}: {target}#{anchor}"
 
 
 def test_every_table_is_that_of_its_results_and_every_result_is_known():
