@@ -5,9 +5,13 @@ import hashlib
 import logging
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from numba.core import caching, event
+from numba.core import caching, cgutils, event, types
+from numba.extending import intrinsic, overload
+from numba.np import arrayobj
+
+Value = TypeVar("Value")
 
 _LOGGER = logging.getLogger("hcbf_gym")
 _PACKAGE = Path(__file__).parent
@@ -40,6 +44,49 @@ class _KeyedByAllSources:
         stamp = super().get_source_stamp()  # type: ignore[misc]
         file = Path(self._py_file)
         return (stamp, sources_hash([file])) if file.is_relative_to(_PACKAGE) else stamp
+
+
+def borrowed(value: Value) -> Value:
+    """Return an array, or a tuple with arrays in it, whose references are not counted.
+
+    Wherever Numba hands an array on, it counts a reference by an atomic instruction; in kernels of
+    a few hundred operations that takes longer than the rest. Only for a compiled function's own
+    arguments: its caller keeps them alive.
+    """
+    return value
+
+
+@overload(borrowed, strict=False)
+def _borrowed(value: Any) -> Any:
+    return lambda value: _uncounted(value)
+
+
+def _take_count(context: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _without_owner(context, builder, value, arguments[0])
+
+    return value(value), codegen
+
+
+_uncounted: Any = intrinsic(_take_count)
+
+
+def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return LLVM's value of an array or a tuple without the memory's owner; others as they are."""
+    if isinstance(kind, types.BaseTuple):
+        kinds: Any = kind
+        parts = cgutils.unpack_tuple(builder, value)
+        kept = [
+            _without_owner(context, builder, one, part)
+            for one, part in zip(kinds.types, parts, strict=True)
+        ]
+        return context.make_tuple(builder, kind, kept)
+    if not isinstance(kind, types.Array):
+        return value
+    array = arrayobj.make_array(kind)(context, builder, value)
+    array.meminfo = cgutils.get_null_value(array.meminfo.type)
+    array.parent = cgutils.get_null_value(array.parent.type)
+    return array._getvalue()
 
 
 def sources_hash(files: list[Path]) -> str:

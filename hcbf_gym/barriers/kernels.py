@@ -50,7 +50,7 @@ def _ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
 def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
     corners = int(c[layout.VERTEX_COUNT])
     height, height_nx, height_ny = -np.inf, 0.0, 0.0
-    nearest, offset_x, offset_y = np.inf, 0.0, 0.0
+    nearest2, offset_x, offset_y = np.inf, 0.0, 0.0
     on_edge, edge_nx, edge_ny = False, 0.0, 0.0
     first = layout.FIRST_VERTEX
     for i in range(corners):
@@ -65,10 +65,11 @@ def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
             height, height_nx, height_ny = above, nx, ny
         along = min(max(((x - ax) * ex + (y - ay) * ey) / length2, 0.0), 1.0)
         ox, oy = x - (ax + along * ex), y - (ay + along * ey)
-        distance = np.sqrt(ox * ox + oy * oy)
-        if distance < nearest:
-            nearest, offset_x, offset_y = distance, ox, oy
+        distance2 = ox * ox + oy * oy
+        if distance2 < nearest2:
+            nearest2, offset_x, offset_y = distance2, ox, oy
             on_edge, edge_nx, edge_ny = 0.0 < along < 1.0, nx, ny
+    nearest = np.sqrt(nearest2)
     if height <= 0.0 or nearest < TINY:
         return height, height_nx, height_ny, np.inf, -height_ny, height_nx
     if on_edge:

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import margins, row_kernels
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.plant import Uncertainty
-from hcbf_gym.programs.planar.cascade import filter_batch
-from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings
+from hcbf_gym.programs.planar.cascade import filter_range
+from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings, make_workspace
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers.monitor import ALARM, account_planar
@@ -22,6 +23,9 @@ Integers = NDArray[np.int64]
 
 DONE, NOT_FINITE, ASKS = range(3)
 """What a call says of itself."""
+
+TOGETHER = 32
+"""Plants that go through the filter together: few enough for a core's first cache."""
 
 MEMORY = 9
 """Width of what a plant's monitor remembers: its averages (4,) and its last sample (5,)."""
@@ -175,54 +179,49 @@ def filter_plants(
         `DONE`, `NOT_FINITE` (u* is not, and nothing is written), or `ASKS` where a state is left
         to rational arithmetic or a monitor has raised an alarm.
     """
-    program, row_settings, uncertainty, period, through, pull = constants
+    program, row_settings, uncertainty, period, through, pull = borrowed(constants)
+    barriers, plants = Scene(*borrowed(scene)), Sensed(*borrowed(sensed))
+    fields, w = Way(*borrowed(way)), Work(*borrowed(work))
+    memory, u_nominal, flat = borrowed(memory), borrowed(u_nominal), borrowed(flat)
     if not np.isfinite(u_nominal).all():
         return NOT_FINITE
-    barriers, plants, fields, w = Scene(*scene), Sensed(*sensed), Way(*way), Work(*work)
-    settings = Settings(*program)
-    lexicographic = settings.kind == LEXICOGRAPHIC
-    count, m = barriers.kind.shape
-    total = w.priority.shape[1]
-    answer = answer_views(flat, count, m, total)
-    if not given:
-        _make_rows(row_settings, Uncertainty(*uncertainty), barriers, plants, w)
-    answer.margin[:] = w.margin[0]
-    for i in range(count):
-        answer.model_error[i] = account_planar(
-            memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
-        )
-        w.u[i] = u_nominal[i]
-        answer.reachable[i] = 0.0
-        if fields.field.shape[1]:
-            a_x, a_y, b, rank = _down_the_field(i, fields, Pull(*pull), plants.x[i])
-            answer.reachable[i] = rank
-            _guide(i, (a_x, a_y, b), rank, lexicographic, through, w)
-        elif fields.row.shape[0]:
-            a_x, a_y, b = fields.row[i]
-            _guide(i, (a_x, a_y, b), 0, lexicographic, through, w)
+    settings, asks = Settings(*program), False
+    count, total = w.priority.shape
+    answer = answer_views(flat, count, barriers.kind.shape[1], total)
     status = np.empty(count, dtype=np.int64)
     fallbacks = np.empty(count, dtype=np.int64)
     rows = CbfRows(w.a, w.rows[0], w.rows[1], w.priority, w.rows[2])
     result = FilterResult(answer.u, answer.slack, answer.delta, status, fallbacks)
-    filter_batch(settings, w.u, rows, result)
-    for i in range(count):
-        _conclude(i, barriers, plants, u_nominal, result, w, memory[i], settings.radius, answer)
-    if (status < 0).any() or (memory[:, ALARM] == 1.0).any():
-        return ASKS
-    return DONE
+    polygons = make_workspace(settings.radius, settings.vertices.shape[0], total)
+    for first in range(0, count, TOGETHER):
+        end = min(first + TOGETHER, count)
+        if not given:
+            _make_rows(first, end, row_settings, Uncertainty(*uncertainty), barriers, plants, w)
+        for i in range(first, end):
+            w.u[i, 0], w.u[i, 1] = u_nominal[i, 0], u_nominal[i, 1]
+            answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
+        filter_range(settings, w.u, rows, result, polygons, first, end)
+        for i in range(first, end):
+            answer.model_error[i] = account_planar(
+                memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
+            )
+            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], settings.radius, answer)
+            asks |= status[i] < 0 or memory[i, ALARM] == 1.0
+    return ASKS if asks else DONE
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _make_rows(
+    first: int,
+    end: int,
     row_settings: Array,
     uncertainty: Uncertainty,
     barriers: Scene,
     plants: Sensed,
     w: Work,
 ) -> None:
-    """Write the margins and the rows of every state."""
-    count, m = barriers.kind.shape
-    for i in range(count):
+    """Write the margins and the rows of the plants from `first` on and before `end`."""
+    for i in range(first, end):
         margins.derive(
             uncertainty,
             barriers.kind[i],
@@ -234,50 +233,49 @@ def _make_rows(
             w.margin[0, i],
             w.margin[1, i],
         )
-        w.margin[0, i] += barriers.own_margin[i]
-    if w.priority.shape[1] == m:
-        row_kernels.rows(
-            barriers.kind, barriers.parameters, w.margin, plants.x, plants.t, row_settings, w.a,
-            w.rows,
-        )  # fmt: skip
-        w.priority[:] = barriers.priority
-    else:
-        a, rows = np.empty((count, m, 2)), np.empty((4, count, m))
-        row_kernels.rows(
-            barriers.kind, barriers.parameters, w.margin, plants.x, plants.t, row_settings, a, rows
-        )
-        w.a[:, :m], w.rows[:, :, :m] = a, rows
-        w.priority[:, :m] = barriers.priority
+        for k in range(barriers.priority.shape[1]):
+            w.margin[0, i, k] += barriers.own_margin[i, k]
+            w.priority[i, k] = barriers.priority[i, k]
+    row_kernels.rows(
+        barriers.kind[first:end],
+        barriers.parameters[first:end],
+        w.margin[:, first:end],
+        plants.x[first:end],
+        plants.t[first:end],
+        row_settings,
+        w.a[first:end],
+        w.rows[:, first:end],
+    )
 
 
-@njit(cache=True)
-def _down_the_field(i: int, way: Way, pull: Pull, x: Array) -> tuple[float, float, float, int]:
-    """Return the guidance row (a_x, a_y, b) of one state, and through which rank its way leads."""
-    a_x, a_y, b = guidance_row.row(way.field[i], way.geometry[i], way.goal[i], x, pull)
-    return a_x, a_y, b, guidance_row.reachable(way.through[i], way.geometry[i], x[0], x[1])
-
-
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _guide(
-    i: int,
-    row: tuple[float, float, float],
-    rank: int,
-    lexicographic: bool,
-    through: int,
-    w: Work,
-) -> None:
-    """Give a lexicographic program the guidance row of one state; shape the others' u* by it."""
-    a_x, a_y, b = row
-    if not lexicographic:
+    i: int, settings: Settings, way: Way, through: int, pull: Pull, plants: Sensed, w: Work
+) -> int:
+    """Let guidance, if there is any, act on one state; return through which rank its way leads.
+
+    A lexicographic program gets its row, the others' u* is shaped by it.
+    """
+    rank = 0
+    if way.field.shape[1]:
+        x = plants.x[i]
+        a_x, a_y, b = guidance_row.row(way.field[i], way.geometry[i], way.goal[i], x, pull)
+        rank = guidance_row.reachable(way.through[i], way.geometry[i], x[0], x[1])
+    elif way.row.shape[0]:
+        a_x, a_y, b = way.row[i, 0], way.row[i, 1], way.row[i, 2]
+    else:
+        return rank
+    if settings.kind != LEXICOGRAPHIC:
         w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
-        return
+        return rank
     last = w.priority.shape[1] - 1
-    guidance_row.insert(w.priority[i, :last].copy(), rank, through, w.priority[i])
+    guidance_row.insert(w.priority[i, :last], rank, through, w.priority[i])
     w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
     w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
+    return rank
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _conclude(
     i: int,
     barriers: Scene,
@@ -290,10 +288,12 @@ def _conclude(
     answer: Answer,
 ) -> None:
     """Write the status of one state, and note what its monitor shall expect."""
-    ux, uy = result.u[i]
+    ux, uy = result.u[i, 0], result.u[i, 1]
     dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
     answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
     answer.fallbacks[i] = result.fallbacks[i]
+    for k in range(barriers.priority.shape[1]):
+        answer.margin[i, k] = w.margin[0, i, k]
     answer.status[i] = result.status[i]
     if result.status[i] >= 0:
         m = barriers.priority.shape[1]

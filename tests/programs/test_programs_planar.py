@@ -197,13 +197,9 @@ def test_rational_minimisers_meet_the_optimality_conditions_exactly(seed, rank):
 # ------------------------------------------------------------------ polygons
 
 
-def workspace(radius):
-    return make_workspace(radius, 32, 4)
-
-
 def random_polygon(rng):
     corners = Ball(float(rng.uniform(1.0, 6.0)), sides=int(rng.integers(3, 9))).vertices()
-    buffer = np.zeros((32, 2))
+    buffer = np.zeros((64, 2))  # a polygon, and room to cut it
     buffer[: len(corners)] = corners
     return buffer, len(corners)
 
@@ -223,7 +219,7 @@ def test_a_cut_keeps_what_rational_arithmetic_keeps(seed):
             highest = max(rational.dot(normal, u) for u in reference)
             cut = rational.at(reference, normal, highest)
         reference = cut
-        count = polygon.cut(buffer, count, Line(nx, ny, d), workspace(6.0))
+        count = polygon.cut(buffer, count, Line(nx, ny, d), 6.0)
         wanted = np.array(reference, dtype=float)
         for corners, others in ((buffer[:count], wanted), (wanted, buffer[:count])):
             gaps = np.linalg.norm(corners[:, None] - others[None], axis=-1)
@@ -240,17 +236,17 @@ def test_the_minimum_on_a_polygon_meets_the_kkt_conditions(seed, share):
     problem = polygon.LeastSquares(0.0, 0.0, 0.0, 0.0, 0.0)
     for row, target in zip(rows, targets, strict=True):
         problem = polygon.add_row(problem, row[0], row[1], target)
-    u = np.array(polygon.minimise(buffer, count, problem, 0.3, 0.4, workspace(6.0)))
+    u = np.array(polygon.minimise(buffer, count, problem, 0.3, 0.4, make_workspace(6.0, 32, 4)))
     gradient = 2.0 * rows.T @ (rows @ u - targets)
     # no corner, and so no point of the polygon, lies in a direction of descent
     assert ((buffer[:count] - u) @ gradient).min() > -1e-7 * (1.0 + np.abs(targets).max())
 
 
 def test_the_kernels_run_uncompiled_too():
-    buffer = np.zeros((8, 2))
+    buffer = np.zeros((16, 2))
     buffer[:4] = Box.symmetric(5.0).vertices()
     compiled = buffer.copy()
-    line, space = Line(0.6, 0.8, 3.0), workspace(8.0)
-    count = polygon.cut.py_func(buffer, 4, line, space)
-    assert count == polygon.cut(compiled, 4, line, space)
+    line = Line(0.6, 0.8, 3.0)
+    count = polygon.cut.py_func(buffer, 4, line, 8.0)
+    assert count == polygon.cut(compiled, 4, line, 8.0)
     np.testing.assert_array_equal(buffer[:count], compiled[:count])

@@ -11,11 +11,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import borrowed
 from hcbf_gym.programs.planar import stages
-from hcbf_gym.programs.planar.polygon import contains
+from hcbf_gym.programs.planar.polygon import contains, copy, nearest
 from hcbf_gym.programs.planar.records import (
     CBF,
     EXPLICIT,
+    FEASIBLE,
     HIERARCHICAL,
     LEXICOGRAPHIC,
     RELAXED,
@@ -37,7 +39,7 @@ _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: FilterResult) -> None:
     """Filter the nominal inputs of N states.
 
@@ -49,10 +51,25 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
         answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus` or
             `GRADED`, fallbacks (N,) zeros.
     """
+    w = make_workspace(settings.radius, settings.vertices.shape[0], rows.b.shape[1])
+    filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def filter_range(
+    settings: Settings,
+    u_nominal: Array,
+    rows: CbfRows,
+    answer: FilterResult,
+    w: Workspace,
+    first: int,
+    end: int,
+) -> None:
+    """Filter those of N states from `first` on and before `end`; see `filter_batch`."""
+    settings, u_nominal = borrowed(settings), borrowed(u_nominal)
+    rows, answer, w = borrowed(rows), borrowed(answer), borrowed(w)
     assert rows.alpha2_psi is not None
-    n, m = rows.b.shape
-    w = make_workspace(settings.radius, settings.vertices.shape[0], m)
-    for i in range(n):
+    for i in range(first, end):
         one = CbfRows(rows.a[i], rows.b[i], rows.h[i], rows.priority[i], rows.alpha2_psi[i])
         weights = settings.weights[i if settings.weights.shape[0] > 1 else 0]
         answer.status[i] = _filter_state(
@@ -61,7 +78,7 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
         answer.fallbacks[i] = 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def filter_state(
     settings: Settings, u_nominal: Array, rows: CbfRows, u: Array, slack: Array, delta: Array
 ) -> int:
@@ -70,7 +87,7 @@ def filter_state(
     return _filter_state(settings, settings.weights[0], u_nominal, rows, u, slack, delta, w)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _filter_state(
     settings: Settings,
     weights: Array,
@@ -82,7 +99,7 @@ def _filter_state(
     w: Workspace,
 ) -> int:
     """Filter one nominal input, writing u (2,), slack (m,) and delta (m,); return the status."""
-    ux, uy = u_nominal
+    ux, uy = u_nominal[0], u_nominal[1]
     if _allowed(settings.vertices, rows, ux, uy):
         u[0], u[1] = ux, uy
         for k in range(slack.size):
@@ -101,7 +118,7 @@ def _filter_state(
     return _account(settings, _SAFE if moved else _NOMINAL, u, slack, delta, w)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     """Tell whether u* lies in U and meets every row."""
     for k in range(rows.b.size):
@@ -110,7 +127,7 @@ def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     return contains(vertices, vertices.shape[0], ux, uy)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     """Return δ_min of row k; with a known offset ``α₂(ψ + ε) − α₂(ψ) = max(0, −α₂(ψ))``."""
     if not settings.known_offset or rows.priority[k] == 1:
@@ -119,7 +136,7 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     return max(0.0, -rows.alpha2_psi[k])
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _sort(priority: Integers, w: Workspace) -> int:
     """Sort by priority: ``w.rows[k].index``, and where each level starts in ``w.start``.
 
@@ -127,7 +144,8 @@ def _sort(priority: Integers, w: Workspace) -> int:
         The number of levels.
     """
     start, levels = w.start, 0
-    start[:] = 0
+    for level in range(start.size):
+        start[level] = 0
     for k in range(priority.size):
         start[priority[k]] += 1
         levels = max(levels, priority[k])
@@ -143,7 +161,7 @@ def _sort(priority: Integers, w: Workspace) -> int:
     return levels
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
     k = row.index
@@ -155,15 +173,15 @@ def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     row.least = _least_slack(settings, rows, k)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _decide(settings: Settings, levels: int, ux: float, uy: float, w: Workspace) -> Point:
     """Run one program on rows sorted by priority."""
     vertices, rows = settings.vertices, w.rows
     count = vertices.shape[0]
-    w.feasible[:count] = vertices
+    copy(vertices, count, w.polygons[FEASIBLE])
     if settings.kind == CBF:
         count = stages.meet(count, rows, w)
-        return stages.nearest(w.feasible, count, ux, uy, w)
+        return nearest(w.polygons[FEASIBLE], count, ux, uy)
     strict = w.start[1]
     count = stages.meet(count, rows[:strict], w)
     lower = rows[strict:]
@@ -177,10 +195,10 @@ def _decide(settings: Settings, levels: int, ux: float, uy: float, w: Workspace)
     return _explicit(count, levels, Cost(rows, settings.lambda_u, ux, uy), w)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     """Run EH-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
-    x, y = stages.nearest(w.feasible, count, cost.ux, cost.uy, w)
+    x, y = nearest(w.polygons[FEASIBLE], count, cost.ux, cost.uy)
     for level in range(1, levels):
         if count == 1:
             break  # nothing is left to decide
@@ -190,7 +208,7 @@ def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     return x, y
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
     """Run Lex-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
     for level in range(1, levels):
@@ -202,10 +220,10 @@ def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
         else:
             x, y = stages.relax(count, Cost(rows, cost.lambda_u, cost.ux, cost.uy), w)
             count = stages.bound(count, rows, x, y, w)
-    return stages.nearest(w.feasible, count, cost.ux, cost.uy, w)
+    return nearest(w.polygons[FEASIBLE], count, cost.ux, cost.uy)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _account(
     settings: Settings, status: int, u: Array, slack: Array, delta: Array, w: Workspace
 ) -> int:

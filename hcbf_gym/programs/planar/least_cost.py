@@ -5,11 +5,11 @@ from numba import njit
 
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import cut
-from hcbf_gym.programs.planar.records import Array, Cost, Line, Workspace, make_workspace
+from hcbf_gym.programs.planar.records import FEASIBLE, Array, Cost, Line, Workspace, make_workspace
 from hcbf_gym.programs.planar.soft import is_graded, soft_minimum
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def least_cost(
     soft: Array, one_sided: bool, rows: Array, lower: Array, radius: float
 ) -> tuple[float, float, bool]:
@@ -26,12 +26,12 @@ def least_cost(
         z, and whether its problem fits into doubles; see `is_graded`.
     """
     w = make_workspace(radius, 4 + lower.size, soft.shape[0])
-    size, corners = 4.0 * radius, w.feasible
+    size, corners = 4.0 * radius, w.polygons[FEASIBLE]
     corners[0, 0], corners[0, 1], corners[1, 0], corners[1, 1] = -size, -size, size, -size
     corners[2, 0], corners[2, 1], corners[3, 0], corners[3, 1] = size, size, -size, size
     count = 4
     for k in range(lower.size):
-        count = cut(corners, count, Line(rows[k, 0], rows[k, 1], lower[k]), w)
+        count = cut(corners, count, Line(rows[k, 0], rows[k, 1], lower[k]), radius)
     _load(soft, w)
     cost = Cost(w.rows, 0.0, 0.0, 0.0)
     fits = not is_graded(cost, one_sided, 2.0 * radius)
@@ -42,7 +42,7 @@ def least_cost(
     return x, y, fits
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _load(soft: Array, w: Workspace) -> None:
     for k in range(soft.shape[0]):
         row = w.rows[k]

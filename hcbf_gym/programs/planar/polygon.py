@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.programs.planar.records import Array, Line, Point, Workspace
+from hcbf_gym.programs.planar.records import COPY, Array, Line, Point, Workspace
 from hcbf_gym.programs.tolerances import RANK_ONE, SAME_CORNER, THIN, ZERO_GRADIENT
 
 
@@ -24,7 +24,7 @@ class LeastSquares(NamedTuple):
     z2: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float]:
     """Return the least and the greatest n·u on a polygon."""
     low, high = np.inf, -np.inf
@@ -34,31 +34,31 @@ def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float
     return low, high
 
 
-@njit(cache=True)
-def cut(corners: Array, count: int, line: Line, w: Workspace) -> int:
+@njit(cache=True, error_model="numpy")
+def cut(corners: Array, count: int, line: Line, radius: float) -> int:
     """Cut a polygon in place to ``n·u ≥ d``; to its face of greatest n·u where that is empty.
 
     Args:
-        corners: (capacity, 2) the polygon.
+        corners: (2 capacity, 2) the polygon, and room for as many corners behind them.
         count: its number of corners, at least 1.
         line: where to cut, and the side to keep.
-        w: the working space; `scratch` is written to.
+        radius: the largest norm of an input.
 
     Returns:
         The new number of corners.
     """
     nx, ny, d = line
-    thin, same, scratch = THIN * w.radius, SAME_CORNER * w.radius, w.scratch
+    thin, same, scratch = THIN * radius, SAME_CORNER * radius, corners[corners.shape[0] // 2 :]
     lowest, highest = span(corners, count, nx, ny)
     if lowest >= d:
         return count
     if highest <= d + thin:  # compared before d is subtracted, which may be huge
         return _face(corners, count, nx, ny, highest - thin, same)
     new = 0
-    previous_x, previous_y = corners[count - 1]
+    previous_x, previous_y = corners[count - 1, 0], corners[count - 1, 1]
     previous = nx * previous_x + ny * previous_y - d
     for i in range(count):
-        x, y = corners[i]
+        x, y = corners[i, 0], corners[i, 1]
         height = nx * x + ny * y - d
         if (height >= 0.0) != (previous >= 0.0):
             t = previous / (previous - height)
@@ -68,39 +68,46 @@ def cut(corners: Array, count: int, line: Line, w: Workspace) -> int:
         if height >= 0.0:
             new = _append(scratch, new, x, y, same)
         previous_x, previous_y, previous = x, y, height
-    while new > 1 and _near(scratch[0], scratch[new - 1, 0], scratch[new - 1, 1], same):
+    while new > 1 and _near(scratch, 0, scratch[new - 1, 0], scratch[new - 1, 1], same):
         new -= 1
-    corners[:new] = scratch[:new]
+    copy(scratch, new, corners)
     return new
 
 
-@njit(cache=True)
-def slice_at(corners: Array, count: int, line: Line, w: Workspace) -> int:
+@njit(cache=True, error_model="numpy")
+def copy(corners: Array, count: int, to: Array) -> None:
+    """Copy a polygon's corners; in Numba a loop is faster than slices."""
+    for i in range(count):
+        to[i, 0], to[i, 1] = corners[i, 0], corners[i, 1]
+
+
+@njit(cache=True, error_model="numpy")
+def slice_at(corners: Array, count: int, line: Line, radius: float) -> int:
     """Cut a polygon in place to ``n·u = d``, a value that it attains; return the new count."""
-    count = cut(corners, count, line, w)
-    return cut(corners, count, Line(-line.nx, -line.ny, -line.d), w)
+    count = cut(corners, count, line, radius)
+    return cut(corners, count, Line(-line.nx, -line.ny, -line.d), radius)
 
 
-@njit(cache=True)
-def _near(corner: Array, x: float, y: float, distance: float) -> bool:
-    return abs(corner[0] - x) <= distance and abs(corner[1] - y) <= distance
+@njit(cache=True, error_model="numpy")
+def _near(corners: Array, i: int, x: float, y: float, distance: float) -> bool:
+    return abs(corners[i, 0] - x) <= distance and abs(corners[i, 1] - y) <= distance
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _append(corners: Array, count: int, x: float, y: float, distance: float) -> int:
-    if count > 0 and _near(corners[count - 1], x, y, distance):
+    if count > 0 and _near(corners, count - 1, x, y, distance):
         return count
     corners[count, 0], corners[count, 1] = x, y
     return count + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: float) -> int:
     """Keep, of the corners with n·u ≥ level, the two that lie farthest apart."""
     low, high = np.inf, -np.inf
     low_x = low_y = high_x = high_y = 0.0
     for i in range(count):
-        x, y = corners[i]
+        x, y = corners[i, 0], corners[i, 1]
         if nx * x + ny * y >= level:
             along = nx * y - ny * x
             if along < low:
@@ -114,14 +121,14 @@ def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: 
     return 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def distance(weight: float, ux: float, uy: float) -> LeastSquares:
     """Return ``w ‖u − u*‖²``."""
     root = np.sqrt(weight)
     return LeastSquares(root, 0.0, root, root * ux, root * uy)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def add_row(problem: LeastSquares, ax: float, ay: float, t: float) -> LeastSquares:
     """Add ``(a·u − t)²`` to ``‖R u − z‖²`` by two Givens rotations: no square is formed."""
     r11, r12, r22, z1, z2 = problem
@@ -139,7 +146,13 @@ def add_row(problem: LeastSquares, ax: float, ay: float, t: float) -> LeastSquar
     return LeastSquares(r11, r12, r22, z1, z2)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def nearest(corners: Array, count: int, ux: float, uy: float) -> Point:
+    """Return the point of a polygon that is nearest to u*."""
+    return _descend(corners, count, distance(1.0, ux, uy), ux, uy)
+
+
+@njit(cache=True, error_model="numpy")
 def minimise(
     corners: Array, count: int, problem: LeastSquares, ux: float, uy: float, w: Workspace
 ) -> Point:
@@ -151,13 +164,12 @@ def minimise(
         problem: R and z.
         ux: x component of u*.
         uy: y component of u*.
-        w: the working space; `copy` and `scratch` are written to.
+        w: the working space; `COPY` is written to.
     """
     r11, r12, r22, z1, z2 = problem
-    nearest = LeastSquares(1.0, 0.0, 1.0, ux, uy)
     size = np.sqrt(r11 * r11 + r12 * r12 + r22 * r22)
     if size <= ZERO_GRADIENT:
-        return _descend(corners, count, nearest, ux, uy)
+        return nearest(corners, count, ux, uy)
     if abs(r11 * r22) > RANK_ONE * size * size:
         y = z2 / r22
         return _descend(corners, count, problem, (z1 - r12 * y) / r11, y)
@@ -167,17 +179,18 @@ def minimise(
     p1, p2 = r11 * nx + r12 * ny, r22 * ny
     low, high = span(corners, count, nx, ny)
     target = min(max((p1 * z1 + p2 * z2) / (p1 * p1 + p2 * p2), low), high)
-    w.copy[:count] = corners[:count]
-    count = slice_at(w.copy, count, Line(nx, ny, target), w)
-    return _descend(w.copy, count, nearest, ux, uy)
+    chord = w.polygons[COPY]
+    copy(corners, count, chord)
+    count = slice_at(chord, count, Line(nx, ny, target), w.radius)
+    return nearest(chord, count, ux, uy)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def contains(corners: Array, count: int, x: float, y: float) -> bool:
     """Tell whether a point lies in a polygon of three corners or more, without any tolerance."""
-    previous_x, previous_y = corners[count - 1]
+    previous_x, previous_y = corners[count - 1, 0], corners[count - 1, 1]
     for i in range(count):
-        corner_x, corner_y = corners[i]
+        corner_x, corner_y = corners[i, 0], corners[i, 1]
         across = (corner_x - previous_x) * (y - previous_y)
         if across < (corner_y - previous_y) * (x - previous_x):
             return False
@@ -185,7 +198,7 @@ def contains(corners: Array, count: int, x: float, y: float) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: float) -> Point:
     """Return the minimiser over a polygon of a problem of full rank with its centre at c.
 
@@ -204,7 +217,7 @@ def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: f
     e2 = r22 * corners[0, 1] - z2
     arriving = (r11 * dx + r12 * dy) * e1 + r22 * dy * e2
     for i in range(count):
-        x, y = corners[i]
+        x, y = corners[i, 0], corners[i, 1]
         j = i + 1 if i + 1 < count else 0
         dx, dy = corners[j, 0] - x, corners[j, 1] - y
         d1, d2 = r11 * dx + r12 * dy, r22 * dy

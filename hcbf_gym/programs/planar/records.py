@@ -70,44 +70,40 @@ class Cost(NamedTuple):
     uy: float
 
 
+FEASIBLE, TRIAL, CELL, COPY = range(4)
+"""The inputs that the stages so far leave; a copy of them that may be thrown away; what
+`soft_minimum` cuts down; what `minimise` cuts."""
+
+
 class Workspace(NamedTuple):
     """What the kernels write to; made once for a whole batch.
 
     Attributes:
         radius: the largest norm of an input, which sets the scale of rounding.
-        feasible: (capacity, 2) corners of the inputs that the stages so far leave.
-        trial: (capacity, 2) a copy that may be thrown away.
-        cell: (capacity, 2) what `soft_minimum` cuts down.
-        copy: (capacity, 2) what `minimise` cuts.
-        scratch: (capacity, 2) for every cut.
+        polygons: (4, 2 capacity, 2) the polygons `FEASIBLE`, `TRIAL`, `CELL` and `COPY`, each with
+            as much room again behind its corners, which a cut writes to.
         rows: (m,) `ROW`, sorted by priority.
         start: (m + 2,) where each priority's rows start.
         graded: (1,) set where a stage's least squares are beyond doubles.
     """
 
     radius: float
-    feasible: Array
-    trial: Array
-    cell: Array
-    copy: Array
-    scratch: Array
+    polygons: Array
     rows: Rows
     start: NDArray[np.int64]
     graded: NDArray[np.bool_]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def make_workspace(radius: float, corners: int, m: int) -> Workspace:
     """Return the working space for a U with so many corners, and m rows."""
-    space = np.empty((5, corners + m + 4, 2))
+    polygons = np.empty((4, 2 * (corners + m + 4), 2))
     rows = np.zeros(m, dtype=ROW)
     start, graded = np.empty(m + 2, dtype=np.int64), np.zeros(1, dtype=np.bool_)
-    return Workspace(
-        radius, space[0], space[1], space[2], space[3], space[4], rows, start, graded
-    )  # fmt: skip
+    return Workspace(radius, polygons, rows, start, graded)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def row_line(row: Any, bound: float) -> Line:
     """Return the line ``a·u = bound`` of a row whose gradient does not vanish."""
     return Line(row.ax / row.norm, row.ay / row.norm, bound / row.norm)

@@ -13,13 +13,14 @@ from hcbf_gym.programs.planar.kink import MET, OPEN, PAID, settle
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
     add_row,
+    copy,
     cut,
     distance,
     minimise,
     slice_at,
     span,
 )
-from hcbf_gym.programs.planar.records import Array, Cost, Line, Point, Workspace, row_line
+from hcbf_gym.programs.planar.records import CELL, Array, Cost, Line, Point, Workspace, row_line
 from hcbf_gym.programs.tolerances import (
     GRADED,
     NEGLIGIBLE,
@@ -30,7 +31,7 @@ from hcbf_gym.programs.tolerances import (
 )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
     """Return a minimiser over the polygon; rows of weight 0 drop out.
 
@@ -38,13 +39,13 @@ def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
         corners: (capacity, 2) the polygon, left as it is.
         count: its number of corners.
         cost: what to minimise; where λ_u is 0 the minimiser need not be the one nearest u*.
-        w: the working space; `cell`, `copy`, `scratch` and the rows' `state` are written to.
+        w: the working space; `CELL`, `COPY` and the rows' `state` are written to.
     """
     x, y, found = _guess(corners, count, cost, w)
     if found:
         return x, y
-    cell, rows = w.cell, cost.rows
-    cell[:count] = corners[:count]
+    cell, rows = w.polygons[CELL], cost.rows
+    copy(corners, count, cell)
     for k in range(rows.size):
         pays = rows[k].weight != 0.0 and rows[k].norm > ZERO_GRADIENT
         rows[k].state = OPEN if pays else MET
@@ -57,10 +58,10 @@ def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
         if side == 0:
             return x, y
         rows[k].state = MET if side > 0 else PAID
-        count = cut(cell, count, Line(side * line.nx, side * line.ny, side * line.d), w)
+        count = cut(cell, count, Line(side * line.nx, side * line.ny, side * line.d), w.radius)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _paid(cost: Cost) -> LeastSquares:
     """Return the quadratic of the rows that pay."""
     problem = distance(cost.lambda_u, cost.ux, cost.uy)
@@ -72,7 +73,7 @@ def _paid(cost: Cost) -> LeastSquares:
     return problem
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float, float, bool]:
     """Guess which rows pay, minimise with those, and try again with those that then do.
 
@@ -85,7 +86,7 @@ def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float,
     for k in range(cost.rows.size):
         if cost.rows[k].least != 0.0:
             return 0.0, 0.0, False
-    x, y = corners[0]
+    x, y = corners[0, 0], corners[0, 1]
     for i in range(1, count):
         x, y = x + corners[i, 0], y + corners[i, 1]
     x, y = x / count, y / count
@@ -96,7 +97,7 @@ def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float,
     return x, y, False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _confirms(cost: Cost, x: float, y: float, radius: float) -> bool:
     """Note which rows pay at a point; tell whether they are those of the guess before."""
     confirms = True
@@ -114,7 +115,7 @@ def _confirms(cost: Cost, x: float, y: float, radius: float) -> bool:
     return confirms
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
     """Return the open row whose kink halves the cell best, −1 if none crosses it.
 
@@ -136,8 +137,8 @@ def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
     return chosen
 
 
-@njit(cache=True)
-def lock(corners: Array, count: int, cost: Cost, x: float, y: float, w: Workspace) -> int:
+@njit(cache=True, error_model="numpy")
+def lock(corners: Array, count: int, cost: Cost, x: float, y: float, radius: float) -> int:
     """Cut a polygon in place to the minimisers of ``Σ w_k max(m_k, v_k)²``, of which u is one.
 
     Each violation above m_k has one value on all of them. Returns the new number of corners.
@@ -155,14 +156,14 @@ def lock(corners: Array, count: int, cost: Cost, x: float, y: float, w: Workspac
         line = row_line(row, row.b - row.least)
         here = line.nx * x + line.ny * y
         excess = row.norm * (line.d - here)
-        if here < line.d - THIN * w.radius and np.sqrt(row.weight) * excess > negligible:
-            count = slice_at(corners, count, Line(line.nx, line.ny, here), w)
+        if here < line.d - THIN * radius and np.sqrt(row.weight) * excess > negligible:
+            count = slice_at(corners, count, Line(line.nx, line.ny, here), radius)
         else:
-            count = cut(corners, count, Line(line.nx, line.ny, min(here, line.d)), w)
+            count = cut(corners, count, Line(line.nx, line.ny, min(here, line.d)), radius)
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def is_graded(cost: Cost, one_sided: bool, radius: float) -> bool:
     """Tell whether ``√w_k ‖a_k‖`` of those rows that matter span more than `GRADED`.
 
