@@ -1,8 +1,15 @@
 """Does the environment apply what the filter chose? The input it seems to have received tells.
 
 At every sample the state's change over one period is compared with what the model makes of the
-chosen input. The difference, as an input Δu, is squared and averaged with the time constant
-`WINDOW`, and so is the chosen input: ``E_Δ ← E_Δ + (T/τ)(‖Δu‖² − E_Δ)``. ``model_error = √E_Δ``.
+chosen input. The difference, as an input Δu, says two things.
+
+``model_error`` is its root mean square with the time constant `WINDOW`,
+``E ← E + (T/τ)(‖Δu‖² − E)``.
+
+The alarm counts samples, so that it makes no difference how large they are. A sample tells
+something where the filter asked for something, ``‖u‖ > FLOOR ū`` with ū the largest input; then it
+is missed where ``‖Δu‖ > SHARE ‖u‖``. The alarm is raised where most of the last `TELLING` samples
+that tell were missed. A gain of 2 misses every one that is not cut off at the limits.
 """
 
 import warnings
@@ -17,28 +24,32 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 Array = NDArray[np.float64]
 
 WINDOW = 0.5
-"""τ, over which errors are averaged [s]: a few of the samples that a delay or a hold spoils."""
-FLOOR = 0.1
-"""Share of the largest input below which an error raises no alarm: rounding and small inputs."""
+"""τ, over which squared errors are averaged [s]."""
+FLOOR = 0.05
+"""Share of the largest input below which a chosen input tells nothing: rounding, noise at rest."""
 SHARE = 0.5
-"""Share of the chosen input's mean square above which an error raises the alarm. A gain of 2 has
-1, a delay of unrelated inputs 2."""
-LEAST_SAMPLES = 5
-"""Samples since the reset before which no alarm is raised."""
+"""Share of the chosen input from which on it was missed: a gain of 2 is off by all of it."""
+TELLING = 25
+"""Samples over which the share of misses is averaged."""
+LEAST_SAMPLES = 10
+"""Telling samples since the reset before which no alarm is raised."""
+MOST = 0.5
+"""Share of misses above which the alarm is raised."""
 
-ERROR, INPUT, SAMPLES, ALARM = range(4)
-"""Columns of a monitor's memory: E_Δ, the input's mean square, samples, whether it has alarmed."""
+ERROR, MISSED, SAMPLES, ALARM = range(4)
+"""Columns of a monitor's memory: E, the share of misses, samples that tell, whether it alarmed."""
 
 
 @njit(cache=True)
 def account(memory: Array, error: float, chosen: float, rate: float, radius: float) -> float:
-    """Average one sample's ‖Δu‖² and ‖u‖² into a plant's memory (4,), and return √E_Δ."""
-    memory[SAMPLES] += 1.0
+    """Count one sample's ‖Δu‖² and ‖u‖² in a plant's memory (4,), and return √E."""
     memory[ERROR] += rate * (error - memory[ERROR])
-    memory[INPUT] += rate * (chosen - memory[INPUT])
-    bound = max((FLOOR * radius) ** 2, SHARE * memory[INPUT])
-    if memory[SAMPLES] >= LEAST_SAMPLES and memory[ERROR] > bound:
-        memory[ALARM] = max(memory[ALARM], 1.0)
+    if chosen > (FLOOR * radius) ** 2:
+        missed = 1.0 if error > SHARE * SHARE * chosen else 0.0
+        memory[SAMPLES] += 1.0
+        memory[MISSED] += (missed - memory[MISSED]) / min(memory[SAMPLES], TELLING)
+        if memory[SAMPLES] >= LEAST_SAMPLES and memory[MISSED] > MOST:
+            memory[ALARM] = max(memory[ALARM], 1.0)
     return np.sqrt(memory[ERROR])
 
 

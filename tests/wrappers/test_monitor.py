@@ -1,0 +1,60 @@
+"""When a filter says that the environment does not apply what it chose."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hcbf_gym.wrappers import monitor
+
+PERIOD, LIMIT = 0.02, 5.0
+RADIUS = LIMIT * np.sqrt(2.0)
+
+
+def alarmed(inputs, applied):
+    """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
+    memory, last = np.zeros(4), np.zeros(5)
+    x = np.zeros(4)
+    for u, really in zip(inputs, applied, strict=True):
+        monitor.account_planar(memory, last, x, PERIOD, RADIUS)
+        last[:] = *x[2:], *u, 1.0
+        x[2:] += PERIOD * really
+    return memory[monitor.ALARM] > 0.0
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def wanted(seed, count=200):
+    """Inputs that a policy may ask for: each held for a while, of any size."""
+    rng = np.random.default_rng(seed)
+    held = rng.uniform(-LIMIT, LIMIT, (count // 10, 2)) * rng.random((count // 10, 1))
+    return np.repeat(held, 10, axis=0)
+
+
+@given(seeds, st.floats(0.0, 0.3))
+def test_an_environment_that_applies_u_nearly_is_no_alarm(seed, off):
+    u, rng = wanted(seed), np.random.default_rng(seed)
+    sway = rng.uniform(-off, off, u.shape) * np.linalg.norm(u, axis=1, keepdims=True)
+    assert not alarmed(u, u + sway)
+
+
+@given(seeds)
+def test_a_gain_of_two_that_is_cut_off_at_the_limits_is_one(seed):
+    u = wanted(seed)
+    assert alarmed(u, np.clip(2.0 * u, -LIMIT, LIMIT))
+    assert alarmed(0.1 * u + 0.3, 0.2 * u + 0.6)
+
+
+@given(seeds)
+def test_a_delay_and_a_hold_are_alarms(seed):
+    u = wanted(seed)
+    assert alarmed(u, np.vstack([np.zeros((10, 2)), u[:-10]]))
+    assert alarmed(u, np.repeat(u[::25], 25, axis=0))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_noise_at_rest_is_no_alarm(noise):
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-0.1, 0.1, (300, 2))
+    assert not alarmed(u, u + rng.normal(0.0, noise, u.shape))
