@@ -91,11 +91,10 @@ class PlanarCore(FilterCore):
             clearance = self.uncertainty.distance + self.uncertainty.body
             self._way.reset(scene, goal, extent, clearance, start=self._x[:, :2], mask=self._fresh)
         self._fresh[:] = False
-        remembered = self._memory.copy()
+        remembered, counted = self._memory.copy(), self._steps.copy()
         many = np.ndim(estimate.x) == 2
         u, report = self.step(np.zeros((self.count, 2) if many else 2), barriers, estimate)
-        self._memory[:] = remembered
-        self._steps -= 1.0
+        self._memory[:], self._steps[:] = remembered, counted
         outside = report["status"] == programs.FilterStatus.OUTSIDE
         report["status"] = report["status"] * outside
         report["u_safe"] = np.zeros_like(u)
@@ -109,7 +108,9 @@ class PlanarCore(FilterCore):
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
         scene = self._scene(barriers)
         self._take(estimate)
-        self._steps += 1.0
+        if estimate.time is None:
+            self._steps += 1.0
+        model = self._x if estimate.model is None else self._model
         wanted = u_nominal if u_nominal.ndim == 2 else u_nominal[None]
         m = scene.kind.shape[1]
         work = self._space(m)
@@ -120,7 +121,7 @@ class PlanarCore(FilterCore):
         said = fused.filter_plants(
             self._constants,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin),
-            (self._x, self._t, self._model, self._lag, self._covariance),
+            (self._x, self._t, model, self._lag, self._covariance),
             self._no_way if self._way is None else self._guided(self._way, wanted),
             work,
             self._memory,
@@ -190,7 +191,8 @@ class PlanarCore(FilterCore):
         """Note what is known of the plants."""
         self._x[:] = estimate.x
         self._t[:] = estimate.time if estimate.time is not None else self._time(estimate)
-        self._model[:] = estimate.x if estimate.model is None else estimate.model
+        if estimate.model is not None:
+            self._model[:] = estimate.model
         if estimate.lag is not None:
             self._lag[:] = estimate.lag
         if estimate.covariance is not None:
