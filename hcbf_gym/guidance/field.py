@@ -55,7 +55,7 @@ def paint(h: Array, priority: int, clearance: float, cost: Array, rank: Ranks) -
                 cost[j, i] = max(cost[j, i], 1.0 + HALO_COST * near**4)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def grid(values: Any, geometry: Array) -> Any:
     """Return the (ny, nx) view of one scene's flat values; `geometry` ends with ny and nx."""
     ny, nx = int(geometry[3]), int(geometry[4])
@@ -189,7 +189,7 @@ def _enters(rank: Any, level: int) -> bool:
     return rank == 0 or (level > 0 and rank >= level)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_of(x: float, y: float, geometry: Array) -> tuple[int, int]:
     """Return row and column of the cell nearest a point."""
     ny, nx = int(geometry[3]), int(geometry[4])

@@ -68,6 +68,7 @@ class Geodesic:
         self.field = np.zeros((count, 0), dtype=np.float32)
         self.through = np.zeros((count, 0), dtype=np.int8)
         self._next = np.full(count, np.inf)
+        self._moving = False
         self._set: BarrierSet | None = None
         self._clearance = np.zeros((count, 0))
 
@@ -120,10 +121,13 @@ class Geodesic:
         planar = scenes.kind != layout.SPEED_LIMIT
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
         self._next[chosen] = np.where(moves, self.period, np.inf)[chosen]
+        self._moving = bool((self._next < np.inf).any())
         self._solve(chosen, np.where(moves, 0.5 * self.period, 0.0))
 
     def update(self, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields that are a period old and move."""
+        if not self._moving:  # a step has no microsecond to spare for what never comes
+            return
         due = t >= self._next
         if due.any():
             self._next[due] = t[due] + self.period

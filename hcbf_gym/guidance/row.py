@@ -36,7 +36,7 @@ class Pull(NamedTuple):
     ease: float = 0.6
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def interpolate(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float, float]:
     """Return T and its gradient (∂T/∂x, ∂T/∂y) times the cell's side, bilinear between cells."""
     ny, nx = view.shape
@@ -51,7 +51,7 @@ def interpolate(view: Field, geometry: Array, x: float, y: float) -> tuple[float
     return (1.0 - q) * lower + q * upper, gx, gy
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def lowest_neighbour(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float]:
     """Return the centre of the lowest cell around the one nearest a point."""
     ny, nx = view.shape
@@ -64,7 +64,7 @@ def lowest_neighbour(view: Field, geometry: Array, x: float, y: float) -> tuple[
     return geometry[0] + low_i * geometry[2], geometry[1] + low_j * geometry[2]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def descent(
     view: Field, geometry: Array, goal: Array, x: float, y: float, length: float
 ) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def descent(
     return x, y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def row(
     field: Field, geometry: Array, goal: Array, x: Array, pull: Pull
 ) -> tuple[float, float, float]:
@@ -114,7 +114,7 @@ def row(
     return dx, dy, -pull.gain * (dx * x[2] + dy * x[3] - speed)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rows(
     field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, a: Array, b: Array
 ) -> None:
@@ -133,14 +133,14 @@ def rows(
         a[n, 0], a[n, 1], b[n] = row(field[n], geometry[n], goal[n], x[n], pull)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reachable(through: Ranks, geometry: Array, x: float, y: float) -> int:
     """Return through which rank the goal can be reached from a point; see `field.flood`."""
     j, i = cell_of(x, y, geometry)
     return through[j * int(geometry[4]) + i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.int64]) -> None:
     """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
 
@@ -161,7 +161,7 @@ def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.
         out[k] = priority[k] + 1 if gives_way and priority[k] >= way else priority[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def shape(ux: float, uy: float, ax: float, ay: float, b: float) -> tuple[float, float]:
     """Return the input nearest u* that meets the guidance row.
 
