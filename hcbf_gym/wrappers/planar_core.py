@@ -94,7 +94,8 @@ class PlanarCore(FilterCore):
         remembered, counted = self._memory.copy(), self._steps.copy()
         many = np.ndim(estimate.x) == 2
         u, report = self.step(np.zeros((self.count, 2) if many else 2), barriers, estimate)
-        self._memory[:], self._steps[:] = remembered, counted
+        self._memory[:] = remembered
+        self._steps[:] = counted
         outside = report["status"] == programs.FilterStatus.OUTSIDE
         report["status"] = report["status"] * outside
         report["u_safe"] = np.zeros_like(u)
