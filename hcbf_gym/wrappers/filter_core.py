@@ -73,7 +73,7 @@ class FilterCore(ABC):
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
-        self._steps = np.zeros(count)
+        self._steps: Array = np.zeros(count)
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:
