@@ -69,7 +69,8 @@ def require(what: str, extra: str, *modules: str) -> None:
     if missing:
         raise MissingDependencyError(
             f"{what}: got no {', '.join(missing)}, "
-            f"expected the extra: pip install 'hcbf-gym[{extra}]'"
+            f"expected the extra: pip install 'hcbf-gym[{extra}]', "
+            f"or in a checkout pip install -c constraints.txt -e '.[{extra}]'"
         )
 
 

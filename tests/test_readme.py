@@ -57,7 +57,10 @@ def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
 
 @pytest.mark.physics
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
-def test_every_block_of_python_runs(page):
+def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for scene in blocks(page, "json"):
+        Path("scene.json").write_text(scene, encoding="utf-8")  # as the page says
     names: dict = {}
     for block in blocks(page, "python"):
         exec(block, names)

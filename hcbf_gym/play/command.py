@@ -4,9 +4,22 @@ import threading
 from dataclasses import dataclass
 from typing import Literal
 
+from hcbf_gym.barriers import Disc
 from hcbf_gym.play.page import FIRST_PORT, Page, check_address
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios.references import PointReference
+
+IN_CONFLICT = Scenario(
+    "in conflict",
+    (
+        Disc("strict", 1, center=(0.5, 0.0), radius=0.4),
+        Disc("soft", 2, center=(-0.5, 0.0), radius=0.6),
+    ),
+    PointReference((3.0, 0.0)),
+)
+"""A scene whose first step is relaxed, so that everything is asked for that a page can show."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +67,7 @@ def main(args: Args) -> None:
         seed=args.seed,
     )
     session = Session(settings, args.scenario)
-    session.tick()  # compiles what is not in the cache yet, before anybody watches
+    compile_all(session)
     page = Page(session, args.host, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
@@ -71,3 +84,13 @@ def main(args: Args) -> None:
         stop.set()
         simulation.join(timeout=5.0)
         page.close()
+
+
+def compile_all(session: Session) -> None:
+    """Compile what is not in the cache yet, before anybody watches: the robot would stand still.
+
+    Args:
+        session: takes its first step.
+    """
+    session.tick()
+    Session(Settings(model="reduced", guidance=True), IN_CONFLICT).tick()
