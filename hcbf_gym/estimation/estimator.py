@@ -72,6 +72,7 @@ class Estimator:
         self._past = np.zeros(delay + 1, dtype=PAST)
         self._means: Array = self._past["x"]
         self._covariances: Array = self._past["cov"]
+        self._yaw_error = self.sensors.yaw
         self._rng: np.random.Generator | None = None
         self._noise = np.zeros(0, dtype=NOISE)
         self._drawn = 0
@@ -114,10 +115,11 @@ class Estimator:
         memory = self._memory[0]
         now = int(memory["ticks"]) % len(self._past)
         mean, (of_axis, mixed) = self._means[now], self._covariances[now, :2, :2]
-        covariance = np.zeros((4, 4))
-        covariance[_DIAGONAL, _DIAGONAL] = of_axis[0], of_axis[0], mixed[1], mixed[1]
-        covariance[_DIAGONAL, _ACROSS] = of_axis[1]
-        return PlanarEstimate(mean[:2].ravel(), covariance, float(memory["yaw"]))
+        turned = self._yaw_error * mean[:2, 2:].ravel()
+        covariance = np.outer(turned, turned)
+        covariance[_DIAGONAL, _DIAGONAL] += of_axis[0], of_axis[0], mixed[1], mixed[1]
+        covariance[_DIAGONAL, _ACROSS] += of_axis[1]
+        return PlanarEstimate(mean[:2, :2].ravel(), covariance, float(memory["yaw"]))
 
     def _next_noise(self) -> int:
         if self._rng is None:

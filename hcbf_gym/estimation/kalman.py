@@ -3,6 +3,9 @@
 Both axes have the same model and the same noise, so that they share one covariance. The state of an
 axis is [p, v, d, a, s]: position, velocity, drift of the fix, error of the acceleration, slip of
 the feet.
+
+The filter is linear in what comes in, and its gains do not depend on that. So the same steps, taken
+on the derivatives of what comes in, give the derivative of the estimate: columns beyond the axes.
 """
 
 import numpy as np
@@ -27,9 +30,7 @@ MODEL = np.dtype(
 
 
 @njit(cache=True)
-def predict(
-    model: np.record, x: Array, cov: Array, acceleration: Array, var_acc: float, var_slip: float
-) -> None:
+def predict(model: np.record, x: Array, cov: Array, acceleration: Array, var_acc: float) -> None:
     """Move an estimate on by one tick under a measured acceleration.
 
     ``v' = v + dt (acc − a)``, ``p' = p + dt v'``, as the physics integrates; the slow errors decay
@@ -37,15 +38,14 @@ def predict(
 
     Args:
         model: a `MODEL` record.
-        x: (5, 2) means of both axes, changed in place.
-        cov: (5, 5) covariance of either, changed in place.
-        acceleration: (2,) as measured, in the world [m/s²].
+        x: (5, k) means of both axes, and derivatives of them, changed in place.
+        cov: (5, 5) covariance of either axis, changed in place.
+        acceleration: (k,) as measured, in the world [m/s²], and derivatives of it.
         var_acc: variance of its white noise [m²/s⁴].
-        var_slip: variance that moving adds to the slip in the long run [m²/s²].
     """
     dt = model.timestep
     square = dt * dt
-    for axis in range(2):
+    for axis in range(x.shape[1]):
         acc = acceleration[axis] - x[A, axis]
         x[V, axis] += dt * acc
         x[P, axis] += dt * x[V, axis]
@@ -67,25 +67,24 @@ def predict(
     cov[V, P] += square * dt * var_acc
     cov[V, V] += dt * dt * var_acc
     for i in range(D, AXIS):
-        variance = model.variance[i] + (var_slip if i == S else 0.0)
-        cov[i, i] += (1.0 - model.keep[i] ** 2) * variance
+        cov[i, i] += (1.0 - model.keep[i] ** 2) * model.variance[i]
 
 
 @njit(cache=True)
 def correct(x: Array, cov: Array, first: int, second: int, z: Array, variance: float) -> None:
-    """Take in a measurement z (2,) of the sum of two entries of the state, on both axes.
+    """Take in a measurement z (k,) of the sum of two entries of the state, on both axes.
 
     Args:
-        x: (5, 2) means, changed in place.
+        x: (5, k) means of both axes, and derivatives of them, changed in place.
         cov: (5, 5), changed in place.
         first: one entry that z shows.
         second: the other.
-        z: (2,) along x and y.
+        z: (k,) along x and y, and derivatives of it.
         variance: of the white noise of z.
     """
     shown = cov[:, first] + cov[:, second]
     innovation_variance = shown[first] + shown[second] + variance
-    for axis in range(2):
+    for axis in range(x.shape[1]):
         surprise = (z[axis] - x[first, axis] - x[second, axis]) / innovation_variance
         for i in range(AXIS):
             x[i, axis] += shown[i] * surprise

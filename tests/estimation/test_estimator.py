@@ -30,7 +30,9 @@ def make(legs, source, timestep=0.002):
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("source", [*PRESETS, {"drift": 0.05, "drift_time": 2.0}])
+@pytest.mark.parametrize(
+    "source", [*PRESETS, {"drift": 0.05, "drift_time": 2.0}, {"yaw": 0.06, "slip": 0.01}]
+)
 def test_the_covariance_is_honest(legs, walk, source):
     runs, estimator = 40, make(legs, source)
     nees = np.empty(runs)

@@ -25,18 +25,18 @@ def estimate():
 
 def test_prediction_is_that_of_the_matrices(model, estimate):
     x, cov = estimate
-    acceleration, var_acc, var_slip = np.array([0.7, -1.2]), 0.5, 0.04
+    acceleration, var_acc = np.array([0.7, -1.2]), 0.5
     transition = np.diag(np.array(model.keep))
     transition[V, A] = -DT
     transition[P, V], transition[P, A] = DT, -DT * DT
     drive = np.zeros(AXIS)
     drive[[P, V]] = DT * DT, DT
     noise = var_acc * np.outer(drive, drive)
-    slow = np.array(model.variance) + var_slip * (np.arange(AXIS) == S)
+    slow = np.array(model.variance)
     noise += np.diag((1.0 - np.array(model.keep) ** 2) * slow)
     expected_x = transition @ x + np.outer(drive, acceleration)
     expected_cov = transition @ cov @ transition.T + noise
-    predict(model, x, cov, acceleration, var_acc, var_slip)
+    predict(model, x, cov, acceleration, var_acc)
     np.testing.assert_allclose(x, expected_x, atol=1e-13)
     np.testing.assert_allclose(cov, expected_cov, atol=1e-13)
 
@@ -58,5 +58,5 @@ def test_correction_is_the_least_squares_answer(estimate, shown):
 def test_slow_errors_keep_their_variance_in_the_long_run(model):
     x, cov = np.zeros((AXIS, 2)), np.zeros((AXIS, AXIS))
     for _ in range(20_000):
-        predict(model, x, cov, np.zeros(2), 0.0, 0.0)
+        predict(model, x, cov, np.zeros(2), 0.0)
     np.testing.assert_allclose(np.diag(cov)[D:], [0.01, 0.02, 0.03], rtol=1e-6)
