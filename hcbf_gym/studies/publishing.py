@@ -6,6 +6,8 @@ nothing else::
 
     <!-- results: SUITE/TABLE -->
     <!-- end of results -->
+
+``awaits`` in the place of ``results`` keeps what stands there until the suite is published.
 """
 
 import datetime
@@ -23,7 +25,7 @@ from hcbf_gym.evaluation.output_folder import write_json, write_text
 from hcbf_gym.studies.suites import SUITES
 
 _MARKED = re.compile(
-    r"(<!-- results: ([\w-]+)/([^>]+?) -->\n).*?(<!-- end of results -->)", re.DOTALL
+    r"<!-- (results|awaits): ([\w-]+)/([^>]+?) -->\n.*?<!-- end of results -->", re.DOTALL
 )
 
 
@@ -49,7 +51,7 @@ def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
         "sources": SUITES[name].sources(),
         "figures": figures,
     }
-    write_json(root / "docs" / "results" / f"{name}.json", record)
+    write_json(_results(root, name), record)
 
 
 def check_root(root: Path) -> None:
@@ -86,11 +88,14 @@ def differing(root: Path) -> Iterator[tuple[Path, str]]:
     shown = {}
 
     def table(match: re.Match[str]) -> str:
-        begin, name, which, end = match.groups()
+        kind, name, which = match.groups()
+        choose("suite", name, SUITES)
+        if kind == "awaits" and not _results(root, name).is_file():
+            return match[0]
         if name not in shown:
             shown[name] = _published(root, name)
         text = choose(f"table of {name}", which, shown[name])
-        return f"{begin}{text}\n{end}"
+        return f"<!-- results: {name}/{which} -->\n{text}\n<!-- end of results -->"
 
     pages = {page: page.read_text(encoding="utf-8") for page in _pages(root)}
     for page, text in pages.items():
@@ -129,9 +134,13 @@ def _pages(root: Path) -> list[Path]:
     return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
 
 
+def _results(root: Path, name: str) -> Path:
+    return root / "docs" / "results" / f"{name}.json"
+
+
 def _published(root: Path, name: str) -> dict[str, str]:
     """Return a published suite's tables as Markdown, each with where it came from."""
-    path = root / "docs" / "results" / f"{name}.json"
+    path = _results(root, name)
     if not path.is_file():
         raise InvalidInputError(f"results: got no {path.name}, expected it in docs/results")
     record = json.loads(path.read_text(encoding="utf-8"))
@@ -140,7 +149,7 @@ def _published(root: Path, name: str) -> dict[str, str]:
         f"`hcbf benchmark --suite {name}`, commit {record['commit']}{changed}, {record['date']}; "
         f"{record['machine']}."
     )
-    tables = choose("suite", name, SUITES).tables(record["figures"])
+    tables = SUITES[name].tables(record["figures"])
     return {which: f"\n{table.markdown()}\n\n*{came}*\n" for which, table in tables.items()}
 
 

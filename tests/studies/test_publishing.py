@@ -74,6 +74,19 @@ def test_a_page_that_names_what_is_not_there_is_refused_and_no_page_changes(chec
     assert (checkout / "README.md").read_text() == PAGE
 
 
+def test_a_table_that_awaits_its_figures_stays_until_they_are_published(checkout):
+    waiting = PAGE.replace("results: course", "awaits: course")
+    (checkout / "README.md").write_text(waiting)
+    assert publishing.fill(checkout) == []
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    assert publishing.fill(checkout) == [checkout / "README.md"]
+    assert "| +0.125 |" in (checkout / "README.md").read_text()
+    assert "awaits" not in (checkout / "README.md").read_text()
+    (checkout / "README.md").write_text(waiting.replace("course/all", "no-such/all"))
+    with pytest.raises(UnknownNameError, match="no-such"):
+        publishing.fill(checkout)
+
+
 def test_only_full_figures_of_known_suites_in_a_checkout_are_published(tmp_path):
     for arguments, message in (
         (["--suite", "course", "--publish", "--quick"], "full run"),
