@@ -34,6 +34,7 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
 RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
     "random": random_scenes.draw,
     "random-moving": partial(random_scenes.draw, moving=True),
+    "random-wide": partial(random_scenes.draw, gap=random_scenes.WIDE_GAP),
     "random-clutter": clutter.draw,
     "random-traps": traps.draw,
 }

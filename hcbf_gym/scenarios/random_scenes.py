@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
 counts as one region."""
+WIDE_GAP = 1.25
+"""The same of `random-wide` [m], where a robot of .45 m radius passes with room for margins."""
 CONFLICT_SHARE = 0.5
 """Share of scenes that start in a conflict, of `random` and `random-moving` alike."""
 START_CLEARANCE = 1.0
@@ -47,32 +49,34 @@ _PLACE, _SIZE, _ALONG, _ACROSS, _KIND, _TURN, _FORM = range(7)
 _HEADING, _DEPTH, _DISTANCE, _INNER, _OUTER = _SIZE, _ALONG, _ACROSS, _KIND, _TURN
 
 
-def draw(rng: np.random.Generator, moving: bool = False) -> Layout:
+def draw(rng: np.random.Generator, moving: bool = False, gap: float = GAP) -> Layout:
     """Return the scene that the generator decides.
 
     Args:
         rng: gives the same number of numbers for every scene.
         moving: let the relaxed regions drift that are not part of a conflict.
+        gap: least passage between two regions, and between a region and a wall [m]; a wider one
+            moves walls and regions apart and the goal farther away.
     """
     n = len(PRIORITIES)
     hall, presence, chances = np.split(rng.random(4 + n + 7 * n), (4, 4 + n))
     goal, regions = np.empty(2), np.empty((n, 8))
-    half_width = _lay_out(hall, presence, chances.reshape(n, 7), moving, goal, regions)
+    half_width = _lay_out(hall, presence, chances.reshape(n, 7), moving, gap, goal, regions)
     return Layout(half_width, goal, regions, PRIORITIES)
 
 
 @njit(cache=True)
 def _lay_out(
-    hall: Array, presence: Array, chances: Array, moving: bool, goal: Array, regions: Array
+    hall: Array,
+    presence: Array,
+    chances: Array,
+    moving: bool,
+    gap: float,
+    goal: Array,
+    regions: Array,
 ) -> float:
     """Write the goal and the regions; return the hall's half width."""
-    half_width = 2.2 + 0.6 * hall[_WIDTH]
-    length = 8.5 + 1.5 * hall[_LENGTH]
-    goal[0], goal[1] = length, 1.2 * (2.0 * hall[_GOAL] - 1.0)
     conflict = hall[_CONFLICT] < CONFLICT_SHARE
-    clear = 1.0 + 0.4 if conflict else START_CLEARANCE - 0.5 * GAP
-    first, last = clear + (0.5 * GAP if conflict else 0.0), length - 0.6
-
     order, n = np.empty(len(PRIORITIES), dtype=np.int64), 0
     for slot in range(len(PRIORITIES)):  # who has a stretch of its own, and in which order
         in_play = slot in (0, _FIRST_OF_2) or presence[slot] < 0.5
@@ -80,12 +84,16 @@ def _lay_out(
             place = int(n * chances[slot, _PLACE])
             order[n], order[place], n = order[place], slot, n + 1
 
+    half_width = 2.2 + 0.6 * hall[_WIDTH] + (gap - GAP)
+    length = 8.5 + 1.5 * hall[_LENGTH] + 0.5 * n * (gap - GAP)
+    goal[0], goal[1] = length, 1.2 * (2.0 * hall[_GOAL] - 1.0)
+    first = 1.0 + 0.4 + 0.5 * gap if conflict else START_CLEARANCE - 0.5 * gap
+    stretch = (length - 0.6 - first) / n
     hide(regions, length, half_width)
-    stretch = (last - first) / n
     for k in range(n):
         slot = order[k]
-        reach = first + k * stretch, stretch, half_width - GAP
-        _place(regions[slot], chances[slot], reach, goal)
+        reach = first + k * stretch, stretch, half_width - gap
+        _place(regions[slot], chances[slot], reach, gap, goal)
         if moving and PRIORITIES[slot] > 1:
             speed, heading = MAX_DRIFT * chances[slot, _PLACE], 2.0 * np.pi * chances[slot, _SIZE]
             regions[slot, VX], regions[slot, VY] = speed * np.cos(heading), speed * np.sin(heading)
@@ -95,12 +103,14 @@ def _lay_out(
 
 
 @njit(cache=True)
-def _place(region: Array, chance: Array, reach: tuple[float, float, float], goal: Array) -> None:
+def _place(
+    region: Array, chance: Array, reach: tuple[float, float, float], gap: float, goal: Array
+) -> None:
     """Put a region near the straight line, within its stretch (from, length, half width)."""
     first, stretch, half_width = reach
-    radius = min(1.1, 0.5 * (stretch - GAP)) * (0.7 + 0.3 * chance[_SIZE])
-    free = stretch - GAP - 2.0 * radius
-    x = first + 0.5 * GAP + radius + free * chance[_ALONG]
+    radius = min(1.1, 0.5 * (stretch - gap)) * (0.7 + 0.3 * chance[_SIZE])
+    free = stretch - gap - 2.0 * radius
+    x = first + 0.5 * gap + radius + free * chance[_ALONG]
     straight = goal[1] * x / goal[0]
     across = half_width - radius
     y = min(max(straight + 0.5 * (2.0 * chance[_ACROSS] - 1.0) * radius, -across), across)

@@ -67,7 +67,17 @@ SUITES = {
         needs=("cbfpy",),
     ),
     "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
-    "strict": Suite("strict.suite", "attacks on the strict rank", 25, A1),
+    "strict": Suite(
+        "strict.suite",
+        "attacks, search and pushes against the strict rank",
+        45,
+        (*A1, *BASELINES),
+        extra="studies",
+        needs=("optuna", "cmaes"),
+    ),
+    "soak": Suite(
+        "benchmarks.soak", "memory over an hour of simulated time, with resets and faults", 10, A1
+    ),
     "programs": Suite("benchmarks.programs", "time of each filter, beside peers", 4),
     "verify-programs": Suite(
         "benchmarks.verify_programs", "each filter against exact solutions", 120

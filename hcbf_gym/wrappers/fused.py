@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import margins, row_kernels
+from hcbf_gym.barriers import layout, margins, row_kernels
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
@@ -205,7 +205,7 @@ def filter_plants(
             answer.model_error[i] = account_planar(
                 memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
             )
-            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], settings.radius, answer)
+            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], constants, answer)
             asks |= status[i] < 0 or memory[i, ALARM] == 1.0
     return ASKS if asks else DONE
 
@@ -284,10 +284,11 @@ def _conclude(
     result: FilterResult,
     w: Work,
     memory: Array,
-    radius: float,
+    constants: Constants,
     answer: Answer,
 ) -> None:
     """Write the status of one state, and note what its monitor shall expect."""
+    radius, body = Settings(*constants[0]).radius, Uncertainty(*constants[2]).body
     ux, uy = result.u[i, 0], result.u[i, 1]
     dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
     answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
@@ -298,15 +299,34 @@ def _conclude(
     if result.status[i] >= 0:
         m = barriers.priority.shape[1]
         moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
-        answer.status[i] = conclude(
-            result.status[i], moved, barriers.priority[i], w.rows[1, i, :m], result.slack[i, :m]
-        )
+        outside = is_outside(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
+        answer.status[i] = conclude(result.status[i], moved, outside, result.slack[i, :m])
     memory[4], memory[5] = plants.model[i, 2], plants.model[i, 3]
     memory[6], memory[7], memory[8] = ux, uy, 1.0
 
 
 @njit(cache=True)
-def conclude(status: int, moved: bool, priority: Integers, h: Array, slack: Array) -> int:
+def is_outside(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
+    """Tell whether a strict ``h − ρ‖∇h‖`` is below zero: h of the whole body, where h is a distance.
+
+    Args:
+        kind: (m,) of the barriers; a speed limit has no place.
+        priority: (m,).
+        a: (M, 2) of the rows, ∇h; M is m or more.
+        h: (M,) of the body's centre.
+        body: ρ, what the body reaches beyond its centre [m].
+    """
+    for k in range(kind.size):
+        reach = 0.0
+        if body > 0.0 and kind[k] != layout.SPEED_LIMIT:
+            reach = body * np.sqrt(a[k, 0] * a[k, 0] + a[k, 1] * a[k, 1])
+        if priority[k] == 1 and h[k] < reach:
+            return True
+    return False
+
+
+@njit(cache=True)
+def conclude(status: int, moved: bool, outside: bool, slack: Array) -> int:
     """Return the status of the safety rows alone, and OUTSIDE where a strict h is below zero.
 
     A guidance row that gives way is no violation, and an input that only guidance moved is SAFE.
@@ -314,16 +334,15 @@ def conclude(status: int, moved: bool, priority: Integers, h: Array, slack: Arra
     Args:
         status: the program's.
         moved: whether u is not u*.
-        priority: (m,) of the safety rows.
-        h: (m,) of their barriers.
+        outside: whether a strict h is below zero.
         slack: (m,) of the safety rows.
     """
     if status == BACKUP:
         return status
+    if outside:
+        return OUTSIDE
     met = True
-    for k in range(priority.size):
-        if priority[k] == 1 and h[k] < 0.0:
-            return OUTSIDE
+    for k in range(slack.size):
         met = met and slack[k] == 0.0
     if met:
         return SAFE if moved else NOMINAL_INPUT

@@ -15,6 +15,7 @@ from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
+from hcbf_gym.wrappers.fused import is_outside
 from hcbf_gym.wrappers.monitor import Monitor, warn_once
 
 
@@ -56,7 +57,7 @@ class GeneralCore(FilterCore):
         """Look at the first state of a new episode, and return what the infos of a reset say."""
         rows, margin = self._rows(barriers, estimate)
         zeros = np.zeros(self.input_set.n_u)
-        status = FilterStatus.OUTSIDE if _outside(rows) else FilterStatus.NOMINAL
+        status = FilterStatus.OUTSIDE if self._outside(rows, barriers) else FilterStatus.NOMINAL
         slack = np.zeros(rows.b.size)
         result = programs.FilterResult(zeros, slack, slack.copy(), status, 0)
         return _report(zeros, result, margin, 0.0)
@@ -70,7 +71,7 @@ class GeneralCore(FilterCore):
         x = np.asarray(estimate.x, dtype=np.float64)
         model_error = self._monitor.observe(x)
         result = self.program(u_nominal, rows)
-        if _outside(rows) and result.status < FilterStatus.OUTSIDE:
+        if self._outside(rows, barriers) and result.status < FilterStatus.OUTSIDE:
             result = result._replace(status=FilterStatus.OUTSIDE)
         self._monitor.expect(x, result.u)
         warn_once(self._monitor.memory)
@@ -94,10 +95,12 @@ class GeneralCore(FilterCore):
         margin = margins(barriers, self.uncertainty.distance + self.uncertainty.body)
         return self._rows_of(barriers, x, time, margin), margin
 
-
-def _outside(rows: CbfRows) -> bool:
-    """Tell whether a strict h is below zero."""
-    return bool((rows.h[rows.priority == 1] < 0.0).any())
+    def _outside(self, rows: CbfRows, barriers: Any) -> bool:
+        """Tell whether a strict h is below zero, for the whole body where that is known."""
+        if isinstance(barriers, BarrierSet):
+            now = barriers.kind[0], rows.priority, rows.a, rows.h
+            return bool(is_outside(*now, self.uncertainty.body))
+        return bool((rows.h[rows.priority == 1] < 0.0).any())
 
 
 def _report(

@@ -170,9 +170,9 @@ class PlanarCore(FilterCore):
             exact = filter_exactly(self.program.cascade, self.input_set, wanted[i], state)
             u_nominal = np.atleast_2d(report["u_nominal"])[i]
             moved = bool((np.abs(exact.u - u_nominal) > 0.0).any())
-            status = fused.conclude(
-                int(exact.status), moved, scene.priority[i], rows[1, i, :m], exact.slack[:m]
-            )
+            sensed = scene.kind[i], scene.priority[i], a[i], rows[1, i]
+            outside = fused.is_outside(*sensed, self.uncertainty.body)
+            status = fused.conclude(int(exact.status), moved, outside, exact.slack[:m])
             where = () if self.count == 1 and report["u_safe"].ndim == 1 else (i,)
             report["u_safe"][where] = exact.u
             report["slack"][where], report["delta"][where] = exact.slack[:m], exact.delta[:m]

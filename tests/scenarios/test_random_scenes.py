@@ -8,12 +8,13 @@ from scipy.optimize import linprog
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
+from hcbf_gym.envs.a1_regions import BODY_RADIUS
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import clutter, hall, random_scenes, traps
 
 NAMES = list(scenarios.RANDOM)
-HALLS = {"random": False, "random-moving": True}
+HALLS = {"random": False, "random-moving": True, "random-wide": False}
 SEEDS = range(200)
 CELL = 0.1
 
@@ -89,11 +90,15 @@ def test_several_regions_of_several_priorities_stand_in_the_hall():
     assert counts == {2, 3, 4, 5}
 
 
-@pytest.mark.parametrize("name", ["random", "random-clutter", "random-traps"])
+@pytest.mark.parametrize("name", ["random", "random-wide", "random-clutter", "random-traps"])
 @pytest.mark.parametrize("seed", range(15))
 def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
     scenario = scene(seed, name)
-    passage = {"random": random_scenes.GAP, "random-clutter": 2.0 * clutter.CLEAR}
+    passage = {
+        "random": random_scenes.GAP,
+        "random-wide": random_scenes.WIDE_GAP,
+        "random-clutter": 2.0 * clutter.CLEAR,
+    }
     clearance = 0.5 * passage.get(name, traps.PASSAGE) - CELL
     x, y = np.meshgrid(np.arange(-2.0, 12.0, CELL), np.arange(-3.5, 3.5, CELL), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros((x.size, 2))])
@@ -182,3 +187,18 @@ def test_a_trap_lies_on_the_straight_line_and_is_open_towards_the_start():
             assert crossed.any(), (seed, rank)
         first = line[np.argmax((h < 0.0).any(axis=1))]
         assert first[0] > 1.0
+
+
+def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
+    assert random_scenes.WIDE_GAP > 2.0 * BODY_RADIUS + 0.2
+    for seed in SEEDS:
+        near = random_scenes.draw(np.random.default_rng(seed))
+        wide = random_scenes.draw(np.random.default_rng(seed), gap=random_scenes.WIDE_GAP)
+        np.testing.assert_allclose(wide.half_width - near.half_width, random_scenes.WIDE_GAP - 0.8)
+        shape = [hall.SHAPE, hall.ANGLE, hall.ASPECT]
+        np.testing.assert_array_equal(wide.regions[:, shape], near.regions[:, shape])
+        within = np.abs(wide.regions[:, hall.Y]) < wide.half_width
+        clear = wide.half_width - random_scenes.WIDE_GAP + 1e-12
+        strict = within & (np.array(random_scenes.PRIORITIES) == 1)
+        reach = np.abs(wide.regions[:, hall.Y]) + wide.regions[:, hall.RADIUS]
+        assert (reach[strict] <= clear).all()

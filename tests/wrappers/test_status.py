@@ -1,0 +1,35 @@
+"""What the filter says of a robot that stands inside a strict region."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.wrappers import SafetyFilter
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+@pytest.mark.parametrize(
+    ("body", "distance", "status"),
+    [
+        ("footprint", 0.3, FilterStatus.OUTSIDE),
+        ("footprint", 0.6, FilterStatus.NOMINAL),
+        ("point", 0.3, FilterStatus.NOMINAL),
+        ("point", -0.1, FilterStatus.OUTSIDE),
+    ],
+)
+def test_a_start_with_the_body_inside_a_strict_region_reports_outside(
+    body, distance, status, solver
+):
+    env = gym.make("HCBF-A1Regions-v0", scenario="random-wide", body=body)
+    env = SafetyFilter(env, program="lex-cbf-qp", solver=solver)
+    env.reset(seed=1)
+    wall = env.unwrapped.scenario.barriers[1]  # the right one, y ≥ offset
+    start = (-1.0, wall.offset + distance)
+    scene = replace(env.unwrapped.scenario, start=start)
+    _, info = env.reset(seed=1, options={"scenario": scene})
+    assert info["safety_filter"]["status"] == status
+    _, _, _, _, info = env.step(np.zeros(2))
+    assert (info["safety_filter"]["status"] == FilterStatus.OUTSIDE) == (status == 4)
