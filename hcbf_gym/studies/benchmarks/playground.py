@@ -30,6 +30,8 @@ PUSH = 60.0
 AS_FAST_AS_IT_CAN = 1e6
 FREE_RUN = 10.0
 """How long the simulation runs as fast as it can [s of the clock]."""
+NAP = 15.0
+"""How long a browser that reads nothing stays [s]; the page itself drops it after 40 s."""
 _MEGABYTE = 1e6 if sys.platform == "darwin" else 1e3  # of what getrusage counts in
 
 
@@ -50,11 +52,23 @@ class Reader(threading.Thread):
             self.count += 1
 
 
+def doze(port: int, stop: threading.Event) -> None:
+    """Connect, read nothing for a while, leave, and connect again, until told to stop.
+
+    Args:
+        port: of the page.
+        stop: set when it is over.
+    """
+    while not stop.is_set():
+        with _connection(port):
+            stop.wait(NAP)
+
+
 def run(quick: bool) -> dict[str, Any]:
     """Play with the page open in three places; return pace, updates and memory.
 
     A browser draws in software (if Chromium is installed), a reader counts what is sent, and a
-    sleeper connects and never reads.
+    third connects again and again and never reads.
 
     Args:
         quick: a fifth of a minute instead of ten.
@@ -66,19 +80,19 @@ def run(quick: bool) -> dict[str, Any]:
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
     shown = threading.Thread(target=page.run, args=(stop, simulation), daemon=True)
-    with contextlib.closing(page), _browser(page.port) as browser, _connection(page.port):
+    sleeper = threading.Thread(target=doze, args=(page.port, stop), daemon=True)
+    with contextlib.closing(page), _browser(page.port) as browser:
         reader = Reader(page.port)
-        reader.start()
-        simulation.start()
-        shown.start()
+        for thread in (simulation, shown, reader, sleeper):
+            thread.start()
         try:
             rows = [_play(session, period, reader, k) for k in range(periods)]
             session.post(session.set_pace, AS_FAST_AS_IT_CAN)
             free = _play(session, FREE_RUN, reader, periods)
         finally:
             stop.set()
-            simulation.join()
-            shown.join()
+            for thread in (simulation, shown, sleeper):
+                thread.join()
     return {"browser": browser, "rows": rows, "free": free}
 
 
@@ -117,7 +131,13 @@ def _play(session: Session, duration: float, reader: Reader, seed: int) -> dict[
 def _connection(port: int) -> Any:
     """Connect as a browser does; what is not read waits with the sender."""
     protocol: Any = f"viser-v{viser.__version__}"
-    return connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_queue=1, max_size=None)
+    return connect(
+        f"ws://127.0.0.1:{port}",
+        subprotocols=[protocol],
+        max_queue=1,
+        max_size=None,
+        ping_interval=None,
+    )
 
 
 @contextlib.contextmanager
