@@ -125,6 +125,11 @@ def test_every_loop_is_shown_and_all_together_are_small():
     assert sum(path.stat().st_size for path in files.values()) < 10e6
 
 
+def test_every_suite_is_listed():
+    page = (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8")
+    assert [name for name in SUITES if f"`{name}`" not in page] == []
+
+
 def headings(page):
     """The anchors of a page, as the site's generator and code hosts make them."""
     titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
