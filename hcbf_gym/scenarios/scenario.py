@@ -177,7 +177,7 @@ def load(path: str | Path) -> Scenario:
     """
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InvalidInputError(
             f"scenario file: got {str(path)!r} ({error}), expected a readable JSON file"
         ) from error

@@ -47,6 +47,7 @@ def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
         (["--port", "70000"], "expected 0 to 65535"),
         (["--host", "203.0.113.1"], "expected an address of this machine"),
         (["--scenario", "{folder}/broken.json"], "broken.json"),
+        (["--scenario", "{folder}/deep.json"], "deep.json"),
         (["--scenario", "{folder}/nothing.json"], "nothing.json"),
         (["--scenario", "{folder}/flat.json"], "expected a number > 0"),
         (["--program", "no-such"], "unknown program"),
@@ -54,6 +55,7 @@ def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
 )
 def test_the_command_ends_in_one_line_before_anything_is_served(tmp_path, arguments, message):
     (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "deep.json").write_text("[" * 100_000)
     flat = {"kind": "disc", "name": "flat", "priority": 1, "center": [0.0, 5.0], "radius": 0.0}
     reference = {"kind": "point", "goal": [1.0, 0.0]}
     scene = {"name": "flat", "barriers": [flat], "reference": reference}

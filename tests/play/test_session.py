@@ -132,6 +132,7 @@ def test_every_region_of_a_scene_keeps_its_shape_when_it_is_moved_and_resized(na
         ("choose_scene", ("no-such-scene",), "unknown scenario"),
         ("load_scene", (b"{broken",), "got no JSON"),
         ("load_scene", (b"\xff\xfe\x00",), "got no JSON"),
+        ("load_scene", (b"[" * 100_000,), "got no JSON"),
         ("load_scene", (b'{"name": "x"}',), "missing field"),
         ("push", ((50.0, 0.0),), "has a body"),
         ("set_pace", (0.0,), "expected a number > 0"),
