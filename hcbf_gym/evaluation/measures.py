@@ -3,12 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hcbf_gym.models.constants import ASKING, STANDING
 
-STANDING = 0.05
-"""Slower than that the robot stands [m/s]."""
-ASKING = 0.3
-"""A policy that asks for more than that wants to move [m/s²]."""
+Array = NDArray[np.float64]
 
 
 def deadlocked(

@@ -5,3 +5,7 @@ GRAVITY = 9.81
 
 FARTHEST = 1e4
 """Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
+STANDING = 0.05
+"""Slower than that a robot stands [m/s]."""
+ASKING = 0.3
+"""A policy that asks for more than that wants to move [m/s²]."""

@@ -11,6 +11,7 @@ from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.row import Pull
+from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings, make_workspace
@@ -115,6 +116,7 @@ class Answer(NamedTuple):
         fallbacks: (N,).
         model_error: (N,).
         reachable: (N,).
+        deadlock: (N,) 1 where the plant stands though u* asks it to move, else 0.
     """
 
     u: Array
@@ -126,17 +128,18 @@ class Answer(NamedTuple):
     fallbacks: Array
     model_error: Array
     reachable: Array
+    deadlock: Array
 
 
 def answer_size(count: int, m: int, total: int) -> int:
     """Return how many numbers an answer of N plants with m rows, or M with guidance, takes."""
-    return count * (2 + 2 * total + m + 5)
+    return count * (2 + 2 * total + m + 6)
 
 
 @njit(cache=True)
 def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
     """Return the parts of an answer's array (answer_size,)."""
-    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1]))
+    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1, 1]))
     return Answer(
         flat[: ends[0]].reshape(count, 2),
         flat[ends[0] : ends[1]].reshape(count, total),
@@ -147,6 +150,7 @@ def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
         flat[ends[5] : ends[6]],
         flat[ends[6] : ends[7]],
         flat[ends[7] : ends[8]],
+        flat[ends[8] : ends[9]],
     )
 
 
@@ -305,6 +309,10 @@ def _conclude(
         moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
         outside = is_outside(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
         answer.status[i] = conclude(result.status[i], moved, outside, result.slack[i, :m])
+    speed2 = plants.x[i, 2] ** 2 + plants.x[i, 3] ** 2
+    asked2 = u_nominal[i, 0] ** 2 + u_nominal[i, 1] ** 2
+    stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
+    answer.deadlock[i] = 1.0 if stands else 0.0
     memory[4], memory[5] = plants.model[i, 2], plants.model[i, 3]
     memory[6], memory[7], memory[8] = ux, uy, 1.0
 

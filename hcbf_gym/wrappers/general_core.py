@@ -10,6 +10,7 @@ from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -55,18 +56,18 @@ class GeneralCore(FilterCore):
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first state of a new episode, and return what the infos of a reset say."""
-        rows, margin = self._rows(barriers, estimate)
+        rows, kept = self._rows(barriers, estimate)
         zeros = np.zeros(self.input_set.n_u)
         status = FilterStatus.OUTSIDE if self._outside(rows, barriers) else FilterStatus.NOMINAL
         slack = np.zeros(rows.b.size)
         result = programs.FilterResult(zeros, slack, slack.copy(), status, 0)
-        return _report(zeros, result, margin, 0.0)
+        return _report(zeros, result, kept, 0.0, False)
 
     def step(
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (n_u,), and return u with the report of it."""
-        rows, margin = self._rows(barriers, estimate)
+        rows, kept = self._rows(barriers, estimate)
         self._steps += 1.0
         x = np.asarray(estimate.x, dtype=np.float64)
         model_error = self._monitor.observe(x)
@@ -75,10 +76,19 @@ class GeneralCore(FilterCore):
             result = result._replace(status=FilterStatus.OUTSIDE)
         self._monitor.expect(x, result.u)
         warn_once(self._monitor.memory)
-        return result.u, _report(u_nominal, result, margin, model_error)
+        return result.u, _report(u_nominal, result, kept, model_error, self._stands(x, u_nominal))
 
-    def _rows(self, barriers: Any, estimate: Estimate) -> tuple[CbfRows, Array]:
-        """Return the rows (m,) of the present state, and their margins."""
+    def _stands(self, x: Array, u_nominal: Array) -> bool:
+        """Tell whether the plant stands though u* asks it to move, where the model knows v."""
+        at = self.plant.model.velocity_at
+        if at is None:
+            return False
+        return bool(
+            np.linalg.norm(x[at : at + 2]) < STANDING and np.linalg.norm(u_nominal) > ASKING
+        )
+
+    def _rows(self, barriers: Any, estimate: Estimate) -> tuple[CbfRows, tuple[Array, Array]]:
+        """Return the rows (m,) of the present state, with their margins and conditioning."""
         x, time = np.asarray(estimate.x, dtype=np.float64), float(np.ravel(self._time(estimate))[0])
         if isinstance(barriers, BarrierSet):
             if self.plant.model != DoubleIntegrator():
@@ -91,9 +101,10 @@ class GeneralCore(FilterCore):
             now = x[None], np.array([time])
             margin, rate = derive_all(self.uncertainty, barriers, *now, nothing[None], spread[None])
             batch = barriers.rows(*now, self._row_settings, margin, rate)
-            return CbfRows(*(field[0] for field in batch if field is not None)), margin[0]
+            rows = CbfRows(*(field[0] for field in batch if field is not None))
+            return rows, (margin[0], np.ones(rows.b.size))
         margin = margins(barriers, self.uncertainty.distance + self.uncertainty.body)
-        return self._rows_of(barriers, x, time, margin), margin
+        return self._rows_of(barriers, x, time, margin), (margin, self._rows_of.conditioning)
 
     def _outside(self, rows: CbfRows, barriers: Any) -> bool:
         """Tell whether a strict h is below zero, for the whole body where that is known."""
@@ -104,18 +115,25 @@ class GeneralCore(FilterCore):
 
 
 def _report(
-    u_nominal: Array, result: programs.FilterResult, margin: Array, model_error: float
+    u_nominal: Array,
+    result: programs.FilterResult,
+    kept: tuple[Array, Array],
+    model_error: float,
+    stands: bool,
 ) -> dict[str, Any]:
-    """Return what ``info["safety_filter"]`` says of one call."""
+    """Return what ``info["safety_filter"]`` says of one call; `kept` as `_rows` returns it."""
+    margin, conditioning = kept
     return {
         "u_nominal": u_nominal.copy(),
         "u_safe": result.u.copy(),
         "slack": result.slack.copy(),
         "delta": result.delta.copy(),
         "margin": margin.copy(),
+        "conditioning": conditioning.copy(),
         "intervention": np.linalg.norm(result.u - u_nominal),
         "status": np.float64(result.status),
         "fallbacks": np.float64(result.fallbacks),
         "model_error": np.float64(model_error),
         "reachable": np.float64(0.0),
+        "deadlock": np.float64(stands),
     }

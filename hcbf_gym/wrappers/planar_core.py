@@ -21,7 +21,8 @@ from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
 from hcbf_gym.wrappers import fused, monitor
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
 
-_PER_PLANT = ("margin", "intervention", "status", "fallbacks", "model_error", "reachable")
+_PER_PLANT = ("margin", "intervention", "status", "fallbacks", "model_error", "reachable",
+              "deadlock")  # fmt: skip
 
 
 class PlanarCore(FilterCore):

@@ -30,7 +30,10 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     violation, `delta` (m,) the program's own relaxation, `status` (a
     `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
     row keeps between h and zero, `model_error` how far the plant's response is from the chosen
-    input [unit of u], and `reachable`. `reset` reports the same keys.
+    input [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
+    u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
+    `conditioning` (m,): 0 where no input matters to a row, less than 1 near a kink of its function.
+    `reset` reports the same keys.
 
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers

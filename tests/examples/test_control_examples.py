@@ -147,3 +147,13 @@ def test_the_page_of_your_own_robot_runs_step_by_step():
     for block in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL):
         exec(block, names)
     assert np.hypot(names["x"][0] - 3.0, names["x"][1]) < 0.3
+
+
+def test_the_report_says_where_no_input_matters_to_a_function():
+    unicycle = load("unicycle")
+    env = unicycle.make()
+    _, info = env.reset()
+    assert (info["safety_filter"]["conditioning"] > 0.1).all()
+    at_the_centre = (1.0 - unicycle.AHEAD, 0.0, 0.0)  # there the distance has no slope
+    _, info = env.reset(options={"start": at_the_centre})
+    assert info["safety_filter"]["conditioning"][0] == 0.0

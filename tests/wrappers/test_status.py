@@ -33,3 +33,27 @@ def test_a_start_with_the_body_inside_a_strict_region_reports_outside(
     assert info["safety_filter"]["status"] == status
     _, _, _, _, info = env.step(np.zeros(2))
     assert (info["safety_filter"]["status"] == FilterStatus.OUTSIDE) == (status == 4)
+
+
+TRAP = {
+    "name": "trap",
+    "barriers": [
+        {"kind": "half-plane", "name": "wall", "priority": 1, "normal": [-1.0, 0.0], "offset": -1.0}
+    ],
+    "reference": {"kind": "point", "goal": [3.0, 0.0]},
+}
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+def test_a_plant_that_stands_though_the_policy_asks_is_deadlocked(solver):
+    env = SafetyFilter(gym.make("HCBF-Regions-v0", scenario=TRAP), "lex-cbf-qp", solver=solver)
+    _, info = env.reset(seed=0)
+    assert info["safety_filter"]["deadlock"] == 0.0
+    said = []
+    for _ in range(400):
+        *_, info = env.step(np.array([1.0, 0.0], dtype=np.float32))
+        said.append(info["safety_filter"]["deadlock"])
+    assert said[10] == 0.0  # on its way
+    assert said[-1] == 1.0  # before the wall
+    *_, info = env.step(np.array([0.1, 0.0], dtype=np.float32))
+    assert info["safety_filter"]["deadlock"] == 0.0  # nothing is asked
