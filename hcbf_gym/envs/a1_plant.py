@@ -31,8 +31,8 @@ UNCERTAINTY = Uncertainty(
 of these numbers."""
 
 OFF_NOMINAL = 0.02
-"""What rows keep besides [m] where the arguments declare a plant unlike the nominal one: rough
-ground, or a randomisation of more than the start."""
+"""What rows keep besides [m], and the speed limit's [m/s], where the arguments declare a plant
+unlike the nominal one: rough ground, or a randomisation of more than the start."""
 
 BODY_RADIUS = 0.45
 """Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
@@ -89,7 +89,7 @@ def uncertainty_of(
     known = UNCERTAINTY._replace(body=radius, speed=UNCERTAINTY.speed + late * input_set.radius)
     if terrain == "flat" and not declared.off_nominal:
         return known
-    return known._replace(distance=known.distance + OFF_NOMINAL)
+    return known._replace(distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL)
 
 
 def speed_limit(scenario: Scenario) -> float:
