@@ -56,9 +56,9 @@ def test_a_torque_that_comes_late_widens_the_speed_limits_margin():
     def speed(delay):
         declared = Randomization(delay=(0.0, delay))
         known = a1_plant.uncertainty_of(declared, "flat", "point", Box.symmetric(5.0))
-        return known.speed - a1_plant.UNCERTAINTY.speed
+        return known.speed - a1_plant.UNCERTAINTY.speed - a1_plant.OFF_NOMINAL
 
-    assert speed(0.001) == 0.0
+    assert speed(0.001) == pytest.approx(0.0)
     assert speed(0.008) == pytest.approx(0.006 * np.hypot(5.0, 5.0))
 
 
