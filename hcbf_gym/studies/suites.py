@@ -80,7 +80,7 @@ SUITES = {
     ),
     "programs": Suite("benchmarks.programs", "time of each filter, beside peers", 4),
     "verify-programs": Suite(
-        "benchmarks.verify_programs", "each filter against exact solutions", 120
+        "benchmarks.verify_programs", "each filter against exact solutions", 20
     ),
     "environments": Suite("benchmarks.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(

@@ -104,7 +104,7 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
         for i in range(8):
             row = CbfRows(*(field[i] for field in rows if field is not None))
             judge = Judge.of(single.input_set, u_nominal[i], row, single)
-            wanted = judge.solve(name).astype(float)
+            wanted = np.array(judge.solve(name), dtype=float)
             np.testing.assert_allclose(single(u_nominal[i], row).u, wanted, atol=1e-8)
             np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
 

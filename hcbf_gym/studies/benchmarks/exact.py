@@ -6,6 +6,7 @@ programs that it judges.
 """
 
 import importlib
+import math
 from fractions import Fraction
 from typing import Any
 
@@ -13,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 try:  # ten times faster, the same numbers
-    rational: Any = importlib.import_module("gmpy2").mpq
+    _gmpy2: Any = importlib.import_module("gmpy2")
+    rational: Any = _gmpy2.mpq
+    common_multiple: Any = _gmpy2.lcm
 except ImportError:
-    rational = Fraction
+    rational, common_multiple = Fraction, math.lcm
 
 Array = NDArray[Any]
 

@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.studies.benchmarks.exact import Array, exactly, quadratic_program, rational, zeros
+from hcbf_gym.studies.benchmarks.certificate import Rationals, Stage, dot, minimiser
+from hcbf_gym.studies.benchmarks.exact import exactly, rational
+
+Array = NDArray[np.float64]
 
 
 class Rows(NamedTuple):
-    """Rows ``a u ≥ b`` with their weights λ_δ and least slacks δ_min, all rational."""
+    """Rows ``a u ≥ b`` with their weights λ_δ and least slacks δ_min: doubles, which are exact."""
 
     a: Array
     b: Array
@@ -28,65 +32,77 @@ class Rows(NamedTuple):
 
     def plain(self) -> "Rows":
         """Return the rows with weight 1 and no least slack."""
-        return self._replace(weight=self.weight * 0 + 1, least=self.least * 0)
+        return self._replace(weight=np.ones(self.b.size), least=np.zeros(self.b.size))
+
+    def values(self, u: Rationals) -> Rationals:
+        """Return a u (m,)."""
+        return [dot(a, u) for a in self.a]
 
 
 @dataclass(frozen=True)
 class Region:
-    """The inputs ``a u ≥ b``, ``u ≥ low``, and u*."""
+    """The inputs ``a u ≥ b``, b rational, all above `low`, and u*."""
 
     a: Array
-    b: Array
+    b: Rationals
     low: Array
     u_nominal: Array
 
-    def keep(self, a: Array, b: Array) -> "Region":
+    def keep(self, a: Array, b: Rationals) -> "Region":
         """Return those with ``a u ≥ b``, too."""
-        return replace(self, a=np.vstack((self.a, a)), b=np.concatenate((self.b, b)))
+        return replace(self, a=np.vstack((self.a, a)), b=self.b + b)
 
-    def pin(self, a: Array, value: Array) -> "Region":
-        """Return those with ``a u = value``."""
-        return self.keep(a, value).keep(-a, -value)
+    def pin(self, rows: Rows, u: Rationals) -> "Region":
+        """Return those at which each row has the value that it has at u."""
+        value = rows.values(u)
+        return self.keep(rows.a, value).keep(-rows.a, [-v for v in value])
 
-    def nearest(self) -> Array:
+    def bound(self, rows: Rows, u: Rationals) -> "Region":
+        """Return those at which no row is violated more than at u."""
+        bounds = exactly(rows.b).tolist()
+        return self.keep(rows.a, [min(b, v) for b, v in zip(bounds, rows.values(u), strict=True)])
+
+    def nearest(self) -> Rationals:
         """Return the input nearest u*."""
-        return self.drawn(zeros(0, len(self.low)), zeros(0), zeros(0), rational(1))
+        none = np.zeros(0)
+        return self._minimiser(1.0, np.zeros((0, self.low.size)), [], none, None)
 
-    def drawn(self, a: Array, target: Array, weight: Array, lambda_u: Any) -> Array:
-        """Return ``argmin λ_u ‖u − u*‖² + Σ w_k (t_k − a_k u)²``."""
-        n, low = len(self.low), self.low
-        hessian = exactly(np.eye(n)) * lambda_u + (a.T * weight) @ a
-        linear = hessian @ low - lambda_u * self.u_nominal - (a.T * weight) @ target
-        return low + quadratic_program(hessian, linear, self.a, self.b - self.a @ low)
+    def drawn(self, rows: Rows, target: Rationals, lambda_u: float) -> Rationals:
+        """Return ``argmin λ_u ‖u − u*‖² + Σ w_k (t_k − a_k u)²``; of several, the nearest to u*."""
+        paid = rows.weight > 0.0
+        chosen = rows.only(paid)
+        drawn_to = [target[k] for k in np.flatnonzero(paid)]
+        u = self._minimiser(lambda_u, chosen.a, drawn_to, chosen.weight, None)
+        return u if lambda_u > 0.0 else self.pin(chosen, u).nearest()
 
-    def relaxed(self, rows: Rows, lambda_u: Any) -> tuple[Array, Array]:
-        """Return u and δ of the least ``λ_u ‖u − u*‖² + Σ λ_k max(δ_min, b_k − a_k u)²``."""
-        n, m, low = len(self.low), len(rows.b), self.low
-        hessian = exactly(np.diag(np.zeros(n + m)))
-        hessian[range(n), range(n)] = lambda_u
-        hessian[range(n, n + m), range(n, n + m)] = rows.weight
-        linear = np.concatenate((lambda_u * (low - self.u_nominal), rows.weight * rows.least))
-        a = np.vstack(
-            (
-                np.hstack((self.a, zeros(len(self.b), m))),
-                np.hstack((rows.a, exactly(np.eye(m)))),
-            )
-        )
-        wanted = rows.b - rows.a @ low - rows.least
-        x = quadratic_program(hessian, linear, a, np.concatenate((self.b - self.a @ low, wanted)))
-        return low + x[:n], rows.least + x[n:]
+    def relaxed(self, rows: Rows, lambda_u: float) -> Rationals:
+        """Return u of the least ``λ_u ‖u − u*‖² + Σ w_k max(δ_min, b_k − a_k u)²``, likewise."""
+        chosen = rows.only(rows.weight > 0.0)
+        u = self._soft(chosen, lambda_u)
+        if lambda_u > 0.0:
+            return u
+        edge = [b - m for b, m in zip(exactly(chosen.b), exactly(chosen.least), strict=True)]
+        kept = [min(e, v) for e, v in zip(edge, chosen.values(u), strict=True)]
+        return self.keep(chosen.a, kept).nearest()
 
     def meet(self, rows: Rows) -> "Region":
         """Return those that violate the rows least."""
-        if not len(rows.b):
-            return self
-        _, delta = self.relaxed(rows.plain(), rational(0))
-        return self.keep(rows.a, rows.b - delta)
+        return self.bound(rows, self._soft(rows.plain(), 0.0)) if rows.b.size else self
+
+    def _soft(self, rows: Rows, lambda_u: float) -> Rationals:
+        target = exactly(rows.b).tolist()
+        return self._minimiser(lambda_u, rows.a, target, rows.weight, rows.least)
+
+    def _minimiser(
+        self, lambda_u: float, a: Array, target: Rationals, weight: Array, least: Array | None
+    ) -> Rationals:
+        parts = self.a, self.b, self.low, self.u_nominal
+        return minimiser(Stage(*parts, lambda_u, a, target, weight, least))
 
 
 @dataclass(frozen=True)
 class Judge:
-    """One problem in rational numbers, and its solution by each program.
+    """One problem, and its solution by each program.
 
     Attributes:
         region: U.
@@ -100,22 +116,22 @@ class Judge:
     rows: Rows
     priority: np.ndarray
     strict: np.ndarray
-    lambda_u: Any
+    lambda_u: float
 
     @classmethod
     def of(cls, input_set: InputSet, u_nominal: np.ndarray, rows: CbfRows, program: Any) -> "Judge":
         """Return the problem that the doubles describe, with a program's weights."""
         a, b = input_set.halfspaces()
-        low = input_set.vertices().min(axis=0)
+        low = input_set.vertices().min(axis=0) - 1.0
         weight = program.cascade.weights.of(rows.priority, rows.h)
         strict = np.isinf(weight)
         weight, least = np.where(strict, 1.0, weight), program.cascade.least_slack(rows)
-        exact = Rows(exactly(rows.a), exactly(rows.b), exactly(weight), exactly(least))
-        region = Region(exactly(a), exactly(b), exactly(low), exactly(u_nominal))
-        return cls(region, exact, rows.priority, strict, rational(program.cascade.lambda_u))
+        region = Region(np.asarray(a, dtype=np.float64), exactly(b).tolist(), low, u_nominal)
+        known = Rows(rows.a, rows.b, weight, least)
+        return cls(region, known, rows.priority, strict, float(program.cascade.lambda_u))
 
-    def solve(self, name: str) -> Array:
-        """Return the input that the program of that name hands back."""
+    def solve(self, name: str) -> Rationals:
+        """Return the input (n,) that the program of that name hands back."""
         if name == "cbf-qp":
             return self.region.meet(self.rows).nearest()
         levels = [
@@ -126,34 +142,28 @@ class Judge:
             return self._lexicographic(region, levels)
         if name == "eh-cbf-qp":
             for level in levels:
-                region = region.pin(level.a, level.a @ self._drawn(region, level))
+                region = region.pin(level, self._drawn(region, level))
             return region.nearest()
         lower = self.rows.only(self.priority > 1)
-        return self._relaxed(region, lower) if name == "r-cbf-qp" else self._drawn(region, lower)
+        if name == "r-cbf-qp":
+            return region.relaxed(lower, self.lambda_u)
+        return self._drawn(region, lower)
 
-    def _relaxed(self, region: Region, rows: Rows) -> Array:
-        u, delta = region.relaxed(rows, self.lambda_u)
-        if self.lambda_u > 0:
-            return u
-        paid = rows.weight > 0
-        return region.keep(rows.a[paid], (rows.b - delta)[paid]).nearest()
+    def _drawn(self, region: Region, rows: Rows) -> Rationals:
+        """Draw rows to what each would get alone."""
+        nominal, target = self.region.nearest(), []
+        for k in range(rows.b.size):
+            value = dot(rows.a[k], nominal)
+            if value < rational(float(rows.b[k])):
+                alone = self.region.meet(rows.only(slice(k, k + 1))).nearest()
+                value = dot(rows.a[k], alone)
+            target.append(value)
+        return region.drawn(rows, target, self.lambda_u)
 
-    def _drawn(self, region: Region, rows: Rows) -> Array:
-        target = rows.b.copy()
-        for k in range(len(rows.b)):
-            alone = self.region.meet(rows.only(slice(k, k + 1))).nearest()
-            target[k] = rows.a[k] @ alone
-        u = region.drawn(rows.a, target, rows.weight, self.lambda_u)
-        if self.lambda_u > 0:
-            return u
-        paid = rows.weight > 0
-        return region.pin(rows.a[paid], rows.a[paid] @ u).nearest()
-
-    def _lexicographic(self, region: Region, levels: list[Rows]) -> Array:
+    def _lexicographic(self, region: Region, levels: list[Rows]) -> Rationals:
         for p, level in enumerate(levels, start=2):
             if self.strict[self.priority == p].all():
                 region = region.meet(level)
             else:
-                u = self._relaxed(region, level)
-                region = region.keep(level.a, np.minimum(level.b, level.a @ u))
+                region = region.bound(level, region.relaxed(level, self.lambda_u))
         return region.nearest()

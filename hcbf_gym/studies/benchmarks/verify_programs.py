@@ -198,7 +198,7 @@ def _exact(
 ) -> list[Array]:
     program = programs.make(name, input_set=input_set, **options)
     return [
-        Judge.of(input_set, u, _one(rows, i), program).solve(name).astype(np.float64)
+        np.array(Judge.of(input_set, u, _one(rows, i), program).solve(name), dtype=np.float64)
         for i, u in enumerate(u_nominal)
     ]
 
