@@ -65,8 +65,9 @@ ARRIVAL = (
     ("random-traps", "pd"),
 )
 ON_A1 = (
-    *(("random", name) for name in ("pd", *learned.names())),
-    ("random-clutter", "pd"),
+    ("random", "pd", (None, "geodesic")),
+    *(("random", name, ("geodesic",)) for name in learned.names()),
+    ("random-clutter", "pd", ("geodesic",)),
 )
 KINDS = (None, "geodesic", "local")
 WEIGHTED: dict[str, dict[str, Any]] = {
@@ -223,11 +224,10 @@ def run(quick: bool) -> dict[str, Any]:
             outcome = without if kind is None else on_model(Cell(scene, policy, kind), count)
             arrival.append(_figures(Cell(scene, policy, kind), without, outcome))
     robot = []
-    for scene, policy in track(ON_A1[:: 4 if quick else 1], "A1"):
-        without = on_a1(Cell(scene, policy), on_robot)
-        for kind in (None, "geodesic"):
-            outcome = without if kind is None else on_a1(Cell(scene, policy, kind), on_robot)
-            robot.append(_figures(Cell(scene, policy, kind), without, outcome))
+    for scene, policy, kinds in track(ON_A1[:: 5 if quick else 1], "A1"):
+        outcomes = {kind: on_a1(Cell(scene, policy, kind), on_robot) for kind in kinds}
+        for kind, outcome in outcomes.items():
+            robot.append(_figures(Cell(scene, policy, kind), outcomes.get(None), outcome))
     weighted = []
     for program, options in WEIGHTED.items():
         for kind in (None, "geodesic"):
@@ -260,18 +260,19 @@ def _shares(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _figures(cell: Cell, without: Outcome, with_it: Outcome) -> dict[str, Any]:
+def _figures(cell: Cell, without: Outcome | None, with_it: Outcome) -> dict[str, Any]:
     """Return a row of the table; `later` and `change` over episodes that arrive without it, too."""
-    both = without.reached & with_it.reached
-    later = with_it.seconds[both] / without.seconds[both] - 1.0
-    return (
-        {"scene": cell.scene, "policy": cell.policy, "guidance": cell.guidance}
-        | _shares(with_it)
-        | {
-            "later": float(np.median(later)) if both.any() else 0.0,
-            "change": float(with_it.change[both].mean()) if both.any() else 0.0,
-        }
-    )
+    figures = {"scene": cell.scene, "policy": cell.policy, "guidance": cell.guidance}
+    figures |= _shares(with_it) | {"later": None, "change": None}
+    if without is not None:
+        both = without.reached & with_it.reached
+        if both.any():
+            later = with_it.seconds[both] / without.seconds[both] - 1.0
+            figures |= {
+                "later": float(np.median(later)),
+                "change": float(with_it.change[both].mean()),
+            }
+    return figures
 
 
 def cost(quick: bool) -> list[dict[str, Any]]:
@@ -330,7 +331,9 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             (
                 row["scene"], row["policy"], name(row["guidance"]), str(row["episodes"]),
                 percent(row["reached"]), ranks(row["entered"]), percent(row["fell"]),
-                percent(row["deadlock"]), percent(row["later"]), f"{row['change']:.3f}",
+                percent(row["deadlock"]),
+                "" if row["later"] is None else percent(row["later"]),
+                "" if row["change"] is None else f"{row['change']:.3f}",
             )
             for row in rows
         ]  # fmt: skip
