@@ -31,8 +31,8 @@ FLAGS = [
 WIDTH, HEIGHT = 1000, 640
 CAMERA, LOOKS_AT, FIELD_OF_VIEW = np.array([0.0, -0.8, 4.0]), np.zeros(3), 75.0
 """Of the browser, in the scene [m, °]: nearly from above; the panel hides what lies in the east."""
-PATIENCE = 60.0
-"""How long anything may take [s]: the machine may be busy."""
+PATIENCE = 240.0
+"""How long anything may take [s] before it counts as broken; a busy machine draws slowly."""
 
 SCENE = scenarios.Scenario(
     "course",
