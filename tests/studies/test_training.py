@@ -238,7 +238,8 @@ def test_a_shipped_policy_knows_how_it_was_trained_and_so_reaches_its_goals(name
     policy = policies.load(name, env)
     assert {"seed", "steps", "versions", "algorithm"} <= set(policy.about)
     if policy.about["filter"] != "off":
-        env = wrappers.SafetyFilter(env, policy.about["program"])
+        guidance = policy.about.get("guidance")
+        env = wrappers.SafetyFilter(env, policy.about["program"], guidance=guidance)
     reached = 0
     for seed in range(3):
         observation, info = env.reset(seed=seed)
