@@ -10,15 +10,18 @@ from typing import Any
 
 import numpy as np
 
+import hcbf_gym
+from hcbf_gym.compilation import sources_hash
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.studies.strict import pushed, search
 from hcbf_gym.studies.strict.episodes import Outcome
 from hcbf_gym.studies.strict.lines import LINES
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
-from hcbf_gym.studies.suites import SUITES
 
 FILE = Path("results/strict/outcomes.jsonl")
+DEPENDS = ("envs/a1_regions.py", "robots/a1/a1.xml", "policies/baselines/*")
+"""What outcomes depend on besides what this module imports."""
 TRIALS = 2000
 """Attackers that the search tries."""
 
@@ -31,7 +34,9 @@ def run(quick: bool) -> dict[str, Any]:
     Args:
         quick: the first line of each section, shorter, and few attackers.
     """
-    file = OutcomeFile(FILE, SUITES["strict"].sources())
+    package = Path(hcbf_gym.__file__).parent
+    besides = [file for pattern in DEPENDS for file in package.glob(pattern)]
+    file = OutcomeFile(FILE, sources_hash([Path(__file__), *besides]))
     first = {line.section: line for line in reversed(LINES)}
     groups = []
     for line in reversed(first.values()) if quick else LINES:
