@@ -149,7 +149,14 @@ def _published(root: Path, name: str) -> dict[str, str]:
         f"`hcbf benchmark --suite {name}`, commit {record['commit']}{changed}, {record['date']}; "
         f"{record['machine']}."
     )
-    tables = SUITES[name].tables(record["figures"])
+    try:
+        tables = SUITES[name].tables(record["figures"])
+    except (KeyError, IndexError, TypeError) as error:  # of a suite that has changed since
+        raise InvalidInputError(
+            f"results: got {path.name} without what the suite's tables show "
+            f"({type(error).__name__}: {error}), expected the figures of the present suite: take "
+            f"them again with `hcbf benchmark --suite {name} --publish`"
+        ) from error
     return {which: f"\n{table.markdown()}\n\n*{came}*\n" for which, table in tables.items()}
 
 

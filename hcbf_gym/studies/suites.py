@@ -83,6 +83,12 @@ SUITES = {
         "benchmarks.verify_programs", "each filter against exact solutions", 20
     ),
     "environments": Suite("benchmarks.environments", "environment steps per second", 3, ROM),
+    "versions": Suite(
+        "benchmarks.versions",
+        "this version beside 0.1, in turn",
+        8,
+        (*ROM, *A1, "studies/benchmarks/version_worker.py"),
+    ),
     "monte-carlo": Suite(
         "monte_carlo.command", "programs in random conflicting scenes, by priority", 40
     ),

@@ -87,6 +87,16 @@ def test_a_table_that_awaits_its_figures_stays_until_they_are_published(checkout
         publishing.fill(checkout)
 
 
+def test_figures_that_lack_what_a_table_shows_are_refused_by_the_suites_name(checkout):
+    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
+    publishing.publish(checkout, "course", {"rows": [incomplete]})
+    with pytest.raises(InvalidInputError, match=r"course\.json without .*min_h.*--suite course"):
+        publishing.fill(checkout)
+    with pytest.raises(SystemExit, match="--suite course --publish"):
+        cli.main(["benchmark", "--check", "--root", str(checkout)])
+    assert (checkout / "README.md").read_text() == PAGE
+
+
 def test_only_full_figures_of_known_suites_in_a_checkout_are_published(tmp_path):
     for arguments, message in (
         (["--suite", "course", "--publish", "--quick"], "full run"),

@@ -197,13 +197,15 @@ class TuningStudy:
                         study.tell(trial.number, float(cost), skip_if_finished=True)
             on_done(min(samples, len(_trials(study, TrialState.COMPLETE))))
 
-        left = self._open_trials(study)  # by a killed run, in the middle of a generation
-        known = len(_trials(study))
-        missing = min(-known % generation, max(samples - known, 0)) if left else 0
-        finish(left + [self._ask(study) for _ in range(missing)])
-        while (known := len(_trials(study))) < samples:
-            size = min(generation, samples - known)
-            finish([self._ask(study) for _ in range(size)])
+        def ask(size: int) -> list[Trial]:
+            """Ask for new trials, as far as samples are missing."""
+            missing = samples - len(_trials(study))
+            return [self._ask(study) for _ in range(min(size, missing))]
+
+        if left := self._open_trials(study):  # by a killed run: new ones complete its generation
+            finish(left + ask(-len(_trials(study)) % generation))
+        while trials := ask(generation):
+            finish(trials)
         finish(self._open_trials(study))  # by another process that was killed meanwhile
         return self._samples(study, samples)
 
