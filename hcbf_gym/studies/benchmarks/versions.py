@@ -90,16 +90,16 @@ def _take_out(folder: Path) -> None:
 
 def _worker(checkout: Path) -> "subprocess.Popen[str]":
     """Start one version; both are pinned to the same core."""
-    core = max(os.sched_getaffinity(0))
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.Popen(
+    worker = subprocess.Popen(
         [sys.executable, "-P", str(Path(__file__).with_name("version_worker.py"))],
         env=os.environ | single | {"PYTHONPATH": str(checkout)},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: os.sched_setaffinity(0, {core}),
     )
+    os.sched_setaffinity(worker.pid, {max(os.sched_getaffinity(0))})
+    return worker
 
 
 def _in_turn(workers: list[Any], case: Case, rounds: int) -> dict[str, float]:
