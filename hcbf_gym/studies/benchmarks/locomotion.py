@@ -103,6 +103,7 @@ def steady_figures(quick: bool) -> list[Measure]:
         figures += [
             Measure(label, name, value, unit, bound)
             for (label, unit), value, bound in zip(labels, values, bounds, strict=True)
+            if label != "cost of transport" or any(velocity)  # there is none on the spot
         ]
     return figures
 
