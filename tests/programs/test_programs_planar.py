@@ -109,6 +109,13 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
             np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
 
 
+def test_violations_of_millions_leave_an_answer_beyond_the_plane():
+    # solvers call problems of this group infeasible, which by construction none is
+    (tally,) = verify_programs.verify_group("lex-cbf-qp", [0, 7], ("7 inputs",)).values()
+    assert tally.problems == 100
+    assert tally.wrong == tally.backups == 0
+
+
 def test_a_batch_keeps_its_states_weights_where_rational_arithmetic_steps_in():
     # two strict rows that cannot both be met, one of them flat, and a relaxed one with a weight
     a = np.tile([[1.0, 0.0], [0.0, 1e-6], [0.0, 1.0]], (3, 1, 1))

@@ -26,8 +26,8 @@ from hcbf_gym.programs.tolerances import PRIMAL
 Array = NDArray[np.float64]
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
-# of 1e5 leave no digits for its usual tolerance.
-LOOSE_DAQP = "daqp, loosely"
+# of 1e5 and more leave no digits for its usual tolerance. The last two wait for the second opinion.
+LOOSE_DAQP = {f"daqp, to {tolerance:g}": tolerance for tolerance in (1e-7, 1e-6, 1e-5)}
 
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -116,8 +116,8 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
 def _backend(name: str) -> Backend:
     direct: dict[str, Backend] = {
         "daqp": _daqp,
-        LOOSE_DAQP: functools.partial(_daqp, tolerance=1e-7),
         "clarabel": _clarabel,
+        **{name: functools.partial(_daqp, tolerance=loose) for name, loose in LOOSE_DAQP.items()},
     }
     return direct.get(name) or functools.partial(_through_qpsolvers, name)
 
@@ -201,9 +201,12 @@ class Solver:
             SolverError: if neither solver finds it.
         """
         x = solve(problem, self.name).x
+        first, *others = LOOSE_DAQP
         if x is None and self.name == "daqp":
-            x = solve(problem, LOOSE_DAQP).x
+            x = solve(problem, first).x
         x = self._second_opinion(problem) if x is None else x
+        for looser in others:
+            x = solve(problem, looser).x if x is None else x
         if x is None:
             raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
         return x
