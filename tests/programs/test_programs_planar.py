@@ -110,7 +110,7 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
 
 
 def test_violations_of_millions_leave_an_answer_beyond_the_plane():
-    # solvers call problems of this group infeasible, which by construction none is
+    # both solvers call one of this group infeasible, which by construction none is
     (tally,) = verify_programs.verify_group("lex-cbf-qp", [0, 7], ("7 inputs",)).values()
     assert tally.problems == 100
     assert tally.wrong == tally.backups == 0

@@ -21,13 +21,17 @@ from clarabel import (
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError, choose
+from hcbf_gym.programs.exact import projection
+from hcbf_gym.programs.exact.rational import to_doubles, to_rational
 from hcbf_gym.programs.tolerances import PRIMAL
 
 Array = NDArray[np.float64]
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
-# of 1e5 and more leave no digits for its usual tolerance. The last two wait for the second opinion.
-LOOSE_DAQP = {f"daqp, to {tolerance:g}": tolerance for tolerance in (1e-7, 1e-6, 1e-5)}
+# of 1e5 leave no digits for its usual tolerance.
+LOOSE_DAQP = "daqp, loosely"
+# The last to be asked: slacks of millions leave no solver the digits that tell it from infeasible.
+RATIONAL = "rational arithmetic"
 
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -116,8 +120,9 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
 def _backend(name: str) -> Backend:
     direct: dict[str, Backend] = {
         "daqp": _daqp,
+        LOOSE_DAQP: functools.partial(_daqp, tolerance=1e-7),
         "clarabel": _clarabel,
-        **{name: functools.partial(_daqp, tolerance=loose) for name, loose in LOOSE_DAQP.items()},
+        RATIONAL: _in_rationals,
     }
     return direct.get(name) or functools.partial(_through_qpsolvers, name)
 
@@ -159,6 +164,12 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
 
 
+def _in_rationals(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    centre, a, lower = (to_rational(part) for part in problem)
+    x = projection.project(centre, to_rational(np.ones(len(centre))), a, lower)
+    return to_doubles(x), QpStatus.OPTIMAL
+
+
 def _qpsolvers() -> Any:
     """Return the module, imported at need: it imports all that it finds, JAX and others for 1 s."""
     return importlib.import_module("qpsolvers")
@@ -198,15 +209,13 @@ class Solver:
         """Return the minimiser (n,) of a problem that has one by construction.
 
         Raises:
-            SolverError: if neither solver finds it.
+            SolverError: if neither solver finds it, nor rational arithmetic.
         """
         x = solve(problem, self.name).x
-        first, *others = LOOSE_DAQP
         if x is None and self.name == "daqp":
-            x = solve(problem, first).x
+            x = solve(problem, LOOSE_DAQP).x
         x = self._second_opinion(problem) if x is None else x
-        for looser in others:
-            x = solve(problem, looser).x if x is None else x
+        x = solve(problem, RATIONAL).x if x is None else x
         if x is None:
             raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
         return x
