@@ -350,7 +350,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     def _observe(self) -> Array:
         x = self.rom_state[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
-        return task.observe(x, self._reference(), sensed[:, : len(self.scenario.barriers)])[0]
+        return task.observe(x, self._reference(), sensed, len(self.scenario.barriers))[0]
 
 
 def _initial_yaw(scenario: Scenario) -> float:

@@ -42,6 +42,20 @@ class BatchStep(NamedTuple):
     info: dict[str, Array]
 
 
+class References(NamedTuple):
+    """What N robots follow, at the control times.
+
+    Attributes:
+        tables: (k, T, 6) position [m], velocity [m/s] and acceleration [m/s²].
+        of: (N,) which table each robot follows.
+        last: (N,) that table's last row; it stays when the reference has ended.
+    """
+
+    tables: Array
+    of: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+
 class RegionsBatch:
     """N double integrators, each in its own scene.
 
@@ -67,9 +81,9 @@ class RegionsBatch:
         self._v_max = np.array([np.inf if s.v_max is None else s.v_max for s in scenes])
         self._goal_radius = np.array([s.goal_radius for s in scenes])
         owners = scenes if own_references else scenes[:1]
-        self._tables = np.stack([reference_table(scene) for scene in owners])
-        self._table_of = np.arange(len(scenes)) % len(owners)
-        self._last = np.full(len(scenes), self._tables.shape[1] - 1)
+        tables = np.stack([reference_table(scene) for scene in owners])
+        last = np.full(len(scenes), tables.shape[1] - 1)
+        self._references = References(tables, np.arange(len(scenes)) % len(owners), last)
         self._start = np.array([s.start for s in scenes])
         self.restart(np.ones(len(scenes), dtype=np.bool_))
 
@@ -77,10 +91,11 @@ class RegionsBatch:
         """Put another scene of the same kind into environment `i`, which must own its reference."""
         self.barrier_set.set_scene(i, barriers_of(scene, scene.v_max))
         table = reference_table(scene)
-        longer = max(0, len(table) - self._tables.shape[1])
-        self._tables = np.pad(self._tables, ((0, 0), (0, longer), (0, 0)))
-        self._tables[i, : len(table)] = table
-        self._last[i] = len(table) - 1
+        longer = max(0, len(table) - self._references.tables.shape[1])
+        tables = np.pad(self._references.tables, ((0, 0), (0, longer), (0, 0)))
+        tables[i, : len(table)] = table
+        self._references = self._references._replace(tables=tables)
+        self._references.last[i] = len(table) - 1
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
@@ -91,12 +106,12 @@ class RegionsBatch:
         """
         kind, parameters = self.barrier_set.kind[i], self.barrier_set.parameters[i]
         write(layout.half_width, layout.regions, kind, parameters)
-        self._tables[i, 0, :2] = layout.goal
+        self._references.tables[i, 0, :2] = layout.goal
 
     def separate(self) -> None:
         """Give each environment a reference table of its own."""
-        self._tables = self._tables[self._table_of]
-        self._table_of = np.arange(len(self.x))
+        tables, of, last = self._references
+        self._references = References(tables[of], np.arange(len(self.x)), last)
 
     def restart(self, mask: NDArray[np.bool_]) -> None:
         """Put the masked environments (N,) at rest at their starts, time zero."""
@@ -112,18 +127,14 @@ class RegionsBatch:
     @property
     def goal(self) -> Array:
         """(N, 2) where the references end [m]."""
-        return self._tables[self._table_of, self._last, :2]
-
-    def reference(self) -> Array:
-        """Return (N, 6) position, velocity and acceleration of the references now."""
-        return self._tables[self._table_of, np.minimum(self.steps, self._last)]
+        tables, of, last = self._references
+        return tables[of, last, :2]
 
     def look(self) -> tuple[Array, Array, Array]:
         """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
-        reference = self.reference()
         h, sensed = self.barrier_set.sense(self.x, self.time)
-        error = np.hypot(reference[:, 0] - self.x[:, 0], reference[:, 1] - self.x[:, 1])
-        return observe(self.x, reference, sensed[:, : self.n_barriers]), h, error
+        observation, error = _observe(self._references, self.x, self.steps, sensed, self.n_barriers)
+        return observation, h, error
 
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
         """Return the observation (N, 8 + 4 m) and the infos of a reset."""
@@ -138,18 +149,10 @@ class RegionsBatch:
             restarting: (N,) environments that start a new episode in this step instead, at no
                 reward.
         """
-        u = np.clip(action, self.low, self.high)
-        before = self.reference()
-        distance_before = np.hypot(before[:, 0] - self.x[:, 0], before[:, 1] - self.x[:, 1])
-        min_h, start = np.empty(self.barrier_set.kind.shape), self.x.copy()
-        _advance(
-            self.barrier_set.kind,
-            self.barrier_set.parameters,
-            self.x,
-            self.time,
-            u,
-            self._v_max,
-            min_h,
+        u = np.minimum(np.maximum(action, self.low), self.high)
+        scene, start = self.barrier_set, self.x.copy()
+        min_h, distance_before = _advance(
+            scene.kind, scene.parameters, self._references, self.x, self.steps, u, self._v_max
         )
         if self.barrier_set.own:
             self._look_at_own(start, u, min_h)
@@ -157,7 +160,7 @@ class RegionsBatch:
         if restarting is not None:
             self.restart(restarting)
         observation, h, error = self.look()
-        success = (error <= self._goal_radius) & (self.steps >= self._last)
+        success = (error <= self._goal_radius) & (self.steps >= self._references.last)
         if restarting is not None:
             success[restarting] = False
         reached = success & (self.task == "reach")
@@ -180,19 +183,44 @@ class RegionsBatch:
 
 
 @njit(cache=True)
+def _reference(references: References, i: int, step: int) -> Array:
+    """Return (6,) what robot `i` follows at a control step."""
+    return references.tables[references.of[i], min(step, references.last[i])]
+
+
+@njit(cache=True)
+def _observe(
+    references: References, x: Array, steps: NDArray[np.int64], sensed: Array, m: int
+) -> tuple[Array, Array]:
+    """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,)."""
+    now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
+    for i in range(x.shape[0]):
+        now[i] = _reference(references, i, steps[i])
+        error[i] = np.hypot(now[i, 0] - x[i, 0], now[i, 1] - x[i, 1])
+    return observe(x, now, sensed, m), error
+
+
+@njit(cache=True)
 def _advance(
     kind: NDArray[np.int64],
     parameters: Array,
+    references: References,
     x: Array,
-    t: Array,
+    steps: NDArray[np.int64],
     u: Array,
     v_max: Array,
-    min_h: Array,
-) -> None:
-    """Advance x (N, 4) in place over one control step; write the least h (N, m) on the way."""
+) -> tuple[Array, Array]:
+    """Advance x (N, 4) in place over one control step.
+
+    Returns:
+        (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
+    """
+    min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     px, py = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     for i in range(x.shape[0]):
         state, action, top_speed = x[i], u[i], 0.0
+        goal = _reference(references, i, steps[i])
+        distance[i] = np.hypot(goal[0] - state[0], goal[1] - state[1])
         for s in range(SUBSTEPS):
             state[0], state[1], state[2], state[3] = double_integrator_step(
                 state, action, PHYSICS_DT, v_max[i]
@@ -206,7 +234,8 @@ def _advance(
                 continue
             least = np.inf
             for s in range(SUBSTEPS):
-                now = t[i] + (s + 1) * PHYSICS_DT
+                now = steps[i] * CONTROL_DT + (s + 1) * PHYSICS_DT
                 h = kernels.planar_value(which, c, px[s] - c[0] * now, py[s] - c[1] * now)
                 least = min(least, h)
             min_h[i, k] = least
+    return min_h, distance

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, SpeedLimit
@@ -61,7 +62,8 @@ def reference_table(scenario: Scenario) -> Array:
     )
 
 
-def observe(x: Array, reference: Array, sensed: Array) -> Array:
+@njit(cache=True)
+def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     """Return (N, 8 + 4 m) what a policy sees.
 
     ``p_ref − p, v_ref − v, v, a_ref``, then per barrier ``h, ∇h/‖∇h‖, ∂h/∂t``.
@@ -69,17 +71,19 @@ def observe(x: Array, reference: Array, sensed: Array) -> Array:
     Args:
         x: (N, 4) position [m] and velocity [m/s].
         reference: (N, 6) position, velocity and acceleration of the reference.
-        sensed: (N, m, 4) what `BarrierSet.sense` returns.
+        sensed: (N, ≥ m, 4) what `BarrierSet.sense` returns.
+        m: how many of the barriers a policy sees; an environment's own come after them.
     """
-    return np.concatenate(
-        [
-            reference[:, :4] - x,
-            x[:, 2:],
-            reference[:, 4:],
-            sensed.reshape(len(x), -1),
-        ],
-        axis=1,
-    )
+    seen = np.empty((x.shape[0], 8 + 4 * m))
+    for i in range(x.shape[0]):
+        for k in range(4):
+            seen[i, k] = reference[i, k] - x[i, k]
+        for k in range(2):
+            seen[i, 4 + k] = x[i, 2 + k]
+            seen[i, 6 + k] = reference[i, 4 + k]
+        for k in range(4 * m):
+            seen[i, 8 + k] = sensed[i, k // 4, k % 4]
+    return seen
 
 
 def reward_terms(
@@ -97,7 +101,7 @@ def reward_terms(
         reached: (N,) whether the goal is reached.
         u: (N, 2) the applied acceleration [m/s²].
     """
-    effort = -EFFORT_WEIGHT * (u * u).sum(axis=1)
+    effort = -EFFORT_WEIGHT * (u[:, 0] ** 2 + u[:, 1] ** 2)
     if task == "track":
         terms = (-distance_after, effort)
     else:
@@ -141,8 +145,8 @@ def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
 
 
 def first(info: dict[str, Array]) -> dict[str, Any]:
-    """Return the infos of environment 0: arrays as copies, numbers as NumPy's float64."""
-    return {key: value[0].copy() for key, value in info.items()}
+    """Return the infos of environment 0: arrays, and numbers as NumPy's float64."""
+    return {key: value[0] for key, value in info.items()}
 
 
 def check_action(action: Any, shape: tuple[int, ...]) -> Array:
