@@ -24,7 +24,8 @@ class Geodesic:
     """The way to the goal in N scenes, as the guidance row of N states.
 
     A scene's field is computed when it is reset; where regions move, again after every `period`,
-    with the regions where they will be half a period later.
+    with the regions where they will be half a period later. Scenes that are equal share one
+    computation, and a scene that comes back unchanged needs none.
 
     Args:
         count: N.
@@ -71,6 +72,7 @@ class Geodesic:
         self._moving = False
         self._set: BarrierSet | None = None
         self._clearance = np.zeros((count, 0))
+        self._solved = np.full((count, 0), np.nan)
 
     def reset(
         self,
@@ -110,7 +112,7 @@ class Geodesic:
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         goals = _points("goal", goal, count)
         starts = _points("start", start, count)
-        geometry = self._geometry(scenes, goals, starts, extent)
+        geometry = self._geometry(chosen, scenes, goals, starts, extent)
         kept = self._clearances(scenes, clearance)
         _check(chosen, scenes, goals, starts, geometry)
 
@@ -167,13 +169,13 @@ class Geodesic:
         )
 
     def _geometry(
-        self, scenes: BarrierSet, goal: Array, start: Array, extent: ArrayLike | None
+        self, mask: Mask, scenes: BarrierSet, goal: Array, start: Array, extent: ArrayLike | None
     ) -> Array:
-        """Return (N, 5) the grids."""
+        """Return (N, 5) the grids, new where masked."""
         count = len(goal)
         corners = np.empty((count, 2, 2))
         if extent is None:
-            for n in range(count):
+            for n in np.flatnonzero(mask):
                 extents.scene_extent(
                     scenes.kind[n], scenes.parameters[n], scenes.priority[n], start[n], goal[n],
                     corners[n],
@@ -186,8 +188,8 @@ class Geodesic:
                 raise InvalidInputError(
                     f"extent: got {given.tolist()}, expected ((x_min, y_min), (x_max, y_max))"
                 )
-        geometry = np.empty((count, 5))
-        for n in range(count):
+        geometry = self.geometry.copy()
+        for n in np.flatnonzero(mask):
             extents.geometry_of(corners[n], self.cell, geometry[n])
         return geometry
 
@@ -208,12 +210,28 @@ class Geodesic:
             self.through = np.pad(self.through, ((0, 0), (0, missing)))
 
     def _solve(self, mask: Mask, t: Array) -> None:
+        """Compute the masked scenes' fields at the times t (N,), none of them twice."""
         scenes = self._set
         assert scenes is not None
-        fields.solve_batch(
-            mask, scenes.kind, scenes.parameters, scenes.priority, self._clearance, t,
-            self.goal, self.geometry, self.field, self.through,
+        parts = (
+            scenes.kind, scenes.parameters, scenes.priority, self._clearance, t, self.goal,
+            self.geometry,
         )  # fmt: skip
+        at = np.flatnonzero(mask)
+        asked = np.column_stack([part[at].reshape(len(at), -1) for part in parts])
+        if asked.shape[1] != self._solved.shape[1]:  # another number of barriers
+            self._solved = np.full((len(mask), asked.shape[1]), np.nan)
+        new = (asked != self._solved[at]).any(axis=1)
+        if not new.any():
+            return
+        at, asked = at[new], asked[new]
+        self._solved[at] = asked
+        _, first, like = np.unique(asked, axis=0, return_index=True, return_inverse=True)
+        todo = np.zeros_like(mask)
+        todo[at[first]] = True
+        fields.solve_batch(todo, *parts, self.field, self.through)
+        source = at[first][like.reshape(-1)]
+        self.field[at], self.through[at] = self.field[source], self.through[source]
 
 
 def _points(name: str, value: ArrayLike | None, count: int) -> Array:

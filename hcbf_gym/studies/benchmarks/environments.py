@@ -44,15 +44,32 @@ def run(quick: bool) -> dict[str, Any]:
         for program in ("none", "lex-cbf-qp")
         for kind, n, make in (("native", 1, native), ("SyncVectorEnv", 16, sync))
     ]
+    rows += [
+        _row(
+            "native",
+            N,
+            scenario,
+            "lex-cbf-qp",
+            native(scenario, "lex-cbf-qp", N, kind),
+            steps,
+            kind,
+        )
+        for scenario in (FIVE_ROWS, "random")
+        for kind in ("geodesic", "local")
+    ]
     ant = SyncVectorEnv([lambda: gym.make("Ant-v5")] * 16)
     rows.append(_row("SyncVectorEnv of Ant-v5", 16, "-", "-", ant, steps))
     return {"rows": rows, "hcbf_gym": hcbf_gym.__version__, "gymnasium": gym.__version__}
 
 
-def native(scenario: str | Scenario, program: str, n: int) -> gym.vector.VectorEnv:
+def native(
+    scenario: str | Scenario, program: str, n: int, guidance: str | None = None
+) -> gym.vector.VectorEnv:
     """Return the native batch of n environments."""
     env = gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario, max_episode_steps=EPISODE)
-    return env if program == "none" else wrappers.VectorSafetyFilter(env, program=program)
+    if program == "none":
+        return env
+    return wrappers.VectorSafetyFilter(env, program=program, guidance=guidance)
 
 
 def sync(scenario: str | Scenario, program: str, n: int) -> gym.vector.VectorEnv:
@@ -89,13 +106,16 @@ def _row(
     program: str,
     env: gym.vector.VectorEnv,
     steps: int,
+    guidance: str | None = None,
 ) -> dict[str, Any]:
     target = TARGETS.get((kind, program)) if n == N and scenario is FIVE_ROWS else None
+    target = None if guidance else target
     return {
         "environment": kind,
         "n": n,
         "scenario": scenario if isinstance(scenario, str) else scenario.name,
         "program": program,
+        "guidance": guidance,
         "steps_per_second": steps_per_second(env, steps),
         "target": target,
     }
@@ -109,10 +129,11 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             str(row["n"]),
             row["scenario"],
             row["program"],
+            row["guidance"] or "",
             f"{row['steps_per_second']:,.0f}",
             "" if row["target"] is None else f"{row['target']:,.0f}",
         )
         for row in figures["rows"]
     ]
-    header = ("environment", "N", "scene", "program", "steps/s", "asked")
+    header = ("environment", "N", "scene", "program", "guidance", "steps/s", "asked")
     return {"all": Table("Environment steps per second of one core", header, cells)}

@@ -122,6 +122,7 @@ class Unguided:
         self._env, self._plant = env.unwrapped, env.plant
         input_set = self._env.scenario.input_set
         self._core = PlanarCore(self._plant, input_set, cell.settings(), count)
+        self._everyone = np.ones(count, dtype=np.bool_)
 
     def sense(self, observation: Any, info: dict[str, Any]) -> tuple[Any, Any]:
         """Return barriers and estimate as a filter reads them, before a step changes them."""
@@ -129,7 +130,8 @@ class Unguided:
         return read(plant.barriers, env, observation, info), plant.state(env, observation, info)
 
     def u(self, u_nominal: Array, sensed: tuple[Any, Any]) -> Array:
-        """Return what the filter without guidance chooses."""
+        """Return what the filter without guidance chooses; it forgets what was applied before."""
+        self._core.restart(self._everyone)
         return self._core.step(u_nominal, *sensed)[0].copy()
 
 
