@@ -105,7 +105,10 @@ SUITES = {
         "benchmarks.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
     ),
     "held-rows": Suite(
-        "benchmarks.held_rows", "held rows under friendly and hostile policies, without margin", 8
+        "benchmarks.held_rows",
+        "held rows under friendly and hostile policies, without margin",
+        4,
+        ROM,
     ),
     "estimation": Suite(
         "benchmarks.estimation",

@@ -1,109 +1,123 @@
 """Held rows in random scenes: no policy may get past a strict barrier, and PD must still arrive.
 
-The reduced-order model at 50 Hz without margins, under lex-cbf-qp, looked at every millisecond.
+The reduced-order environment at 50 Hz in its filter, lex-cbf-qp without margins. What the filter
+applies is followed anew, and looked at every millisecond.
 """
 
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium as gym
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import track
 
-from hcbf_gym import programs, scenarios
-from hcbf_gym.barriers import BarrierSet, RowSettings, SpeedLimit
+from hcbf_gym import wrappers
+from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.scenarios import Scenario
 from hcbf_gym.studies.monte_carlo.episodes import advance
 
 Array = NDArray[np.float64]
-Draw = np.random.Generator
 
-DT, LOOKS, STEPS = 0.02, 20, 1000
-U = Box.symmetric(5.0)
+LOOKS = 20
+"""Looks in a control step."""
 FIRST_SEED = 50_000
 NOISE = 3.0
 """Standard deviation of what is added to PD in the policy "noise" [m/s²]."""
 
-SETTINGS = {
-    "held": (RowSettings(period=DT, u_max=U.radius), 0.0),
-    "usual": (RowSettings(), 0.0),
-    "usual + 1 cm": (RowSettings(), 0.01),
+SETTINGS: dict[str, dict[str, Any]] = {
+    "held": {"rows": "held", "margin": 0.0},
+    "usual": {"rows": "usual", "margin": 0.0},
+    "usual + 1 cm": {"rows": "usual", "margin": 0.01},
 }
-"""Rows by name, with the margin of strict ones [m]."""
+"""What the filter is given, by name."""
 
 
 class Situation:
     """What a policy sees of N scenes.
 
     Args:
-        scenes: N scenarios, each with its goal.
+        env: the filtered vector environment.
         rng: for policies that draw.
 
     Attributes:
-        barriers: of the scenes, the speed limit last.
-        goal: (N, 2) [m].
         x: (N, 4) [m] and [m/s].
-        strict: (N, m) strict barriers on the position.
+        t: (N,) [s].
+        reach: the largest norm of an input [m/s²].
+        wanted: (N, 2) what PD asks for [m/s²].
     """
 
-    def __init__(self, scenes: list[Scenario], rng: Draw):
-        limits = [SpeedLimit("speed limit", 1, scene.v_max or np.inf) for scene in scenes]
-        pairs = zip(scenes, limits, strict=True)
-        self.barriers = BarrierSet([(*scene.barriers, limit) for scene, limit in pairs])
-        self.goal = np.array([scene.goal for scene in scenes])
-        self.x = np.array([[*scene.start, 0.0, 0.0] for scene in scenes])
+    def __init__(self, env: wrappers.VectorSafetyFilter, rng: np.random.Generator):
+        self._inner: Any = env.unwrapped
+        self._pd = PDTracker.for_env(env)
+        self.barriers = self._inner.barrier_set
         self.strict = self.barriers.keeps_margin == 1.0
-        self.rng = rng
-        self.sign, self.corner = np.ones(len(scenes)), np.zeros((len(scenes), 2))
+        self.reach = self._inner.scenario.input_set.radius
+        self.rng, count = rng, len(self.strict)
+        self.sign, self.corner = np.ones(count), np.zeros((count, 2))
 
-    def nearest_normals(self, t: Array) -> tuple[Array, Array]:
+    def look(self, observation: Array, info: dict[str, Any]) -> None:
+        """Take in what the environment said last."""
+        self.x, self.t = self._inner.rom_state, self._inner.time
+        self.wanted = np.asarray(self._pd(observation, info), dtype=np.float64)
+
+    def nearest_normals(self) -> tuple[Array, Array]:
         """Return (N, 2) ∇h of the nearest strict barrier, and of the second nearest."""
-        h, sensed = self.barriers.sense(self.x, t)
+        h, sensed = self.barriers.sense(self.x, self.t)
         order = np.argsort(np.where(self.strict, h, np.inf), axis=1)
         every = np.arange(len(h))
         return sensed[every, order[:, 0], 1:3], sensed[every, order[:, 1], 1:3]
 
-
-def _pd(now: Situation, t: Array) -> Array:
-    return 2.0 * (now.goal - now.x[:, :2]) - 3.0 * now.x[:, 2:]
-
-
-def _noise(now: Situation, t: Array) -> Array:
-    return _pd(now, t) + now.rng.normal(0.0, NOISE, now.goal.shape)
+    def turn(self, mean: float) -> NDArray[np.bool_]:
+        """Return (N,) who changes its mind in this step, every `mean` seconds on average."""
+        return self.rng.random(len(self.sign)) < CONTROL_DT / mean
 
 
-def _at_the_nearest(now: Situation, t: Array) -> Array:
-    return -U.radius * now.nearest_normals(t)[0]
+def _pd(now: Situation) -> Array:
+    return now.wanted
 
 
-def _into_the_corner(now: Situation, t: Array) -> Array:
-    first, second = now.nearest_normals(t)
-    return -U.radius * (first + 0.9 * second)
+def _noise(now: Situation) -> Array:
+    return now.wanted + now.rng.normal(0.0, NOISE, now.wanted.shape)
 
 
-def _along_the_edge(now: Situation, t: Array) -> Array:
-    normal = now.nearest_normals(t)[0]
-    now.sign[now.rng.random(len(now.sign)) < DT / 0.8] *= -1.0
+def _at_the_nearest(now: Situation) -> Array:
+    return -now.reach * now.nearest_normals()[0]
+
+
+def _into_the_corner(now: Situation) -> Array:
+    first, second = now.nearest_normals()
+    return -now.reach * (first + 0.9 * second)
+
+
+def _along_the_edge(now: Situation) -> Array:
+    normal = now.nearest_normals()[0]
+    now.sign[now.turn(0.8)] *= -1.0
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    return U.radius * (now.sign[:, None] * tangent - normal)
+    return now.reach * (now.sign[:, None] * tangent - normal)
 
 
-def _bang_bang(now: Situation, t: Array) -> Array:
-    changes = now.rng.random(len(now.corner)) < DT / 0.3
-    now.corner[changes] = 5.0 * now.rng.choice([-1.0, 1.0], (int(changes.sum()), 2))
+def _away_and_back(now: Situation) -> Array:
+    now.sign[now.turn(0.6)] *= -1.0
+    return now.reach * now.sign[:, None] * now.nearest_normals()[0]
+
+
+def _bang_bang(now: Situation) -> Array:
+    changes = now.turn(0.3)
+    now.corner[changes] = now.reach * now.rng.choice([-1.0, 1.0], (int(changes.sum()), 2))
     return now.corner
 
 
-POLICIES: dict[str, Callable[[Situation, Array], Array]] = {
+POLICIES: dict[str, Callable[[Situation], Array]] = {
     "pd": _pd,
     "noise": _noise,
     "at the nearest region": _at_the_nearest,
     "into the corner": _into_the_corner,
     "along the edge, reversing": _along_the_edge,
+    "away and back": _away_and_back,
     "bang-bang": _bang_bang,
 }
 """Friendly, disturbed, and hostile ones, which push with all that U allows."""
@@ -118,8 +132,9 @@ def run(quick: bool) -> dict[str, Any]:
         for policy in POLICIES
         for rows in (SETTINGS if policy == "pd" else ("held",))
     ]
-    results = [episode(*case, episodes) for case in track(cases, "policies")]
-    figures = {"held_rows": results}
+    walk = joblib.delayed(walk_all)
+    results: Any = joblib.Parallel(n_jobs=-1)(walk(*case, episodes) for case in cases)
+    figures = {"held_rows": list(results)}
     Console(width=160).print(tables(figures)["held-rows"].rich())
     return figures
 
@@ -143,8 +158,8 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     return {"held-rows": Table(title, header, lines)}
 
 
-def episode(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any]:
-    """Run one policy in many scenes at once.
+def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any]:
+    """Run one policy in many scenes at once, each for 20 s.
 
     Args:
         family: "random" or "random-moving".
@@ -152,22 +167,30 @@ def episode(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any
         rows: one of `SETTINGS`.
         episodes: how many scenes.
     """
-    seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    scenes = [scenarios.make(family, np.random.default_rng(seed)) for seed in seeds]
-    now = Situation(scenes, np.random.default_rng(FIRST_SEED))
-    settings, margin = SETTINGS[rows]
-    batch, barriers = programs.make_batch("lex-cbf-qp", input_set=U), now.barriers
-    least = barriers.values(now.x, np.zeros(episodes))
+    bare = gym.make_vec(
+        "HCBF-Regions-v0", num_envs=episodes, scenario=family, autoreset_mode="Disabled"
+    )
+    env = wrappers.VectorSafetyFilter(bare, program="lex-cbf-qp", **SETTINGS[rows])
+    inner: Any = env.unwrapped
+    observation, info = env.reset(seed=FIRST_SEED)
+    now = Situation(env, np.random.default_rng(FIRST_SEED))
+    barriers, radius = now.barriers, inner.scenes[0].goal_radius
+    least, inside, gap = info["h"].copy(), np.zeros_like(info["h"]), 0.0
     reached, violated = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
-    backup, inside = 0, np.zeros_like(least)
-    for step in range(STEPS):
-        t = np.full(episodes, step * DT)
-        wanted = U.project(POLICIES[policy](now, t))
-        result = batch(wanted, barriers.rows(now.x, t, settings, margin))
-        violated |= result.status == FilterStatus.VIOLATED
-        backup += int((result.status == FilterStatus.BACKUP).sum())
-        advance(barriers.kind, barriers.parameters, now.x, t, result.u, DT, LOOKS, least, inside)
-        reached |= np.linalg.norm(now.x[:, :2] - now.goal, axis=1) <= scenes[0].goal_radius
+    backup = 0
+    for _ in range(MAX_EPISODE_STEPS):
+        now.look(observation, info)
+        observation, _, _, _, info = env.step(POLICIES[policy](now))
+        said, x = info["safety_filter"], now.x
+        violated |= said["status"] == FilterStatus.VIOLATED
+        backup += int((said["status"] == FilterStatus.BACKUP).sum())
+        advance(
+            barriers.kind, barriers.parameters, x, now.t, said["u_safe"], CONTROL_DT, LOOKS,
+            least, inside,
+        )  # fmt: skip
+        gap = max(gap, float(np.abs(x - inner.rom_state).max()))
+        reached |= np.linalg.norm(x[:, :2] - inner.goal, axis=1) <= radius
+    env.close()
     position = np.where(now.strict, least, np.inf).min(axis=1)
     return {
         "scenes": family,
@@ -180,4 +203,5 @@ def episode(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any
         "violated": int(violated.sum()),
         "backup": backup,
         "goals": float(reached.mean()),
+        "gap": gap,
     }
