@@ -8,7 +8,7 @@ from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.cascades import CASCADES, Cascade
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.general.program import GeneralProgram
-from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
+from hcbf_gym.programs.planar.program import KINDS, BatchProgram, PlanarProgram
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
@@ -21,6 +21,7 @@ __all__ = [
     "Program",
     "conflict_report",
     "equivalent_offset",
+    "is_compiled",
     "make",
     "make_batch",
     "names",
@@ -42,6 +43,15 @@ def options(name: str) -> tuple[str, ...]:
     return choose("program", name, CASCADES).options
 
 
+def is_compiled(name: str) -> bool:
+    """Tell whether the program is compiled for two inputs, as all of this package are.
+
+    Raises:
+        UnknownNameError: if there is no such program.
+    """
+    return choose("program", name, CASCADES) in KINDS
+
+
 def make(
     name: str,
     *,
@@ -55,7 +65,8 @@ def make(
         name: one of :func:`names`.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
         solver: "daqp", "clarabel", or any solver that qpsolvers finds installed. Without a name,
-            two inputs need no solver (`planar`), any other number takes DAQP.
+            the programs of this package need none for two inputs (`planar`); any
+            other number of inputs, and a program of your own, takes DAQP.
         program_options: among :func:`options`.
 
     Raises:
@@ -63,7 +74,7 @@ def make(
         InvalidInputError: on an unknown option or a value that the program refuses.
     """
     cascade, inputs = _cascade(name, program_options), _input_set(input_set)
-    if solver is None and inputs.n_u == 2:
+    if solver is None and inputs.n_u == 2 and type(cascade) in KINDS:
         return PlanarProgram(cascade, inputs)
     return GeneralProgram(cascade, inputs, solver or "daqp")
 
@@ -80,8 +91,8 @@ def make_batch(
 
     Raises:
         UnknownNameError: on an unknown program; the message lists the choices.
-        InvalidInputError: on an unknown option, a value that the program refuses, or an input set
-            that is not planar.
+        InvalidInputError: on an unknown option, a value that the program refuses, an input set
+            that is not planar, or a program of your own.
     """
     return BatchProgram(_cascade(name, program_options), _input_set(input_set))
 

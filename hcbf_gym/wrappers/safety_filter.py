@@ -9,6 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
+from hcbf_gym import programs
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
@@ -240,7 +241,8 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
     """Return the core that fits a plant: compiled for the planar double integrator."""
-    if plant.model == DoubleIntegrator() and settings.solver is None:
+    compiled = settings.solver is None and programs.is_compiled(settings.program)
+    if plant.model == DoubleIntegrator() and compiled:
         return PlanarCore(plant, input_set, settings, 1)
     return GeneralCore(plant, input_set, settings)
 

@@ -2,15 +2,18 @@
 
 from fractions import Fraction
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import hcbf_gym
 from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus
+from hcbf_gym.programs.cascades import CASCADES, LexicographicCbfQp
 from hcbf_gym.programs.exact import rational
 from hcbf_gym.programs.planar import polygon
 from hcbf_gym.programs.planar.records import Line, make_workspace
@@ -257,3 +260,33 @@ def test_the_kernels_run_uncompiled_too():
     count = polygon.cut.py_func(buffer, 4, line, 8.0)
     assert count == polygon.cut(compiled, 4, line, 8.0)
     np.testing.assert_array_equal(buffer[:count], compiled[:count])
+
+
+class OfMyOwn(LexicographicCbfQp):
+    """A user's program."""
+
+
+def test_a_program_of_your_own_is_solved_though_it_is_not_compiled(monkeypatch):
+    monkeypatch.setitem(CASCADES, "my-qp", OfMyOwn)
+    rng = np.random.default_rng(0)
+    own, known = programs.make("my-qp"), programs.make("lex-cbf-qp")
+    for _ in range(20):
+        h = rng.normal(size=3)
+        rows = CbfRows(rng.normal(size=(3, 2)), rng.normal(size=3), h, np.array([1, 2, 3]), h)
+        u = rng.normal(0.0, 4.0, 2)
+        assert own(u, rows).u == pytest.approx(known(u, rows).u, abs=1e-6)
+    with pytest.raises(InvalidInputError, match=r"OfMyOwn.*CbfQp.*daqp"):
+        programs.make_batch("my-qp")
+
+
+def test_a_program_of_your_own_filters_an_environment(monkeypatch):
+    monkeypatch.setitem(CASCADES, "my-qp", OfMyOwn)
+    envs = [
+        hcbf_gym.wrappers.SafetyFilter(gym.make("HCBF-Regions-v0"), program, rows="usual")
+        for program in ("my-qp", "lex-cbf-qp")
+    ]
+    for env in envs:
+        env.reset(seed=3)
+    for _ in range(50):
+        infos = [env.step(np.array([5.0, 1.0]))[-1]["safety_filter"] for env in envs]
+        assert infos[0]["u_safe"] == pytest.approx(infos[1]["u_safe"], abs=1e-5)

@@ -24,13 +24,14 @@ from hcbf_gym.programs.planar.records import Array, Settings
 from hcbf_gym.programs.program import Program, check_shapes, explain, well_formed
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
-_KINDS: dict[type[Cascade], int] = {
+KINDS: dict[type[Cascade], int] = {
     CbfQp: records.CBF,
     RelaxedCbfQp: records.RELAXED,
     HierarchicalCbfQp: records.HIERARCHICAL,
     ExplicitHierarchicalCbfQp: records.EXPLICIT,
     LexicographicCbfQp: records.LEXICOGRAPHIC,
 }
+"""The programs that are compiled for two inputs; others, such as a user's own, are not."""
 _STATUS = {int(status): status for status in FilterStatus}
 _MALFORMED = -2
 
@@ -39,15 +40,21 @@ def settings_of(cascade: Cascade, input_set: InputSet) -> Settings:
     """Return what the kernels must know of a program.
 
     Raises:
-        InvalidInputError: if the input set is not planar.
+        InvalidInputError: if the input set is not planar, or the program is not among `KINDS`.
     """
+    if type(cascade) not in KINDS:
+        raise InvalidInputError(
+            f"program: got {type(cascade).__name__}, which is not compiled for two inputs, "
+            f"expected one of {sorted(kind.__name__ for kind in KINDS)}: filter single states "
+            "with solver='daqp'"
+        )
     if input_set.n_u != 2:
         raise InvalidInputError(
             f"batch: got {input_set.n_u} inputs, expected 2: use the single program"
         )
     known = isinstance(cascade, RelaxedCbfQp) and cascade.epsilon == "known"
     return Settings(
-        _KINDS[type(cascade)],
+        KINDS[type(cascade)],
         input_set.radius,
         cascade.lambda_u,
         known,
