@@ -58,6 +58,14 @@ class Suite(NamedTuple):
 
 SUITES = {
     "course": Suite("benchmarks.course", "the paper's course on the A1, the README's table", 1, A1),
+    "reproduction": Suite(
+        "reproduction.suite",
+        "the paper's figures drawn anew, and its claims",
+        5,
+        (*ROM, *A1, "evaluation/rollouts.py"),
+        extra="studies",
+        needs=("optuna",),
+    ),
     "filter": Suite(
         "benchmarks.filter",
         "what SafetyFilter adds to a step, beside cbfpy",

@@ -6,6 +6,7 @@ the run bears it out. Run it again to resume it: every episode is kept under its
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -44,10 +45,28 @@ def main(args: Args) -> None:
     """Draw the figures, check the claims, and write both."""
     if args.workers < 1:
         raise InvalidInputError(f"workers: got {args.workers}, expected at least 1")
-    settings = {"study": "reproduction", "quick": args.quick, "version": hcbf_gym.__version__}
-    open_folder(args.output, settings)
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
     names = list(FIGURES) if args.figure == "all" else [args.figure]
+    claims = reproduce(names, args.output, args.quick, args.workers, args.backend)["claims"]
+    console = Console()
+    console.print(_table(claims))
+    console.print(f"written to {args.output}")
+
+
+def reproduce(
+    names: Sequence[str], folder: Path, quick: bool, workers: int, backend: str
+) -> dict[str, Any]:
+    """Draw figures into a folder, and return what `reproduction.json` holds then.
+
+    Args:
+        names: of `FIGURES`.
+        folder: for the pictures, the episodes and the JSON; figures that it has stay.
+        quick: fewer episodes.
+        workers: processes.
+        backend: how joblib starts them.
+    """
+    settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
+    open_folder(folder, settings)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns) as progress:
         bars: dict[str, Any] = {}
@@ -57,25 +76,20 @@ def main(args: Args) -> None:
                 bars[title] = progress.add_task(title, total=total)
             progress.update(bars[title], completed=done)
 
-        runs = Runs(args.output / "episodes", args.workers, args.backend, show)
+        runs = Runs(folder / "episodes", workers, backend, show)
         for name in names:
-            result = FIGURES[name](runs, args.output, args.quick)
-            write_json(args.output / f"{name}.json", result)
+            write_json(folder / f"{name}.json", FIGURES[name](runs, folder, quick))
     results = {
         name: json.loads(path.read_text(encoding="utf-8"))
         for name in FIGURES
-        if (path := args.output / f"{name}.json").exists()
+        if (path := folder / f"{name}.json").exists()
     }
     claims = {
         text: holds for result in results.values() for text, holds in result["claims"].items()
     }
-    write_json(
-        args.output / "reproduction.json",
-        {"settings": settings, "claims": claims, "figures": results},
-    )
-    console = Console()
-    console.print(_table(claims))
-    console.print(f"written to {args.output}")
+    reproduction = {"settings": settings, "claims": claims, "figures": results}
+    write_json(folder / "reproduction.json", reproduction)
+    return reproduction
 
 
 def _table(claims: dict[str, bool]) -> Table:

@@ -1,5 +1,6 @@
 """Episodes that are run once: in parallel, and kept in a folder under all that decides them."""
 
+import functools
 import hashlib
 import json
 from collections.abc import Callable, Sequence
@@ -14,12 +15,22 @@ from numpy.typing import NDArray
 
 import hcbf_gym
 from hcbf_gym import scenarios
+from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.rollouts import Case, Episode, in_parallel, make_policy
 from hcbf_gym.records import whole
 
 Array = NDArray[np.float64]
+
+_PACKAGE = Path(hcbf_gym.__file__).parent
+_DECIDE = ("evaluation/rollouts.py", "envs/regions.py", "envs/a1_regions.py", "robots/a1/a1.xml")
+"""What an episode runs on, and through their imports all below them."""
+
+
+@functools.cache
+def _sources() -> str:
+    return sources_hash([_PACKAGE / file for file in _DECIDE])
 
 
 class Job(NamedTuple):
@@ -29,10 +40,10 @@ class Job(NamedTuple):
     seed: int = 0
 
     def key(self) -> str:
-        """Return a name that no other episode has: the hash of all its settings."""
+        """Return a name that no other episode has: the hash of its settings and of the sources."""
         case = self.case
         settings = {
-            "version": hcbf_gym.__version__,
+            "sources": _sources(),
             "env": case.env,
             "scenario": scenarios.make(case.scenario).to_dict(),
             "policy": case.policy,
