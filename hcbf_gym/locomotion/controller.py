@@ -154,16 +154,10 @@ class LocomotionController:
     @property
     def reference(self) -> BodyReference:
         """Where the trunk shall be: the reduced-order model's own state, and the heading."""
-        r = self._memory[0].reference
-        return BodyReference(
-            position=r.position.copy(),
-            velocity=r.velocity.copy(),
-            acceleration=r.acceleration.copy(),
-            yaw=float(r.yaw),
-            yaw_rate=float(r.yaw_rate),
-            yaw_acceleration=float(r.yaw_acceleration),
-            turning=bool(r.turning),
-        )
+        # in one piece: field by field takes six times as long
+        fields = self._memory["reference"].copy().item()
+        reference = BodyReference._make(fields)
+        return reference._replace(turning=bool(reference.turning))
 
     @property
     def diagnostics(self) -> Diagnostics:

@@ -71,8 +71,7 @@ class FullForm:
         self._workspace = np.zeros(1, dtype=FULL_WORKSPACE)
         work = self._workspace[0]
         self._programs = [program_views(work, contacts) for contacts in range(5)]
-        self._limits, self._feedback = work.limits, work.feedback
-        self.feedforward = np.zeros(12)
+        self._torque, self.feedforward = work.torque, work.feedforward
         self.program = self._programs[0]
 
     def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
@@ -81,6 +80,12 @@ class FullForm:
         self.program = self._programs[contacts]
         solution = qp.solve(self.program)
         if solution.x is not None:
-            self.feedforward = solution.x[18:30].copy()
-        torque = self.feedforward + self._feedback
-        return torque.clip(*self._limits), solution
+            self.feedforward[:] = solution.x[18:30]
+        finish_full(self._workspace)
+        return self._torque.copy(), solution
+
+
+@njit(cache=True)
+def finish_full(workspace: Records) -> None:
+    """Set the torques after the solver has been asked."""
+    set_torque(workspace[0])

@@ -45,6 +45,8 @@ FULL_WORKSPACE = np.dtype(
             ("upper", "f8", 42 + 46),
             ("feedback", "f8", 12),  # of the joint impedance [N·m]
             ("limits", "f8", (2, 12)),  # least and largest torque of each joint [N·m]
+            ("feedforward", "f8", 12),  # τ of the latest solution [N·m]
+            ("torque", "f8", 12),  # feedforward and feedback within the limits [N·m]
         ],
     )
 )
