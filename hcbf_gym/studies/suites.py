@@ -98,7 +98,7 @@ SUITES = {
         (*ROM, *A1, "studies/benchmarks/version_worker.py"),
     ),
     "monte-carlo": Suite(
-        "monte_carlo.command", "programs in random conflicting scenes, by priority", 40
+        "monte_carlo.command", "programs in random conflicting scenes, by priority", 6
     ),
     "learned-policies": Suite(
         "benchmarks.learned_policies",

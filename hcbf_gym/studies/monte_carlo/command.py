@@ -15,6 +15,7 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
+from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.rollouts import in_parallel
@@ -57,11 +58,13 @@ def main(args: Args) -> None:
 def run(quick: bool) -> dict[str, Any]:
     """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp.
 
+    What a killed run has left is taken up only by the sources that made it.
+
     Args:
         quick: few scenes, and one policy.
     """
     with tempfile.TemporaryDirectory() as folder:
-        output = Path(folder) / "quick" if quick else Args.output
+        output = Path(folder) / "quick" if quick else Args.output / sources_hash([Path(__file__)])
         args = Args(output=output, workers=os.cpu_count() or 1)
         if quick:
             args = replace(args, episodes=4, chunk=4, policies=("pd",))
