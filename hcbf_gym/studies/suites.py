@@ -103,7 +103,7 @@ SUITES = {
     "learned-policies": Suite(
         "benchmarks.learned_policies",
         "success and safety of policies under every program",
-        40,
+        20,
         (*ROM, *A1, *BASELINES),
     ),
     "locomotion": Suite(
@@ -124,7 +124,6 @@ SUITES = {
         2,
         A1,
     ),
-    "margin": Suite("benchmarks.margin", "how far the A1 dips below its strict rows", 20, A1),
     "foreign": Suite(
         "benchmarks.foreign",
         "foreign environments and models behind the filter",
