@@ -152,7 +152,7 @@ class FunctionRows:
         kernel = _rows_kernel(model, self.functions, self.degrees, self._scales, alphas)
         jax = import_jax("barriers.Function")
         many = jax.vmap(kernel, (0, 0, None, None))
-        self._one = compile64(lambda *inputs: jax.numpy.stack(kernel(*inputs)))
+        self._one = compile64(_packed(kernel, model.n, len(self.functions)))
         self._many = compile64(lambda *inputs: jax.numpy.stack(many(*inputs)))
 
     def __call__(
@@ -175,13 +175,14 @@ class FunctionRows:
         """
         m, n_u = len(self.functions), self.model.n_u
         if x.ndim == 1:
-            out = np.asarray(self._one(x, t, margin, margin_rate)).reshape(m, n_u + 5)
+            inputs = np.concatenate((x, (t,), margin, margin_rate))
+            out = np.asarray(self._one(inputs))
         else:
             out = np.asarray(self._many(x, t, margin, margin_rate))
             out = np.moveaxis(out.reshape(m, n_u + 5, len(x)), -1, 0)
         a, b, h = out[..., :n_u], out[..., n_u], out[..., n_u + 1]
         early = out[..., n_u + 4]
-        if not early.max() <= VANISHED or not np.isfinite(h).all():
+        if not early.max() <= VANISHED:
             self._refuse(h, early)
         priority = self._priority
         if x.ndim == 2:
@@ -271,7 +272,10 @@ def _rows_kernel(
     scales: Array,
     alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
 ) -> Callable[..., Any]:
-    """Return (x, t, margin, rate) → (m, n_u + 5): a, b, h, α₂(ψ), conditioning, early inputs."""
+    """Return (x, t, margin, rate) → (m, n_u + 5): a, b, h, α₂(ψ), conditioning, early inputs.
+
+    The last is nan where h is not finite, so that one comparison finds both.
+    """
     jax = import_jax("barriers.Function")
     jnp, barrier = jax.numpy, jax.lax.optimization_barrier
     alpha1, alpha2 = alphas
@@ -294,7 +298,7 @@ def _rows_kernel(
             h,
             jnp.where(finite, bound, 0.0),
             jnp.where(gone, 0.0, conditioning),
-            early / scales[k],
+            jnp.where(jnp.isfinite(h), early / scales[k], jnp.nan),
         ]
 
     def kernel(x: Any, t: Any, margin: Any, rate: Any) -> list[Any]:
@@ -304,6 +308,20 @@ def _rows_kernel(
         return [entry for entries in rows for entry in entries]
 
     return kernel
+
+
+def _packed(kernel: Callable[..., Any], n: int, m: int) -> Callable[[Any], Any]:
+    """Return the kernel with one array in, (x, t, margin, rate), and one out, (m, n_u + 5).
+
+    Every array that JAX takes costs several microseconds.
+    """
+    jnp = import_jax("barriers.Function").numpy
+
+    def packed(inputs: Any) -> Any:
+        x, t, margin, rate = jnp.split(inputs, (n, n + 1, n + 1 + m))
+        return jnp.stack(kernel(x, t[0], margin, rate)).reshape(m, -1)
+
+    return packed
 
 
 def _largest(jnp: Any, values: Sequence[Any]) -> Any:

@@ -51,6 +51,7 @@ class GeneralRows:
         self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
         self._degrees: dict[type[Barrier], int] = {}
         self._function_rows: dict[tuple[Barrier, ...], FunctionRows] = {}
+        self._latest: tuple[tuple[Barrier, ...], FunctionRows, Array] | None = None
         self.conditioning = np.ones(0)
 
     def __call__(
@@ -75,12 +76,19 @@ class GeneralRows:
             InvalidInputError: if no input reaches a barrier by the second derivative, or the model
                 has no velocity for a speed limit.
         """
-        kept = margins(barriers, margin)
-        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), kept.shape)
+        key = tuple(barriers)
+        if self._latest is not None and self._latest[0] == key:
+            kernel, share = self._latest[1:]
+            kept = margin * share if isinstance(margin, float) else margins(barriers, margin)
+            rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
+            rows, self.conditioning = kernel(x, t, kept, rates)
+            return rows
         own = [k for k, barrier in enumerate(barriers) if isinstance(barrier, Function)]
         if own and len(own) == len(barriers):
-            rows, self.conditioning = self._compiled(barriers)(x, t, kept, rates)
-            return rows
+            self._latest = key, self._compiled(barriers), margins(barriers, 1.0)
+            return self(barriers, x, t, margin, margin_rate)
+        kept = margins(barriers, margin)
+        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), kept.shape)
         rows, self.conditioning = self._from_jets(barriers, x, t, kept, rates)
         if own:
             kernel = self._compiled([barriers[k] for k in own])
