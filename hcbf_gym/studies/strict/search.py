@@ -11,7 +11,7 @@ from hcbf_gym.studies.strict.episodes import AttackedEpisode, Outcome
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
 
 SEED = 7
-FIRST_SEED = 60_000
+FIRST_SEED = 90_000
 FAMILIES = ("random", "random-moving")
 SECONDS = 8.0
 POPULATION = 16
@@ -46,7 +46,7 @@ def worst_attack(trials: int, file: OutcomeFile) -> dict[str, Any]:
             AttackedEpisode(
                 "searched",
                 FAMILIES[generation % 2],
-                FIRST_SEED + generation // 2,
+                FIRST_SEED + generation,
                 env_options={"max_episode_steps": round(SECONDS / 0.02)},
                 parameters=tuple(trial.suggest_float(name, 0.0, 1.0) for name in PARAMETERS),
             )
