@@ -52,7 +52,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         f"{_span('scene', snapshot.scenario.name)}</div>"
         f"<div>t = {_span('time', f'{snapshot.time:.2f}')} s, {_span('state', state)}, "
         f"{_span('pace', f'{snapshot.pace:.2f}')} × real time; {_span('steering', steering)}</div>"
-        f'<div style="color:#c0392b">{_span("message", snapshot.message)}</div></div>'
+        f'<div style="font-weight:600">{_span("message", snapshot.message)}</div></div>'
     )
 
 
