@@ -1,7 +1,7 @@
 """From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,32 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 Array = NDArray[np.float64]
 
 _SAMPLES = 16
+
+
+class Scene(NamedTuple):
+    """Barriers, with what stays the same from state to state.
+
+    Attributes:
+        barriers: m of them.
+        own: places of those that are functions.
+        functions: the rows of these, compiled; None if there are none.
+        rest: place, barrier and relative degree of the others.
+        priority: (m,).
+        least: (m,) what a row keeps by itself: a speed limit's margin.
+        share: (m,) how much of a margin on the position a row keeps.
+    """
+
+    barriers: tuple[Barrier, ...]
+    own: list[int]
+    functions: FunctionRows | None
+    rest: list[tuple[int, Barrier, int]]
+    priority: NDArray[np.int64]
+    least: Array
+    share: Array
+
+    def margins(self, margin: float) -> Array:
+        """Return (m,) what each row keeps between h and zero."""
+        return self.least + margin * self.share
 
 
 class GeneralRows:
@@ -51,7 +77,7 @@ class GeneralRows:
         self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
         self._degrees: dict[type[Barrier], int] = {}
         self._function_rows: dict[tuple[Barrier, ...], FunctionRows] = {}
-        self._latest: tuple[tuple[Barrier, ...], FunctionRows, Array] | None = None
+        self._latest: Scene | None = None
         self.conditioning = np.ones(0)
 
     def __call__(
@@ -76,27 +102,37 @@ class GeneralRows:
             InvalidInputError: if no input reaches a barrier by the second derivative, or the model
                 has no velocity for a speed limit.
         """
-        key = tuple(barriers)
-        if self._latest is not None and self._latest[0] == key:
-            kernel, share = self._latest[1:]
-            kept = margin * share if isinstance(margin, float) else margins(barriers, margin)
-            rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
-            rows, self.conditioning = kernel(x, t, kept, rates)
+        scene = self.scene(barriers)
+        kept = np.asarray(margin, dtype=np.float64)
+        kept = kept if kept.ndim else scene.margins(float(kept))
+        rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
+        if scene.functions is not None and len(scene.own) == len(scene.barriers):
+            rows, self.conditioning = scene.functions(x, t, kept, rates)
             return rows
-        own = [k for k, barrier in enumerate(barriers) if isinstance(barrier, Function)]
-        if own and len(own) == len(barriers):
-            self._latest = key, self._compiled(barriers), margins(barriers, 1.0)
-            return self(barriers, x, t, margin, margin_rate)
-        kept = margins(barriers, margin)
-        rates = np.broadcast_to(np.asarray(margin_rate, dtype=np.float64), kept.shape)
-        rows, self.conditioning = self._from_jets(barriers, x, t, kept, rates)
-        if own:
-            kernel = self._compiled([barriers[k] for k in own])
-            functions, self.conditioning[own] = kernel(x, t, kept[own], rates[own])
+        rows, self.conditioning = self._from_jets(scene, x, t, kept, rates)
+        if scene.functions is not None:
+            own = scene.own
+            functions, self.conditioning[own] = scene.functions(x, t, kept[own], rates[own])
             rows.a[own], rows.b[own], rows.h[own] = functions.a, functions.b, functions.h
             if rows.alpha2_psi is not None:
                 rows.alpha2_psi[own] = functions.alpha2_psi
         return rows
+
+    def scene(self, barriers: Sequence[Barrier]) -> Scene:
+        """Return what is known of these barriers, looked up once while they stay the same."""
+        key = tuple(barriers)
+        if self._latest is None or self._latest.barriers != key:
+            own = [k for k, barrier in enumerate(key) if isinstance(barrier, Function)]
+            rest = [
+                (k, barrier, self.relative_degree(barrier))
+                for k, barrier in enumerate(key)
+                if k not in own
+            ]
+            functions = self._compiled([key[k] for k in own]) if own else None
+            priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
+            zero, one = margins(key, 0.0), margins(key, 1.0)
+            self._latest = Scene(key, own, functions, rest, priority, zero, one - zero)
+        return self._latest
 
     def _compiled(self, functions: Sequence[Barrier]) -> FunctionRows:
         """Return the rows of functions, compiled when these are first met together."""
@@ -107,17 +143,15 @@ class GeneralRows:
         return self._function_rows[key]
 
     def _from_jets(
-        self, barriers: Sequence[Barrier], x: Array, t: float, margin: Array, margin_rate: Array
+        self, scene: Scene, x: Array, t: float, margin: Array, margin_rate: Array
     ) -> tuple[CbfRows, Array]:
         """Return the rows and their conditioning; those of functions are left empty."""
-        m = len(barriers)
+        m = len(scene.barriers)
         gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
         h, alpha2_psi = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
-        for k, barrier in enumerate(barriers):
-            if isinstance(barrier, Function):
-                continue
-            degree, jet = self.relative_degree(barrier), barrier.jet(x, t)
+        for k, barrier, degree in scene.rest:
+            jet = barrier.jet(x, t)
             h[k] = jet.h
             psi, gradient, rate = jet.h - margin[k], jet.gradient, jet.rate - margin_rate[k]
             if degree == 2:
@@ -136,9 +170,9 @@ class GeneralRows:
         whole = np.sqrt((gradients**2).sum(axis=1) * (inputs**2).sum())
         conditioning = np.sqrt((a**2).sum(axis=1)) / np.where(whole > 0.0, whole, 1.0)
         gone = conditioning <= VANISHED
-        a[gone], conditioning[gone] = 0.0, 0.0
-        priority = np.array([barrier.priority for barrier in barriers], dtype=np.int64)
-        return CbfRows(a, b, h, priority, alpha2_psi), conditioning
+        if gone.any():
+            a[gone], conditioning[gone] = 0.0, 0.0
+        return CbfRows(a, b, h, scene.priority, alpha2_psi), conditioning
 
     def relative_degree(self, barrier: Barrier) -> int:
         """Return how often h must be differentiated until an input appears.

@@ -107,6 +107,10 @@ class SingleIntegrator(ReducedOrderModel):
         """Return (n, n) ∂f/∂x."""
         return np.zeros((self.n, self.n))
 
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return (n,) the state after `dt` [s] under a held u, ``x + u dt``."""
+        return x + dt * u
+
 
 @dataclass(frozen=True)
 class DoubleIntegrator(ReducedOrderModel):

@@ -1,6 +1,5 @@
 """Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +57,7 @@ def conflict_report(
         rest = kept[kept != row]
         if not _feasible(rows, rest, admissible):
             kept = rest
-    unbounded = replace(admissible, a=admissible.a[:0], b=admissible.b[:0])
+    unbounded = admissible._replace(a=admissible.a[:0], b=admissible.b[:0])
     paid = {
         int(priority): float(result.slack[rows.priority == priority].max())
         for priority in np.unique(rows.priority[result.slack > 0.0])

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.barriers.general import GeneralRows, margins
+from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -103,7 +103,8 @@ class GeneralCore(FilterCore):
             batch = barriers.rows(*now, self._row_settings, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             return rows, (margin[0], np.ones(rows.b.size))
-        margin = margins(barriers, self.uncertainty.distance + self.uncertainty.body)
+        kept = self.uncertainty.distance + self.uncertainty.body
+        margin = self._rows_of.scene(barriers).margins(kept)
         return self._rows_of(barriers, x, time, margin), (margin, self._rows_of.conditioning)
 
     def _outside(self, rows: CbfRows, barriers: Any) -> bool:

@@ -88,6 +88,7 @@ class Monitor:
         self._model, self._period, self._radius = model, period, radius
         self.memory = np.zeros((1, 4))
         self._expected: tuple[Array, Array, Array] | None = None
+        self._g = self._to_input = np.empty((0, 0))
 
     def forget(self) -> None:
         """Start a new episode; an alarm that was raised stays raised."""
@@ -105,7 +106,9 @@ class Monitor:
         if self._expected is None or self._period is None:
             return float(np.sqrt(self.memory[0, ERROR]))
         expected, g, u = self._expected
-        miss = np.linalg.lstsq(g, (x - expected) / self._period, rcond=None)[0]
+        if not np.array_equal(g, self._g):  # of most models it is constant
+            self._g, self._to_input = g, np.linalg.pinv(g)
+        miss = self._to_input @ (x - expected) / self._period
         rate = min(1.0, self._period / WINDOW)
         return account(self.memory[0], float(miss @ miss), float(u @ u), rate, self._radius)
 

@@ -83,16 +83,23 @@ class ExactInputs(NamedTuple):
         """Return ``argmin ‖u − u*‖²``."""
         return _array(minimisers(self.polygon, self._distance(rational(1)))[0])
 
-    def meet(self, rows: StageRows) -> "ExactInputs":
-        """Keep those that meet the rows or, where none does, violate them least."""
+    def meeting(self, rows: StageRows) -> "ExactInputs | None":
+        """Keep those that meet the rows; None where none does."""
         met = self.polygon
         for a, b in zip(rows.a, rows.b, strict=True):
             if met and a.any():
                 met = cut(met, tuple(a), b)
-        if met:
-            return self._replace(polygon=met)
+        return self._replace(polygon=met) if met else None
+
+    def violating_least(self, rows: StageRows) -> "ExactInputs":
+        """Keep those that violate the rows least, ``min Σ max(0, b_k − a_k u)²``."""
         ones, zeros = rows.b * 0 + 1, rows.b * 0
         return self._minimisers(_penalties(rows._replace(weight=ones, least=zeros)))
+
+    def meet(self, rows: StageRows) -> "ExactInputs":
+        """Keep those that meet the rows or, where none does, violate them least."""
+        met = self.meeting(rows)
+        return self.violating_least(rows) if met is None else met
 
     def relax(self, rows: StageRows, lambda_u: float) -> Array:
         """Return ``argmin λ_u ‖u − u*‖² + Σ λ_δk max(δ_min, b_k − a_k u)²``."""

@@ -98,3 +98,56 @@ def back_substitute(factor: Array, y: Array) -> Array:
             z[i] -= factor[i, j] * z[j]
         z[i] /= factor[i, i]
     return z
+
+
+@njit(cache=True)
+def meets(a: Array, lower: Array, x: Array, tolerance: float) -> bool:
+    """Return whether x (n,) misses no row by more than ``tolerance (1 + max|x|)``; NaN fails."""
+    allowed = tolerance * (1.0 + (np.abs(x).max() if x.size else 0.0))
+    for k in range(lower.size):
+        value = 0.0
+        for j in range(x.size):
+            value += a[k, j] * x[j]
+        if not lower[k] - value <= allowed:
+            return False
+    return allowed < np.inf
+
+
+@njit(cache=True)
+def with_slack(
+    rows: Array, lower: Array, a: Array, target: Array, least: Array
+) -> tuple[Array, Array]:
+    """Return the rows on (z, s) of ``rows z ≥ lower``, ``a z + s ≥ target`` and ``s ≥ least``.
+
+    Args:
+        rows: (h, n) rows that no slack helps.
+        lower: (h,) their bounds.
+        a: (s, n) rows with a slack each; they come out with unit norm.
+        target: (s,) their bounds.
+        least: (s,) bounds of the slacks.
+    """
+    hard, free, count = lower.size, rows.shape[1], target.size
+    matrix, below = np.zeros((hard + 2 * count, free + count)), np.empty(hard + 2 * count)
+    matrix[:hard, :free], below[:hard] = rows, lower
+    for k in range(count):
+        soft, alone, square = hard + k, hard + count + k, 1.0
+        for j in range(free):
+            square += a[k, j] * a[k, j]
+        norm = np.sqrt(square)
+        for j in range(free):
+            matrix[soft, j] = a[k, j] / norm
+        matrix[soft, free + k], below[soft] = 1.0 / norm, target[k] / norm
+        matrix[alone, free + k], below[alone] = 1.0, least[k]
+    return matrix, below
+
+
+@njit(cache=True)
+def complement(rows: Array, least: float) -> Array:
+    """Return (n, r) an orthonormal basis of what is orthogonal to the rows (k, n).
+
+    Args:
+        rows: of unit norm.
+        least: the singular value up to which a direction counts as orthogonal.
+    """
+    _, singular, orthogonal = np.linalg.svd(rows)
+    return orthogonal[(singular > least).sum() :].T.copy()

@@ -5,14 +5,14 @@ inequalities. A stage that pins a row removes a direction from the basis instead
 equality, so that no later stage can be infeasible through rounding.
 """
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.cascades import StageRows
-from hcbf_gym.programs.general.dense import level_rows, unit_rows
+from hcbf_gym.programs.general.dense import complement, level_rows, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
 from hcbf_gym.programs.general.soft import SoftRows, least_cost, trade
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
@@ -20,8 +20,7 @@ from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIE
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SolverInputs:
+class SolverInputs(NamedTuple):
     """``{u : u = point + basis z, a u ≥ b}``, never empty; see `cascades.Inputs`.
 
     Attributes:
@@ -62,16 +61,23 @@ class SolverInputs:
         z = self.solver.must(QpProblem(self.centre(), rows, lower))
         return self.point + self.basis @ z
 
-    def meet(self, rows: StageRows) -> "SolverInputs":
-        """Keep those that meet the rows or, where none does, violate them least (min Σ δ_k²)."""
+    def meeting(self, rows: StageRows) -> "SolverInputs | None":
+        """Keep those that meet the rows; None where none does."""
         met = self.intersect(rows.a, rows.b)
         u = met.attempt()
-        if u is not None:
-            return replace(met, known=u)
+        return None if u is None else met._replace(known=u)
+
+    def violating_least(self, rows: StageRows) -> "SolverInputs":
+        """Keep those that violate the rows least, ``min Σ max(0, b_k − a_k u)²``."""
         steer = np.einsum("ij,ij->i", rows.a, rows.a) > ZERO_GRADIENT**2
         a, b = rows.a[steer], rows.b[steer]
         soft = SoftRows(a, b, np.ones(b.size), np.zeros(b.size))
         return self._lock(a, b, least_cost(self, soft))
+
+    def meet(self, rows: StageRows) -> "SolverInputs":
+        """Keep those that meet the rows or, where none does, violate them least."""
+        met = self.meeting(rows)
+        return self.violating_least(rows) if met is None else met
 
     def relax(self, rows: StageRows, lambda_u: float) -> Array:
         """Return ``argmin λ_u ‖u − u*‖² + Σ λ_δk max(δ_min, b_k − a_k u)²``."""
@@ -129,7 +135,7 @@ class SolverInputs:
         """Keep those that meet ``a u ≥ b``, rows of any length; there may be none."""
         level, bound = level_rows(a, b, ZERO_GRADIENT)
         rows, bounds = np.concatenate((self.a, level)), np.concatenate((self.b, bound))
-        return replace(self, a=rows, b=bounds, known=None)
+        return self._replace(a=rows, b=bounds, known=None)
 
     def _pin(self, a: Array, u: Array) -> "SolverInputs":
         """Keep the inputs on which the rows a (s, n_u) have their value at u.
@@ -138,13 +144,11 @@ class SolverInputs:
         """
         unit, _ = unit_rows(a, np.zeros(len(a)), ZERO_GRADIENT)
         pinned, _ = unit_rows(unit @ self.basis, np.zeros(len(unit)), DEPENDENT)
-        kept = replace(self, b=np.minimum(self.b, self.a @ u), known=None)
+        kept = self._replace(b=np.minimum(self.b, self.a @ u), known=None)
         if not len(pinned):
             return kept
-        _, singular, orthogonal = np.linalg.svd(pinned)
-        directions = orthogonal[int(np.sum(singular > DEPENDENT)) :].T
-        basis = self.basis @ directions
-        return replace(kept, point=u, basis=basis, known=None if basis.size else u)
+        basis = self.basis @ complement(pinned, DEPENDENT)
+        return kept._replace(point=u, basis=basis, known=None if basis.size else u)
 
     def _lock(self, a: Array, b: Array, u: Array) -> "SolverInputs":
         """Keep the minimisers of a stage of which u is one, ``min Σ max(0, b_k − a_k u)²``.

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from hcbf_gym.errors import SolverError, choose
 from hcbf_gym.programs.exact import projection
 from hcbf_gym.programs.exact.rational import to_doubles, to_rational
+from hcbf_gym.programs.general.dense import meets
 from hcbf_gym.programs.tolerances import PRIMAL
 
 Array = NDArray[np.float64]
@@ -110,8 +111,7 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
     x, status = _backend(solver)(problem)
     if x is None or status is not QpStatus.OPTIMAL:
         return QpSolution(None, status, solver)
-    miss = (problem.lower - problem.a @ x).max(initial=0.0)
-    if not miss <= PRIMAL * (1.0 + np.abs(x).max(initial=0.0)):  # NaN fails, too
+    if not meets(problem.a, problem.lower, x, PRIMAL):
         return QpSolution(None, QpStatus.FAILED, solver)
     return QpSolution(x, status, solver)
 

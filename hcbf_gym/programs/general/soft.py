@@ -1,12 +1,19 @@
 """Stages of the general cascades that pay for rows: with a price on u, and without."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.programs.exact import projection
-from hcbf_gym.programs.general.dense import back_substitute, rows_of_image, unit_rows, whiten
+from hcbf_gym.programs.general.dense import (
+    back_substitute,
+    rows_of_image,
+    unit_rows,
+    whiten,
+    with_slack,
+)
 from hcbf_gym.programs.general.qp import QpProblem
 from hcbf_gym.programs.planar import least_cost as planar
 from hcbf_gym.programs.tolerances import DEPENDENT, GRADED, PULL, SETTLED, ZERO_GRADIENT
@@ -33,51 +40,55 @@ class SoftRows(NamedTuple):
     least: Array | None
 
 
-def trade(inputs: "SolverInputs", soft: SoftRows, u_nominal: Array | None = None) -> Array:
+def trade(inputs: "SolverInputs", soft: SoftRows) -> Array:
     """Return ``argmin ‖u − u*‖² + Σ w_k δ_k²`` over the inputs.
 
     Args:
         inputs: what to choose from.
         soft: the rows.
-        u_nominal: (n_u,) another u* than that of the inputs.
 
     Raises:
         SolverError: if nobody finds it.
     """
+    return trader(inputs, soft)(inputs.u_nominal)
+
+
+def trader(inputs: "SolverInputs", soft: SoftRows) -> Callable[[Array], Array]:
+    """Return the function of u* that `trade` is: what does not depend on u* is computed once."""
     point, basis = inputs.point, inputs.basis
     if not basis.shape[1]:
-        return point
-    desired = inputs.u_nominal if u_nominal is None else u_nominal
-    centre, root = basis.T @ (desired - point), np.sqrt(soft.weight)
+        return lambda u_nominal: point
+    root = np.sqrt(soft.weight)
     a, target = root[:, None] * (soft.a @ basis), root * (soft.target - soft.a @ point)
-    if soft.least is None:
-        return point + basis @ _trade_equalities(inputs, centre, a, target)
-    return point + basis @ _trade_inequalities(inputs, centre, a, target, root * soft.least)
+    least = None if soft.least is None else root * soft.least
+    choose = _equalities(inputs, a, target) if least is None else _soft(inputs, a, target, least)
+    return lambda u_nominal: point + basis @ choose(basis.T @ (u_nominal - point))
 
 
-def _trade_equalities(inputs: "SolverInputs", centre: Array, a: Array, target: Array) -> Array:
+def _equalities(inputs: "SolverInputs", a: Array, target: Array) -> Callable[[Array], Array]:
     """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``."""
-    factor, y_centre = whiten(a, target, centre)
     rows, lower = inputs.reduced()
-    problem = QpProblem(y_centre, *unit_rows(rows_of_image(rows, factor), lower, 0.0))
-    return back_substitute(factor, inputs.solver.must(problem))
+
+    def nearest(centre: Array) -> Array:
+        factor, y_centre = whiten(a, target, centre)
+        problem = QpProblem(y_centre, *unit_rows(rows_of_image(rows, factor), lower, 0.0))
+        return back_substitute(factor, inputs.solver.must(problem))
+
+    return nearest
 
 
-def _trade_inequalities(
-    inputs: "SolverInputs", centre: Array, a: Array, target: Array, least: Array
-) -> Array:
+def _soft(
+    inputs: "SolverInputs", a: Array, target: Array, least: Array
+) -> Callable[[Array], Array]:
     """Project (c, 0) on the (z, s) with ``s_k = √w_k δ_k``, ``a z + s ≥ t`` and ``s ≥ s_min``."""
-    rows, lower = inputs.reduced()
-    hard, free, count = lower.size, centre.size, target.size
-    norm = np.sqrt(np.einsum("ij,ij->i", a, a) + 1.0)
-    matrix = np.zeros((hard + 2 * count, free + count))
-    matrix[:hard, :free] = rows
-    matrix[hard : hard + count, :free] = a / norm[:, None]
-    matrix[range(hard, hard + count), range(free, free + count)] = 1.0 / norm
-    matrix[range(hard + count, hard + 2 * count), range(free, free + count)] = 1.0
-    below = np.concatenate((lower, target / norm, least))
-    problem = QpProblem(np.concatenate((centre, np.zeros(count))), matrix, below)
-    return inputs.solver.must(problem)[:free]
+    matrix, below = with_slack(*inputs.reduced(), a, target, least)
+    nothing = np.zeros(target.size)
+
+    def nearest(centre: Array) -> Array:
+        problem = QpProblem(np.concatenate((centre, nothing)), matrix, below)
+        return inputs.solver.must(problem)[: centre.size]
+
+    return nearest
 
 
 def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
@@ -115,16 +126,22 @@ def _on_polygon(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
 
 
 def _proximal(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
-    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
+    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles.
+
+    Near the end each move is the same share r of the one before: r/(1 − r) of the last is to come.
+    """
     steepness = np.sqrt(soft.weight) * np.linalg.norm(soft.a @ inputs.basis, axis=1)
     if steepness.max() > GRADED * steepness.min():
         return None
     steep = soft._replace(weight=soft.weight * (PULL / steepness.max() ** 2))
-    u = inputs.nearest()
+    nearest_to, u, last = trader(inputs, steep), inputs.nearest(), np.inf
     for _ in range(20):
-        previous, u = u, trade(inputs, steep, u)
-        if np.abs(u - previous).max() <= SETTLED * (1.0 + np.abs(u).max()):
+        previous, u = u, nearest_to(u)
+        move = float(np.abs(u - previous).max())
+        to_come = move * move / (last - move) if move < last < np.inf else move
+        if to_come <= SETTLED * (1.0 + np.abs(u).max()):
             return u
+        last = move
     return None
 
 

@@ -26,6 +26,8 @@ MAZE_STEPS = {"random": 800, "goal": 6000, "ppo": 800}
 HELD_STEPS = 20
 """For so many steps the policy "random" pushes the same way."""
 TRAINING_STEPS = 20_000
+ARM_STEPS = 1000
+"""Ten seconds for each target, in which the spheres come by."""
 
 
 def example(name: str) -> Any:
@@ -229,7 +231,7 @@ def arm(targets: int) -> dict[str, Any]:
             q = env.reset(seed=int(random.integers(2**31)))[0]
         target = np.array([0.9, 0.0, 0.8]) + random.uniform(-0.4, 0.4, 3)
         h, nearest = np.full(len(barriers), np.inf), np.inf
-        for k in range(400):
+        for k in range(ARM_STEPS):
             wanted, distance = reach(module, q, target)
             nearest, rows = min(nearest, distance), rows_of(barriers, q, k * module.T, 0.005)
             began = time.thread_time()
