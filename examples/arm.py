@@ -13,7 +13,11 @@ T, SPEED, THICK, AXES = 0.01, 0.5, 0.05, pin.LOCAL_WORLD_ALIGNED  # [s], [rad/s]
 ARM = pin.buildSampleModelManipulator()
 DATA, POINT, FLAT = ARM.createData(), pin.SE3.Identity(), np.zeros((6, 6))
 LINKS = {"upper arm": (3, 1.0), "forearm": (4, 1.0), "hand": (6, 0.2)}  # joint, length [m]
-SPHERES = ((1, (1, -0.7, 0.8), 0.4, 0.4), (2, (1, 0.7, 0.8), 0.4, -0.8), (3, (0.8, 0, 1.2), 0.3, 2.5))
+SPHERES = (
+    (1, (1, -0.7, 0.8), 0.4, 0.4),
+    (2, (1, 0.7, 0.8), 0.4, -0.8),
+    (3, (0.8, 0, 1.2), 0.3, 2.5),
+)
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,9 @@ class Clear(hcbf_gym.barriers.Barrier):
         pin.computeJointJacobians(ARM, DATA, x)
         (joint, length), c = LINKS[self.link], np.array(self.center, dtype=float)
         c[1] += self.sway * np.sin(t)
-        along = DATA.oMi[joint].actInv(c)[2]
-        POINT.translation[:] = 0.0, 0.0, min(max(along, 0.0), length)  # nearest to the center
-        away = DATA.oMi[joint].act(POINT.translation) - c
+        place = DATA.oMi[joint]
+        POINT.translation[2] = min(max(place.actInv(c)[2], 0.0), length)  # nearest to the center
+        away = place.act(POINT.translation) - c
         distance = np.sqrt(away @ away)
         gradient = away / distance @ pin.getFrameJacobian(ARM, DATA, joint, POINT, AXES)[:3]
         rate = -away[1] / distance * self.sway * np.cos(t)

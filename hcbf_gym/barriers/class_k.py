@@ -31,6 +31,15 @@ def value(c: Array, h: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def values(c: Array, h: Array) -> Array:
+    """Return α(h) (m,) of h (m,)."""
+    out = np.empty(h.size)
+    for k in range(h.size):
+        out[k] = value(c, h[k])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def slope(c: Array, h: float) -> float:
     """Return dα/dh; it is largest at h = 0 and does not grow with |h|."""
     if c[0] == LINEAR:
@@ -61,6 +70,10 @@ class ClassK(ABC):
     def __call__(self, h: float) -> float:
         """Return α(h)."""
         return value(self._numbers, h)
+
+    def values(self, h: Array) -> Array:
+        """Return α(h) (m,) of h (m,)."""
+        return values(self._numbers, h)
 
     def derivative(self, h: float) -> float:
         """Return dα/dh."""

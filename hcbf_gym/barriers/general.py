@@ -148,7 +148,7 @@ class GeneralRows:
         """Return the rows and their conditioning; those of functions are left empty."""
         m = len(scene.barriers)
         gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
-        h, alpha2_psi = np.zeros(m), np.zeros(m)
+        h, last = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
         for k, barrier, degree in scene.rest:
             jet = barrier.jet(x, t)
@@ -165,7 +165,8 @@ class GeneralRows:
                     + slope * gradient
                 )
                 psi = h_dot + self.alpha1(psi)
-            gradients[k], rates[k], alpha2_psi[k] = gradient, rate, self.alpha2(psi)
+            gradients[k], rates[k], last[k] = gradient, rate, psi
+        alpha2_psi = self.alpha2.values(last)
         a, b = gradients @ inputs, -alpha2_psi - gradients @ drift - rates
         whole = np.sqrt((gradients**2).sum(axis=1) * (inputs**2).sum())
         conditioning = np.sqrt((a**2).sum(axis=1)) / np.where(whole > 0.0, whole, 1.0)

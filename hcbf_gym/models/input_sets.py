@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -57,7 +58,7 @@ class Box:
         """The number of inputs."""
         return self.low.size
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """The largest norm of an input in the set."""
         return float(np.linalg.norm(np.maximum(-self.low, self.high)))

@@ -336,7 +336,7 @@ def _meet_most(inputs: AnyInputs, rows: StageRows) -> tuple[AnyInputs, int]:
     """
     lowest = int(rows.priority.max(initial=0))
     for last in range(lowest, 0, -1):
-        met = inputs.meeting(rows.only(rows.priority <= last))
+        met = inputs.meeting(rows if last == lowest else rows.only(rows.priority <= last))
         if met is not None:
             break
     else:

@@ -58,7 +58,7 @@ class Weights(NamedTuple):
     def of(self, priority: NDArray[np.int64], h: Array, state: int = 0) -> Array:
         """Return λ_δ(h) (m,) of rows of one state; those of priority 1 have no use for it."""
         table = self.table[state if self.states else 0]
-        gamma0 = table[np.clip(priority - 1, 1, table.size - 1)]
+        gamma0 = table[np.minimum(np.maximum(priority - 1, 1), table.size - 1)]
         return gamma0 * (1.0 + table[0] * np.maximum(0.0, -h))
 
     def check(self, states: int) -> None:

@@ -4,11 +4,13 @@ Times are processor time of one thread: medians of whole steps; of the arm less 
 """
 
 import importlib.util
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +50,7 @@ def example(name: str) -> Any:
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the figures of all foreign environments."""
+    """Return the figures of all foreign environments; what is timed for a target runs alone."""
     return {
         "maze": maze(2 if quick else 100, 500 if quick else TRAINING_STEPS),
         "pendulum": pendulum(4 if quick else 500),
@@ -59,31 +61,45 @@ def run(quick: bool) -> dict[str, Any]:
 
 def maze(episodes: int, training: int) -> list[dict[str, Any]]:
     """Drive the ball of PointMaze by each policy, with the filter and without it."""
-    point_maze = example("point_maze")
-    trained = _train("PointMaze_UMazeDense-v3", training)
-    results = []
-    for name in MAZES:
-        policies = {"random": _random_push, "goal": _to_goal}
-        if name == "UMaze":
-            policies["ppo"] = lambda env, observation, k: trained(observation)
-        for policy, act in policies.items():
-            env = point_maze.make(f"PointMaze_{name}-v3", max_episode_steps=MAZE_STEPS[policy])
-            for filtered in (True, False):
-                rolled = _roll_ball(env if filtered else env.env, act, episodes)
-                results.append({"maze": name, "policy": policy, "filtered": filtered} | rolled)
-            env.close()
-    return results
+    cells = [(maze, policy) for maze in MAZES for policy in ("random", "goal")]
+    cells.append(("UMaze", "ppo"))
+    with tempfile.TemporaryDirectory() as folder:
+        trained = Path(folder) / "ppo"
+        _train("PointMaze_UMazeDense-v3", training, trained)
+        roll = joblib.delayed(_cell)
+        jobs = (
+            roll(*cell, with_it, episodes, trained) for cell in cells for with_it in (True, False)
+        )
+        results: Any = joblib.Parallel(n_jobs=-1)(jobs)
+    return list(results)
 
 
-def _train(name: str, steps: int) -> Callable[[Any], Any]:
-    """Return a policy of Stable-Baselines3's PPO that never saw a filter."""
+def _train(name: str, steps: int, path: Path) -> None:
+    """Train a policy by Stable-Baselines3's PPO that never sees a filter, and save it."""
     import gymnasium as gym
     from stable_baselines3 import PPO
 
+    example("point_maze")  # registers the mazes
     env = gym.make(name, continuing_task=False)
     model = PPO("MultiInputPolicy", env, seed=0, device="cpu", n_steps=500, batch_size=100)
     model.learn(steps)
-    return lambda observation: model.predict(observation, deterministic=True)[0]
+    model.save(path)
+
+
+def _trained(path: Path) -> Callable[[Any, Any, int], Array]:
+    from stable_baselines3 import PPO
+
+    model = PPO.load(path, device="cpu")
+    return lambda env, observation, k: model.predict(observation, deterministic=True)[0]
+
+
+def _cell(name: str, policy: str, filtered: bool, episodes: int, trained: Path) -> dict[str, Any]:
+    """Roll one policy through one maze."""
+    env = example("point_maze").make(f"PointMaze_{name}-v3", max_episode_steps=MAZE_STEPS[policy])
+    act = _trained(trained) if policy == "ppo" else _PUSHES[policy]
+    rolled = _roll_ball(env if filtered else env.env, act, episodes)
+    env.close()
+    return {"maze": name, "policy": policy, "filtered": filtered} | rolled
 
 
 def _random_push(env: Any, observation: Any, k: int) -> Array:
@@ -98,6 +114,9 @@ def _to_goal(env: Any, observation: Any, k: int) -> Array:
     position, velocity = np.split(observation["observation"], 2)
     push = 4.0 * (observation["desired_goal"] - position) - velocity
     return np.clip(push, -1.0, 1.0).astype(np.float32)
+
+
+_PUSHES: dict[str, Callable[[Any, Any, int], Array]] = {"random": _random_push, "goal": _to_goal}
 
 
 def _roll_ball(env: Any, act: Any, episodes: int) -> dict[str, Any]:
@@ -230,23 +249,27 @@ def arm(targets: int) -> dict[str, Any]:
         while min(barrier.h(q, 0.0) for barrier in barriers) < 0.02:
             q = env.reset(seed=int(random.integers(2**31)))[0]
         target = np.array([0.9, 0.0, 0.8]) + random.uniform(-0.4, 0.4, 3)
-        h, nearest = np.full(len(barriers), np.inf), np.inf
+        way, nearest, conflicts = [q], np.inf, []
         for k in range(ARM_STEPS):
             wanted, distance = reach(module, q, target)
-            nearest, rows = min(nearest, distance), rows_of(barriers, q, k * module.T, 0.005)
+            nearest = min(nearest, distance)
             began = time.thread_time()
             q, _, _, _, info = env.step(wanted)
             report = info["safety_filter"]
             conflict = bool(report["status"] >= FilterStatus.RELAXED)
             spent[conflict].append(time.thread_time() - began)
-            h = np.minimum(h, [barrier.h(q, (k + 1) * module.T) for barrier in barriers])
+            way.append(q)
             if conflict:
-                forced += 1
-                needless += improves(rows, report["u_safe"], module.SPEED, random)
+                conflicts.append((k, report["u_safe"]))
         began = time.thread_time()
         env.unwrapped.step(np.zeros(6))
         bare.append(time.thread_time() - began)
+        for k, u in conflicts:
+            rows = rows_of(barriers, way[k], k * module.T, 0.005)
+            needless += improves(rows, u, module.SPEED, random)
+        h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(way)], axis=0)
         least, reached = np.minimum(least, h), reached + (nearest < 0.05)
+        forced += len(conflicts)
         entered += [(h[priority == rank] < 0.0).any() for rank in (1, 2, 3)]
     own = float(np.median(bare))
     return {
