@@ -151,3 +151,50 @@ def complement(rows: Array, least: float) -> Array:
     """
     _, singular, orthogonal = np.linalg.svd(rows)
     return orthogonal[(singular > least).sum() :].T.copy()
+
+
+@njit(cache=True)
+def steepness(a: Array, basis: Array) -> tuple[Array, Array]:
+    """Return (k,) how steep the rows a (k, n) are, and how steep in the directions of a basis."""
+    whole, within = np.empty(a.shape[0]), np.empty(a.shape[0])
+    for k in range(a.shape[0]):
+        square = free = 0.0
+        for j in range(a.shape[1]):
+            square += a[k, j] * a[k, j]
+        for i in range(basis.shape[1]):
+            along = 0.0
+            for j in range(a.shape[1]):
+                along += a[k, j] * basis[j, i]
+            free += along * along
+        whole[k], within[k] = np.sqrt(square), np.sqrt(free)
+    return whole, within
+
+
+@njit(cache=True)
+def missed(
+    a: Array, b: Array, u: Array, met: float, negligible: float, least: float
+) -> NDArray[np.bool_]:
+    """Return (k,) which rows ``a u ≥ b`` u violates, rounding aside.
+
+    Args:
+        a: (k, n) rows.
+        b: (k,) bounds.
+        u: (n,) a point.
+        met: what a row of unit norm may lack, relative to 1 + max|u|.
+        negligible: the share of the root of all squared violations below which one is rounding.
+        least: the norm below which a row counts as that long.
+    """
+    allowed, total = met * (1.0 + np.abs(u).max()), 0.0
+    lack, violated = np.empty(b.size), np.empty(b.size, dtype=np.bool_)
+    for k in range(b.size):
+        square, value = 0.0, 0.0
+        for j in range(u.size):
+            square += a[k, j] * a[k, j]
+            value += a[k, j] * u[j]
+        lack[k] = b[k] - value
+        violated[k] = lack[k] > allowed * max(np.sqrt(square), least)
+        if violated[k]:
+            total += lack[k] * lack[k]
+    for k in range(b.size):
+        violated[k] = violated[k] and lack[k] > negligible * np.sqrt(total)
+    return violated

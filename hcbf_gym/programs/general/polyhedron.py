@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.cascades import StageRows
-from hcbf_gym.programs.general.dense import complement, level_rows, unit_rows
+from hcbf_gym.programs.general.dense import complement, level_rows, missed, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
 from hcbf_gym.programs.general.soft import SoftRows, least_cost, trade
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
@@ -155,9 +155,6 @@ class SolverInputs(NamedTuple):
 
         Each violated row has one value on all of them: it is pinned; the others are met.
         """
-        norm = np.maximum(np.sqrt(np.einsum("ij,ij->i", a, a)), ZERO_GRADIENT)
-        lack = b - a @ u
-        violated = lack > MET * (1.0 + np.abs(u).max()) * norm
-        violated &= lack > NEGLIGIBLE * np.linalg.norm(lack[violated])
+        violated = missed(a, b, u, MET, NEGLIGIBLE, ZERO_GRADIENT)
         met = ~violated
         return self.intersect(a[met], np.minimum(b, a @ u)[met])._pin(a[violated], u)

@@ -10,6 +10,7 @@ from hcbf_gym.programs.exact import projection
 from hcbf_gym.programs.general.dense import (
     back_substitute,
     rows_of_image,
+    steepness,
     unit_rows,
     whiten,
     with_slack,
@@ -100,15 +101,14 @@ def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
     Raises:
         SolverError: if nobody finds it.
     """
-    a = soft.a @ inputs.basis
-    slope = np.sqrt(np.einsum("ij,ij->i", a, a))
-    norm = np.sqrt(np.einsum("ij,ij->i", soft.a, soft.a))
+    norm, slope = steepness(soft.a, inputs.basis)
     steers = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
     if not steers.any():
         return inputs.nearest()
     least = None if soft.least is None else soft.least[steers]
     soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
-    u = _on_polygon(inputs, soft) if a.shape[1] <= 2 else _proximal(inputs, soft)
+    planar_is_left = inputs.basis.shape[1] <= 2
+    u = _on_polygon(inputs, soft) if planar_is_left else _proximal(inputs, soft)
     return _exactly(inputs, soft) if u is None else u
 
 
@@ -130,10 +130,10 @@ def _proximal(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
 
     Near the end each move is the same share r of the one before: r/(1 − r) of the last is to come.
     """
-    steepness = np.sqrt(soft.weight) * np.linalg.norm(soft.a @ inputs.basis, axis=1)
-    if steepness.max() > GRADED * steepness.min():
+    slope = np.sqrt(soft.weight) * steepness(soft.a, inputs.basis)[1]
+    if slope.max() > GRADED * slope.min():
         return None
-    steep = soft._replace(weight=soft.weight * (PULL / steepness.max() ** 2))
+    steep = soft._replace(weight=soft.weight * (PULL / slope.max() ** 2))
     nearest_to, u, last = trader(inputs, steep), inputs.nearest(), np.inf
     for _ in range(20):
         previous, u = u, nearest_to(u)
