@@ -7,6 +7,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import hcbf_gym
 from hcbf_gym import models, wrappers
+from hcbf_gym.barriers import LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError
 
 ID = "HCBF-Regions-v0"
@@ -56,6 +57,49 @@ def test_an_action_that_is_no_pair_of_real_numbers_is_refused(filtered, action):
     with pytest.raises(InvalidInputError, match="expected"):
         env.step(action)
     np.testing.assert_array_equal(env.unwrapped.rom_state, before)
+
+
+@pytest.mark.parametrize("env", ["HCBF-Regions-v0", "HCBF-A1Regions-v0"])
+def test_a_wrapper_inside_that_changes_the_actions_is_refused_and_the_order_named(env):
+    env = gym.make(env, scenario="random")
+    for inside in (
+        gym.wrappers.RescaleAction(env, np.float32(-1), np.float32(1)),
+        gym.wrappers.RescaleAction(env, np.float32(-2.5), np.float32(2.5)),
+        gym.wrappers.TimeAwareObservation(
+            gym.wrappers.RescaleAction(env, np.float32(-1), np.float32(1))
+        ),
+    ):
+        with pytest.raises(InvalidInputError, match=r"RescaleAction\(SafetyFilter\(env\), …\)"):
+            wrappers.SafetyFilter(inside, "lex-cbf-qp")
+
+
+def test_a_wrapper_inside_a_native_batch_that_changes_the_actions_is_refused():
+    rescaled = gym.wrappers.vector.RescaleAction(native(), np.float32(-1), np.float32(1))
+    with pytest.raises(InvalidInputError, match="wrappers change the actions"):
+        wrappers.VectorSafetyFilter(rescaled, "lex-cbf-qp")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"program": "lex-cbf-qp", "rows": "usual", "margin": 0.02},
+        {"program": "lex-cbf-qp", "guidance": {"kind": "geodesic", "through": 2}},
+        {"program": "h-cbf-qp", "solver": "clarabel", "gamma0": 5.0, "delta_gamma": 1.3},
+        {"program": "r-cbf-qp", "gamma0": [3.0, 2.0], "epsilon": "known", "lambda_u": 0.5},
+        {"program": "lex-cbf-qp", "weights": [None, 10.0], "alpha1": LogClassK(1.0, 0.4, 0.2)},
+        {"program": "eh-cbf-qp", "alpha1": 3.0, "alpha2": LinearClassK(4.0)},
+    ],
+)
+def test_every_argument_of_the_filter_goes_through_json(options):
+    env = wrappers.SafetyFilter(single(), **options)
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    steps = []
+    for each in (env, again):
+        each.reset(seed=3)
+        steps.append([each.step(np.array([4.0, -2.0], np.float32)) for _ in range(20)][-1])
+    np.testing.assert_array_equal(steps[0][0], steps[1][0])
+    for key, value in steps[0][4]["safety_filter"].items():
+        np.testing.assert_array_equal(value, steps[1][4]["safety_filter"][key])
 
 
 def test_a_step_before_the_first_reset_is_refused():
