@@ -1,5 +1,6 @@
 """An arm driven by joint velocities keeps clear of ranked spheres: a user's own `Barrier`."""
 
+import math
 from dataclasses import dataclass
 
 import gymnasium as gym
@@ -13,11 +14,7 @@ T, SPEED, THICK, AXES = 0.01, 0.5, 0.05, pin.LOCAL_WORLD_ALIGNED  # [s], [rad/s]
 ARM = pin.buildSampleModelManipulator()
 DATA, POINT, FLAT = ARM.createData(), pin.SE3.Identity(), np.zeros((6, 6))
 LINKS = {"upper arm": (3, 1.0), "forearm": (4, 1.0), "hand": (6, 0.2)}  # joint, length [m]
-SPHERES = (
-    (1, (1, -0.7, 0.8), 0.4, 0.4),
-    (2, (1, 0.7, 0.8), 0.4, -0.8),
-    (3, (0.8, 0, 1.2), 0.3, 2.5),
-)
+BALLS = ((1, (1, -0.7, 0.8), 0.4, 0.4), (2, (1, 0.7, 0.8), 0.4, -0.8), (3, (0.8, 0, 1.2), 0.3, 2.5))
 
 
 @dataclass(frozen=True)
@@ -32,14 +29,13 @@ class Clear(hcbf_gym.barriers.Barrier):
     def jet(self, x, t=0.0):
         pin.computeJointJacobians(ARM, DATA, x)
         (joint, length), c = LINKS[self.link], np.array(self.center, dtype=float)
-        c[1] += self.sway * np.sin(t)
+        c[1] += self.sway * math.sin(t)
         place = DATA.oMi[joint]
-        POINT.translation[2] = min(max(place.actInv(c)[2], 0.0), length)  # nearest to the center
+        POINT.translation[2] = min(max(place.actInv(c)[2], 0.0), length)  # nearest to c
         away = place.act(POINT.translation) - c
-        distance = np.sqrt(away @ away)
+        distance = math.sqrt(away @ away)
         gradient = away / distance @ pin.getFrameJacobian(ARM, DATA, joint, POINT, AXES)[:3]
-        rate = -away[1] / distance * self.sway * np.cos(t)
-        h = distance - self.radius - THICK
+        h, rate = distance - self.radius - THICK, -away[1] / distance * self.sway * math.cos(t)
         return hcbf_gym.barriers.Jet(h, gradient, FLAT, rate, FLAT[0], 0.0)
 
 
@@ -58,7 +54,7 @@ class Arm(gym.Env):
 
 
 def make():
-    clear = [Clear(f"{at} {k}", p, at, *s) for k, (p, *s) in enumerate(SPHERES) for at in LINKS]
+    clear = [Clear(f"{at} {k}", p, at, *s) for k, (p, *s) in enumerate(BALLS) for at in LINKS]
     model = models.SingleIntegrator(6)
     plant = hcbf_gym.Plant(model, clear, state=lambda env, observation, info: env.q, period=T)
     return hcbf_gym.wrappers.SafetyFilter(Arm(), "lex-cbf-qp", plant=plant, margin=0.005)

@@ -10,6 +10,7 @@ form of the same text for two inputs; the tests hold them together.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
@@ -111,16 +112,16 @@ class Cascade(ABC):
 
     def stage_rows(self, rows: CbfRows, state: int = 0) -> StageRows:
         """Return the rows as the stages read them; `state` counts where weights are a state's."""
-        weight = self.weights.of(rows.priority, rows.h, state)
-        strict = (rows.priority == 1) | np.isinf(weight)
-        return StageRows(
-            rows.a,
-            rows.b,
-            rows.priority,
-            strict,
-            np.where(strict, 1.0, weight),
-            self.least_slack(rows),
-        )
+        strict, weight = np.ones(rows.b.size, dtype=np.bool_), np.ones(rows.b.size)
+        if self._has_weights:
+            weight = self.weights.of(rows.priority, rows.h, state)
+            strict = (rows.priority == 1) | np.isinf(weight)
+            weight = np.where(strict, 1.0, weight)
+        return StageRows(rows.a, rows.b, rows.priority, strict, weight, self.least_slack(rows))
+
+    @cached_property
+    def _has_weights(self) -> bool:
+        return bool(np.isfinite(self.weights.table[:, 1:]).any())
 
     def delta(self, rows: CbfRows, u: Array, slack: Array, target: Array | None) -> Array:
         """Return the program's own relaxation δ (m,): the slack unless it says otherwise."""

@@ -4,6 +4,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.rows import CbfRows
@@ -57,9 +58,22 @@ def violation(rows: CbfRows, u: NDArray[np.float64], radius: float) -> NDArray[n
         u: (n_u,) the input.
         radius: the largest norm of an input, which sets the scale of rounding.
     """
-    lack = rows.b - rows.a @ u
-    scale = np.sqrt(np.einsum("ij,ij->i", rows.a, rows.a)) * radius + np.abs(rows.b)
-    return np.where(lack > SLACK * scale, lack, 0.0)
+    return _violation(rows.a, rows.b, u, radius)
+
+
+@njit(cache=True)
+def _violation(
+    a: NDArray[np.float64], b: NDArray[np.float64], u: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
+    slack = np.zeros(b.size)
+    for k in range(b.size):
+        square, lack = 0.0, b[k]
+        for j in range(u.size):
+            square += a[k, j] * a[k, j]
+            lack -= a[k, j] * u[j]
+        if lack > SLACK * (np.sqrt(square) * radius + abs(b[k])):
+            slack[k] = lack
+    return slack
 
 
 def classify(

@@ -131,7 +131,7 @@ def _report(
         "delta": result.delta.copy(),
         "margin": margin.copy(),
         "conditioning": conditioning.copy(),
-        "intervention": np.linalg.norm(result.u - u_nominal),
+        "intervention": np.sqrt((result.u - u_nominal) @ (result.u - u_nominal)),
         "status": np.float64(result.status),
         "fallbacks": np.float64(result.fallbacks),
         "model_error": np.float64(model_error),

@@ -29,6 +29,8 @@ class GeneralProgram(Program):
         super().__init__(cascade, input_set)
         cascade.weights.check(1)
         self.solver = check_solver(solver)
+        nothing = np.zeros(input_set.n_u)
+        self._admissible = SolverInputs.of(input_set, nothing, Solver(solver))
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
@@ -40,7 +42,7 @@ class GeneralProgram(Program):
             return FilterResult(desired, slack, stage_rows.least, FilterStatus.NOMINAL, 0)
         solver = Solver(self.solver)
         try:
-            inputs = SolverInputs.of(self.input_set, desired, solver)
+            inputs = self._admissible._replace(u_nominal=desired, solver=solver)
             u, target = self.cascade.decide(inputs, stage_rows)
         except SolverError:
             braking = np.zeros_like(desired)
