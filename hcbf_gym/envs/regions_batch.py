@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import borrowed
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
@@ -150,7 +151,8 @@ class RegionsBatch:
                 reward.
         """
         u = np.minimum(np.maximum(action, self.low), self.high)
-        scene, start = self.barrier_set, self.x.copy()
+        scene = self.barrier_set
+        start = self.x.copy() if scene.own else self.x
         min_h, distance_before = _advance(
             scene.kind, scene.parameters, self._references, self.x, self.steps, u, self._v_max
         )
@@ -193,6 +195,7 @@ def _observe(
     references: References, x: Array, steps: NDArray[np.int64], sensed: Array, m: int
 ) -> tuple[Array, Array]:
     """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,)."""
+    references, x, sensed = References(*borrowed(references)), borrowed(x), borrowed(sensed)
     now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
     for i in range(x.shape[0]):
         now[i] = _reference(references, i, steps[i])
@@ -215,6 +218,8 @@ def _advance(
     Returns:
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
+    kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
+    references = References(*borrowed(references))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     px, py = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     for i in range(x.shape[0]):

@@ -189,7 +189,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         if restarting is not None and restarting.any():
             self._draw_scenes(restarting, {})
         step = self._batch.step(u, restarting)
-        reward = np.sum(list(step.reward_terms.values()), axis=0)
+        reward = np.asarray(sum(step.reward_terms.values()))
         terminated = step.reached
         truncated = self._batch.steps >= self._limit
         self._done = terminated | truncated

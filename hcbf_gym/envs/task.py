@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, SpeedLimit
+from hcbf_gym.compilation import borrowed
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
@@ -75,6 +76,7 @@ def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
         m: how many of the barriers a policy sees; an environment's own come after them.
     """
     seen = np.empty((x.shape[0], 8 + 4 * m))
+    x, reference, sensed = borrowed(x), borrowed(reference), borrowed(sensed)
     for i in range(x.shape[0]):
         for k in range(4):
             seen[i, k] = reference[i, k] - x[i, k]
@@ -121,15 +123,27 @@ def step_info(
         tracking_error: (N,) ‖p_ref − p‖ [m].
         success: (N,) whether the robot stands at the goal and the reference has ended.
     """
-    violation = np.maximum(-h, 0.0)
+    violation, cost = _violation(h)
     return {
         "h": h,
         "min_h": min_h,
         "violation": violation,
-        "cost": violation.sum(axis=1),
+        "cost": cost,
         "tracking_error": tracking_error,
         "is_success": success.astype(np.float64),
     }
+
+
+@njit(cache=True)
+def _violation(h: Array) -> tuple[Array, Array]:
+    """Return max(0, −h) (N, m) and its sum over the barriers (N,)."""
+    violation, cost = np.zeros(h.shape), np.zeros(h.shape[0])
+    for i in range(h.shape[0]):
+        for k in range(h.shape[1]):
+            if h[i, k] < 0.0:
+                violation[i, k] = -h[i, k]
+                cost[i] -= h[i, k]
+    return violation, cost
 
 
 def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
