@@ -5,7 +5,7 @@ import itertools
 import daqp
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym import programs
@@ -222,6 +222,7 @@ def test_eh_pins_the_input_even_where_no_row_is_near():
 
 @settings(max_examples=80, deadline=None)
 @given(seed=seeds)
+@example(seed=13534)  # a step that worsens its level by 8e-7
 def test_no_level_can_be_improved_without_worsening_a_higher_one(seed):
     u_nominal, rows = plain_problem(seed, 5, [1, 2, 2, 3, 4])
     batch = CbfRows(*(field[None] for field in rows if field is not None))
@@ -229,15 +230,15 @@ def test_no_level_can_be_improved_without_worsening_a_higher_one(seed):
 
     def costs(u):
         lack = np.maximum(0.0, rows.b - rows.a @ u)
-        levels = [np.sum(lack[rows.priority == p] ** 2) for p in range(1, 5)]
-        return np.array([*levels, np.sum((u - u_nominal) ** 2)])
+        levels = [np.linalg.norm(lack[rows.priority == p]) for p in range(1, 5)]
+        return np.array([*levels, np.linalg.norm(u - u_nominal)])
 
     here = costs(best)
     rng = np.random.default_rng(seed)
     for size in (0.01, 0.1, 3.0):
         for step in rng.normal(0.0, size, (60, 2)):
             change = costs(np.clip(best + step, -5.0, 5.0)) - here
-            first = change[np.abs(change) > 1e-12 * (1.0 + here)]
+            first = change[np.abs(change) > 1e-11 * (1.0 + here)]  # norms: squares hide 1e-6
             assert not first.size or first[0] > 0.0
 
 
