@@ -126,22 +126,16 @@ def _on_polygon(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
 
 
 def _proximal(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
-    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles.
-
-    Near the end each move is the same share r of the one before: r/(1 − r) of the last is to come.
-    """
+    """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
     slope = np.sqrt(soft.weight) * steepness(soft.a, inputs.basis)[1]
     if slope.max() > GRADED * slope.min():
         return None
     steep = soft._replace(weight=soft.weight * (PULL / slope.max() ** 2))
-    nearest_to, u, last = trader(inputs, steep), inputs.nearest(), np.inf
+    nearest_to, u = trader(inputs, steep), inputs.nearest()
     for _ in range(20):
         previous, u = u, nearest_to(u)
-        move = float(np.abs(u - previous).max())
-        to_come = move * move / (last - move) if move < last < np.inf else move
-        if to_come <= SETTLED * (1.0 + np.abs(u).max()):
+        if np.abs(u - previous).max() <= SETTLED * (1.0 + np.abs(u).max()):
             return u
-        last = move
     return None
 
 
