@@ -1,5 +1,6 @@
 """From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
 
+import operator
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 _SAMPLES = 16
 
 
-class Scene(NamedTuple):
+class Prepared(NamedTuple):
     """Barriers, with what stays the same from state to state.
 
     Attributes:
@@ -77,7 +78,7 @@ class GeneralRows:
         self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
         self._degrees: dict[type[Barrier], int] = {}
         self._function_rows: dict[tuple[Barrier, ...], FunctionRows] = {}
-        self._latest: Scene | None = None
+        self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
 
     def __call__(
@@ -102,26 +103,31 @@ class GeneralRows:
             InvalidInputError: if no input reaches a barrier by the second derivative, or the model
                 has no velocity for a speed limit.
         """
-        scene = self.scene(barriers)
+        prepared = self.prepare(barriers)
         kept = np.asarray(margin, dtype=np.float64)
-        kept = kept if kept.ndim else scene.margins(float(kept))
+        kept = kept if kept.ndim else prepared.margins(float(kept))
         rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
-        if scene.functions is not None and len(scene.own) == len(scene.barriers):
-            rows, self.conditioning = scene.functions(x, t, kept, rates)
+        if prepared.functions is not None and len(prepared.own) == len(prepared.barriers):
+            rows, self.conditioning = prepared.functions(x, t, kept, rates)
             return rows
-        rows, self.conditioning = self._from_jets(scene, x, t, kept, rates)
-        if scene.functions is not None:
-            own = scene.own
-            functions, self.conditioning[own] = scene.functions(x, t, kept[own], rates[own])
+        rows, self.conditioning = self._from_jets(prepared, x, t, kept, rates)
+        if prepared.functions is not None:
+            own = prepared.own
+            functions, self.conditioning[own] = prepared.functions(x, t, kept[own], rates[own])
             rows.a[own], rows.b[own], rows.h[own] = functions.a, functions.b, functions.h
             if rows.alpha2_psi is not None:
                 rows.alpha2_psi[own] = functions.alpha2_psi
         return rows
 
-    def scene(self, barriers: Sequence[Barrier]) -> Scene:
-        """Return what is known of these barriers, looked up once while they stay the same."""
+    def prepare(self, barriers: Sequence[Barrier]) -> Prepared:
+        """Return what is known of these barriers, looked up once while these are the same."""
         key = tuple(barriers)
-        if self._latest is None or self._latest.barriers != key:
+        latest = () if self._latest is None else self._latest.barriers
+        if (
+            self._latest is None
+            or len(latest) != len(key)
+            or any(map(operator.is_not, latest, key))
+        ):
             own = [k for k, barrier in enumerate(key) if isinstance(barrier, Function)]
             rest = [
                 (k, barrier, self.relative_degree(barrier))
@@ -131,7 +137,7 @@ class GeneralRows:
             functions = self._compiled([key[k] for k in own]) if own else None
             priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
             zero, one = margins(key, 0.0), margins(key, 1.0)
-            self._latest = Scene(key, own, functions, rest, priority, zero, one - zero)
+            self._latest = Prepared(key, own, functions, rest, priority, zero, one - zero)
         return self._latest
 
     def _compiled(self, functions: Sequence[Barrier]) -> FunctionRows:
@@ -143,14 +149,14 @@ class GeneralRows:
         return self._function_rows[key]
 
     def _from_jets(
-        self, scene: Scene, x: Array, t: float, margin: Array, margin_rate: Array
+        self, prepared: Prepared, x: Array, t: float, margin: Array, margin_rate: Array
     ) -> tuple[CbfRows, Array]:
         """Return the rows and their conditioning; those of functions are left empty."""
-        m = len(scene.barriers)
+        m = len(prepared.barriers)
         gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
         h, last = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
-        for k, barrier, degree in scene.rest:
+        for k, barrier, degree in prepared.rest:
             jet = barrier.jet(x, t)
             h[k] = jet.h
             psi, gradient, rate = jet.h - margin[k], jet.gradient, jet.rate - margin_rate[k]
@@ -173,7 +179,7 @@ class GeneralRows:
         gone = conditioning <= VANISHED
         if gone.any():
             a[gone], conditioning[gone] = 0.0, 0.0
-        return CbfRows(a, b, h, scene.priority, alpha2_psi), conditioning
+        return CbfRows(a, b, h, prepared.priority, alpha2_psi), conditioning
 
     def relative_degree(self, barrier: Barrier) -> int:
         """Return how often h must be differentiated until an input appears.

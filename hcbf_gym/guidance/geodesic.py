@@ -226,12 +226,14 @@ class Geodesic:
             return
         at, asked = at[new], asked[new]
         self._solved[at] = asked
-        _, first, like = np.unique(asked, axis=0, return_index=True, return_inverse=True)
+        first: dict[bytes, int] = {}
+        source = [first.setdefault(row.tobytes(), n) for row, n in zip(asked, at, strict=True)]
         todo = np.zeros_like(mask)
-        todo[at[first]] = True
+        todo[source] = True
         fields.solve_batch(todo, *parts, self.field, self.through)
-        source = at[first][like.reshape(-1)]
-        self.field[at], self.through[at] = self.field[source], self.through[source]
+        alike = at != source
+        to, of = at[alike], np.array(source)[alike]
+        self.field[to], self.through[to] = self.field[of], self.through[of]
 
 
 def _points(name: str, value: ArrayLike | None, count: int) -> Array:

@@ -104,7 +104,7 @@ class GeneralCore(FilterCore):
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             return rows, (margin[0], np.ones(rows.b.size))
         kept = self.uncertainty.distance + self.uncertainty.body
-        margin = self._rows_of.scene(barriers).margins(kept)
+        margin = self._rows_of.prepare(barriers).margins(kept)
         return self._rows_of(barriers, x, time, margin), (margin, self._rows_of.conditioning)
 
     def _outside(self, rows: CbfRows, barriers: Any) -> bool:

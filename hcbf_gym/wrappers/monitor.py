@@ -107,7 +107,7 @@ class Monitor:
             return float(np.sqrt(self.memory[0, ERROR]))
         expected, g, u = self._expected
         if not np.array_equal(g, self._g):  # of most models it is constant
-            self._g, self._to_input = g, np.linalg.pinv(g)
+            self._g, self._to_input = g.copy(), np.linalg.pinv(g)
         miss = self._to_input @ (x - expected) / self._period
         rate = min(1.0, self._period / WINDOW)
         return account(self.memory[0], float(miss @ miss), float(u @ u), rate, self._radius)

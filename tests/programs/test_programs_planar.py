@@ -112,9 +112,15 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
             np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
 
 
-def test_violations_of_millions_leave_an_answer_beyond_the_plane():
-    # both solvers call one of this group infeasible, which by construction none is
-    (tally,) = verify_programs.verify_group("lex-cbf-qp", [0, 7], ("7 inputs",)).values()
+@pytest.mark.parametrize(
+    ("name", "group"),
+    [
+        ("lex-cbf-qp", 7),  # both solvers call one of it infeasible, which by construction none is
+        ("eh-cbf-qp", 189),  # one has a row parallel to a strict one beside one 1e9 times as flat
+    ],
+)
+def test_the_hardest_groups_leave_an_answer_beyond_the_plane(name, group):
+    (tally,) = verify_programs.verify_group(name, [0, group], ("7 inputs",)).values()
     assert tally.problems == 100
     assert tally.wrong == tally.backups == 0
 

@@ -1,5 +1,7 @@
 """What the filter refuses at its door, and what a reset refuses."""
 
+from dataclasses import dataclass
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import hcbf_gym
 from hcbf_gym import models, wrappers
-from hcbf_gym.barriers import LinearClassK, LogClassK
+from hcbf_gym.barriers import Barrier, Jet, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError
 
 ID = "HCBF-Regions-v0"
@@ -122,6 +124,32 @@ def test_the_environment_with_a_plant_given_by_hand_has_a_spec_to_make_it_from()
     with pytest.raises((TypeError, ValueError), match="function"):
         env.spec.to_json()
     assert isinstance(env.spec, EnvSpec)
+
+
+@dataclass(frozen=True)
+class Ahead(Barrier):
+    """x ≤ edge; two of them cannot be compared, as NumPy gives no truth to two booleans."""
+
+    edge: np.ndarray
+
+    def jet(self, x, t=0.0):
+        gradient = np.array([-1.0, 0.0, 0.0, 0.0])
+        return Jet(self.edge[0] - x[0], gradient, np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
+
+
+def test_a_reader_may_return_other_barriers_in_every_step():
+    env = single()
+    plant = hcbf_gym.Plant(
+        model=models.DoubleIntegrator(),
+        barriers=lambda env, observation, info: [Ahead("ahead", 1, env.rom_state[:2] + 5.0)],
+        state=lambda env, observation, info: env.rom_state,
+        period=0.02,
+    )
+    env = wrappers.SafetyFilter(env, "lex-cbf-qp", plant=plant)
+    env.reset(seed=0)
+    for _ in range(3):
+        *_, info = env.step(np.array([1.0, 0.0]))
+        assert info["safety_filter"]["status"] == 0
 
 
 def test_the_native_batch_gives_a_picture_of_each_environment():

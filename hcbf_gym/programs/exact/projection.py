@@ -18,8 +18,15 @@ Array = NDArray[Any]
 _TINY = 2**-600
 
 
-class Stage(NamedTuple):
-    """``Σ w_k δ_k²`` with ``a_k z + δ_k ≥ t_k``, ``δ_k ≥ m_k``; equal where there is no m."""
+class SoftRows(NamedTuple):
+    """Rows that a stage pays for instead of meeting: ``Σ w_k δ_k²`` with ``a_k u + δ_k ≥ t_k``.
+
+    Attributes:
+        a: (s, n_u) gradients.
+        target: (s,) t_k.
+        weight: (s,) w_k above 0.
+        least: (s,) the least δ_k, or None for the equality ``a_k u + δ_k = t_k``.
+    """
 
     a: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -27,34 +34,48 @@ class Stage(NamedTuple):
     least: NDArray[np.float64] | None
 
 
+class Affine(NamedTuple):
+    """``u = point + basis z``."""
+
+    point: NDArray[np.float64]
+    basis: NDArray[np.float64]
+
+    def rows(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[Array, Array]:
+        """Return the rows ``a u ≥ b`` as they act on z, unrounded: parallel ones stay parallel."""
+        exact = to_rational(a)
+        return exact @ to_rational(self.basis), to_rational(b) - exact @ to_rational(self.point)
+
+
 def least_cost(
-    stage: Stage,
+    soft: SoftRows,
     centre: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    lower: NDArray[np.float64],
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    inputs: Affine,
 ) -> NDArray[np.float64]:
-    """Return the minimiser z (r,) of a stage's cost over ``rows z ≥ lower`` that is nearest c.
+    """Return the minimiser u (n,) of a stage's cost over ``a u ≥ b`` that is nearest ``u(c)``.
 
     Args:
-        stage: the cost.
+        soft: the cost.
         centre: (r,) c.
-        rows: (k, r) rows of a nonempty set.
-        lower: (k,) their bounds.
+        a: (k, n) rows of a nonempty set.
+        b: (k,) their bounds.
+        inputs: u(z), z of r elements.
     """
-    free, count = centre.size, stage.target.size
-    one = np.eye(count)
-    constraints = [np.pad(rows, ((0, 0), (0, count))), np.hstack((stage.a, one))]
-    bounds = [lower, stage.target]
-    if stage.least is None:
-        constraints.append(-constraints[1])
-        bounds.append(-stage.target)
+    free, count = centre.size, soft.target.size
+    one = to_rational(np.eye(count))
+    rows, lower = inputs.rows(a, b)
+    gradient, target = inputs.rows(soft.a, soft.target)
+    above = np.hstack((gradient, one))
+    if soft.least is None:
+        below, least = -above, -target
     else:
-        constraints.append(np.hstack((np.zeros((count, free)), one)))
-        bounds.append(stage.least)
-    price = to_rational(np.concatenate((np.full(free, _TINY), stage.weight)))
+        below, least = np.hstack((0 * gradient, one)), to_rational(soft.least)
+    constraints = np.vstack((np.hstack((rows, np.zeros((len(b), count), dtype=int))), above, below))
+    price = to_rational(np.concatenate((np.full(free, _TINY), soft.weight)))
     start = to_rational(np.concatenate((centre, np.zeros(count))))
-    a, b = to_rational(np.vstack(constraints)), to_rational(np.concatenate(bounds))
-    return to_doubles(project(start, 1 / price, a, b)[:free])
+    z = project(start, 1 / price, constraints, np.concatenate((lower, target, least)))[:free]
+    return inputs.point + inputs.basis @ to_doubles(z)
 
 
 def project(centre: Array, ease: Array, a: Array, b: Array) -> Array:

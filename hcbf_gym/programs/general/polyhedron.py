@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.cascades import StageRows
+from hcbf_gym.programs.exact.projection import SoftRows
 from hcbf_gym.programs.general.dense import complement, level_rows, missed, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
-from hcbf_gym.programs.general.soft import SoftRows, least_cost, trade
+from hcbf_gym.programs.general.soft import least_cost, trade
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
 
 Array = NDArray[np.float64]

@@ -1,12 +1,13 @@
 """Stages of the general cascades that pay for rows: with a price on u, and without."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.programs.exact import projection
+from hcbf_gym.programs.exact.projection import SoftRows
 from hcbf_gym.programs.general.dense import (
     back_substitute,
     rows_of_image,
@@ -23,22 +24,6 @@ if TYPE_CHECKING:
     from hcbf_gym.programs.general.polyhedron import SolverInputs
 
 Array = NDArray[np.float64]
-
-
-class SoftRows(NamedTuple):
-    """Rows that a stage pays for instead of meeting: ``Σ w_k δ_k²`` with ``a_k u + δ_k ≥ t_k``.
-
-    Attributes:
-        a: (s, n_u) gradients.
-        target: (s,) t_k.
-        weight: (s,) w_k above 0.
-        least: (s,) the least δ_k, or None for the equality ``a_k u + δ_k = t_k``.
-    """
-
-    a: Array
-    target: Array
-    weight: Array
-    least: Array | None
 
 
 def trade(inputs: "SolverInputs", soft: SoftRows) -> Array:
@@ -142,7 +127,11 @@ def _proximal(inputs: "SolverInputs", soft: SoftRows) -> Array | None:
 def _exactly(inputs: "SolverInputs", soft: SoftRows) -> Array:
     """Minimise in rational arithmetic."""
     inputs.solver.fallbacks += 1
-    target = soft.target - soft.a @ inputs.point
-    stage = projection.Stage(soft.a @ inputs.basis, target, soft.weight, soft.least)
-    z = projection.least_cost(stage, inputs.centre(), *inputs.reduced())
-    return inputs.point + inputs.basis @ z
+    binding = steepness(inputs.a, inputs.basis)[1] > DEPENDENT
+    return projection.least_cost(
+        soft,
+        inputs.centre(),
+        inputs.a[binding],
+        inputs.b[binding],
+        projection.Affine(inputs.point, inputs.basis),
+    )

@@ -25,8 +25,6 @@ def block(case: dict[str, Any]) -> Callable[[], float]:
     """Return a function that runs one block of a case and returns the seconds of a step."""
     if case["what"] == "batch":
         return _batch(case)
-    if case["what"] == "from rest":
-        return _from_rest(case)
     env = _environment(case)
     env.reset(seed=0)
     many = isinstance(env, gym.vector.VectorEnv)
@@ -68,25 +66,6 @@ def _scenario(name: Any) -> Any:
     if name == "five rows":
         return replace(scenarios.make("paper-four-levels"), name=name, v_max=1.2)
     return name
-
-
-def _from_rest(case: dict[str, Any]) -> Callable[[], float]:
-    """Return steps that each start at rest at the scene's start."""
-    env: Any = gym.make("HCBF-Regions-v0", scenario=case["scenario"]).unwrapped
-    if case["program"] != "none":
-        env = wrappers.SafetyFilter(env, program=case["program"])
-    u = np.array([0.5, 0.5], dtype=np.float32)
-    times = np.empty(case["steps"])
-
-    def run() -> float:
-        for i in range(case["steps"]):
-            env.reset()
-            begin = time.perf_counter()
-            env.step(u)
-            times[i] = time.perf_counter() - begin
-        return float(np.median(times))
-
-    return run
 
 
 def _batch(case: dict[str, Any]) -> Callable[[], float]:

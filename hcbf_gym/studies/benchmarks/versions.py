@@ -19,11 +19,10 @@ import numpy as np
 import hcbf_gym
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.studies.benchmarks.filter import PLACES, SCENE
 
 FIRST = "2dc8f6b"
 """The last commit of version 0.1."""
-WEIGHTED = ("h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+FILTERED = ("r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 PACKAGE = Path(hcbf_gym.__file__).parent
 
 Case = dict[str, Any]
@@ -33,20 +32,13 @@ def cases(quick: bool) -> list[Case]:
     """Return what is timed, in blocks of so many steps."""
     short = 10 if quick else 1
     found: list[Case] = []
-    for place, start in PLACES.items():
-        scene = SCENE | {"start": list(start)}
-        found += [
-            {"what": "from rest", "place": place, "scenario": scene, "program": program, "n": 1}
-            | {"steps": 200 // short}
-            for program in ("none", *WEIGHTED)
-        ]
     for what, n, scenario, steps, chosen in (
         ("single", 1, "five rows", 500, ("none", "lex-cbf-qp")),
         ("Sync", 8, "five rows", 100, ("none", "lex-cbf-qp")),
         ("A1", 1, "paper-simulation", 60, ("none", "lex-cbf-qp")),
-        ("native", 4096, "five rows", 20, ("none", "r-cbf-qp", *WEIGHTED)),
-        ("native", 4096, "random", 20, ("none", "r-cbf-qp", *WEIGHTED)),
-        ("batch", 4096, "four random rows", 10, ("cbf-qp", "r-cbf-qp", *WEIGHTED)),
+        ("native", 4096, "five rows", 20, ("none", *FILTERED)),
+        ("native", 4096, "random", 20, ("none", *FILTERED)),
+        ("batch", 4096, "four random rows", 10, ("cbf-qp", *FILTERED)),
     ):
         size = n // 16 if quick and n > 1000 else n
         found += [
@@ -122,7 +114,7 @@ def _in_turn(workers: list[Any], case: Case, rounds: int) -> dict[str, float]:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return rates beside those of 0.1, and what the filter adds to a step beside what it did."""
+    """Return rates beside those of 0.1."""
     rows = figures["rows"]
     rates = [
         (
@@ -136,26 +128,9 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             f"{_bare(rows, row)['first'] / row['now']:.0%}" if row["what"] != "batch" else "",
         )
         for row in rows
-        if row["what"] != "from rest"
-    ]
-    added = [
-        (
-            row["program"],
-            row["place"],
-            *(f"{1e6 * (row[v] - _bare(rows, row)[v]):.1f}" for v in ("now", "first")),
-        )
-        for row in rows
-        if row["what"] == "from rest" and row["program"] != "none"
     ]
     header = ("environment", "N", "scene", "program", "steps/s", "0.1", "ratio", "of 0.1's bare")
-    return {
-        "rates": Table("Steps per second beside version 0.1", header, rates),
-        "added": Table(
-            "what SafetyFilter adds to a step [µs], four rows",
-            ("program", "where", "now", "0.1"),
-            added,
-        ),
-    }
+    return {"rates": Table("Steps per second beside version 0.1", header, rates)}
 
 
 def _bare(rows: list[Case], row: Case) -> Case:
