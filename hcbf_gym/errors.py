@@ -114,7 +114,7 @@ def finite_array(
         raise InvalidInputError(f"{name}: got shape {array.shape}, expected {expected}")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name}: got {array.tolist()}, expected finite numbers")
-    if (np.abs(array) > largest).any():
+    if largest < np.inf and (np.abs(array) > largest).any():
         raise InvalidInputError(
             f"{name}: got {array.tolist()}, expected numbers between {-largest} and {largest}"
         )

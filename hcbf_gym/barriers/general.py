@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers.barrier import Barrier
@@ -156,10 +157,11 @@ class GeneralRows:
         gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
         h, last = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
+        kept, growing = margin.tolist(), margin_rate.tolist()
         for k, barrier, degree in prepared.rest:
             jet = barrier.jet(x, t)
             h[k] = jet.h
-            psi, gradient, rate = jet.h - margin[k], jet.gradient, jet.rate - margin_rate[k]
+            psi, gradient, rate = jet.h - kept[k], jet.gradient, jet.rate - growing[k]
             if degree == 2:
                 slope = self.alpha1.derivative(psi)
                 h_dot = float(gradient @ drift) + rate
@@ -173,13 +175,8 @@ class GeneralRows:
                 psi = h_dot + self.alpha1(psi)
             gradients[k], rates[k], last[k] = gradient, rate, psi
         alpha2_psi = self.alpha2.values(last)
-        a, b = gradients @ inputs, -alpha2_psi - gradients @ drift - rates
-        whole = np.sqrt((gradients**2).sum(axis=1) * (inputs**2).sum())
-        conditioning = np.sqrt((a**2).sum(axis=1)) / np.where(whole > 0.0, whole, 1.0)
-        gone = conditioning <= VANISHED
-        if gone.any():
-            a[gone], conditioning[gone] = 0.0, 0.0
-        return CbfRows(a, b, h, prepared.priority, alpha2_psi), conditioning
+        a, b, conditioning = _in_input(gradients, drift, inputs)
+        return CbfRows(a, -alpha2_psi - b - rates, h, prepared.priority, alpha2_psi), conditioning
 
     def relative_degree(self, barrier: Barrier) -> int:
         """Return how often h must be differentiated until an input appears.
@@ -237,3 +234,33 @@ def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
             for barrier in barriers
         ]
     )
+
+
+@njit(cache=True)
+def _in_input(gradients: Array, drift: Array, inputs: Array) -> tuple[Array, Array, Array]:
+    """Return ``L_g ψ`` (m, n_u), ``L_f ψ`` (m,) and the rows' conditioning (m,).
+
+    It is ``‖L_g ψ‖ / (‖∇ψ‖ ‖g‖)``; a row of none is a constant.
+
+    Args:
+        gradients: (m, n) ∇ψ.
+        drift: (n,) f.
+        inputs: (n, n_u) g.
+    """
+    a, along = np.zeros((len(gradients), inputs.shape[1])), np.zeros(len(gradients))
+    conditioning, steer = np.zeros(len(gradients)), (inputs * inputs).sum()
+    for k in range(len(gradients)):
+        whole = reached = 0.0
+        for i in range(drift.size):
+            along[k] += gradients[k, i] * drift[i]
+            whole += gradients[k, i] * gradients[k, i]
+        for j in range(inputs.shape[1]):
+            for i in range(drift.size):
+                a[k, j] += gradients[k, i] * inputs[i, j]
+            reached += a[k, j] * a[k, j]
+        share = np.sqrt(reached / (whole * steer)) if whole * steer > 0.0 else 0.0
+        if share > VANISHED:
+            conditioning[k] = share
+        else:
+            a[k] = 0.0
+    return a, along, conditioning

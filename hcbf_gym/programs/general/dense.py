@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
+
 Array = NDArray[np.float64]
 
 
@@ -171,20 +173,45 @@ def steepness(a: Array, basis: Array) -> tuple[Array, Array]:
 
 
 @njit(cache=True)
-def missed(
-    a: Array, b: Array, u: Array, met: float, negligible: float, least: float
-) -> NDArray[np.bool_]:
-    """Return (k,) which rows ``a u ≥ b`` u violates, rounding aside.
+def pin(rows: Array, bounds: Array, basis: Array, a: Array, u: Array) -> tuple[Array, Array]:
+    """Return the bounds and the basis that are left where ``a u`` keeps its value.
+
+    u is a member: rounding must not take it out, so no bound stays above its value at u.
 
     Args:
-        a: (k, n) rows.
-        b: (k,) bounds.
-        u: (n,) a point.
-        met: what a row of unit norm may lack, relative to 1 + max|u|.
-        negligible: the share of the root of all squared violations below which one is rounding.
-        least: the norm below which a row counts as that long.
+        rows: (k, n) rows that the inputs meet.
+        bounds: (k,) their bounds.
+        basis: (n, r) orthonormal free directions.
+        a: (s, n) rows to be pinned.
+        u: (n,) a member.
     """
-    allowed, total = met * (1.0 + np.abs(u).max()), 0.0
+    unit, nothing = unit_rows(a, np.zeros(a.shape[0]), ZERO_GRADIENT)
+    within, _ = unit_rows(unit @ basis, nothing, DEPENDENT)
+    if within.shape[0]:
+        basis = basis @ complement(within, DEPENDENT)
+    return np.minimum(bounds, rows @ u), basis
+
+
+@njit(cache=True)
+def lock(rows: Array, bounds: Array, a: Array, b: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Return the rows and bounds with those of ``a u ≥ b`` that u meets, and those it violates.
+
+    Args:
+        rows: (k, n) rows that the inputs meet.
+        bounds: (k,) their bounds.
+        a: (s, n) rows of a stage, of any length.
+        b: (s,) their bounds.
+        u: (n,) a minimiser of the stage.
+    """
+    violated = _violated(a, b, u)
+    level, bound = level_rows(a[~violated], np.minimum(b, a @ u)[~violated], ZERO_GRADIENT)
+    return np.concatenate((rows, level)), np.concatenate((bounds, bound)), a[violated]
+
+
+@njit(cache=True)
+def _violated(a: Array, b: Array, u: Array) -> NDArray[np.bool_]:
+    """Return (s,) which rows ``a u ≥ b`` u violates, rounding aside."""
+    allowed, total = MET * (1.0 + np.abs(u).max()), 0.0
     lack, violated = np.empty(b.size), np.empty(b.size, dtype=np.bool_)
     for k in range(b.size):
         square, value = 0.0, 0.0
@@ -192,9 +219,9 @@ def missed(
             square += a[k, j] * a[k, j]
             value += a[k, j] * u[j]
         lack[k] = b[k] - value
-        violated[k] = lack[k] > allowed * max(np.sqrt(square), least)
+        violated[k] = lack[k] > allowed * max(np.sqrt(square), ZERO_GRADIENT)
         if violated[k]:
             total += lack[k] * lack[k]
     for k in range(b.size):
-        violated[k] = violated[k] and lack[k] > negligible * np.sqrt(total)
+        violated[k] = violated[k] and lack[k] > NEGLIGIBLE * np.sqrt(total)
     return violated

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.cascades import StageRows
 from hcbf_gym.programs.exact.projection import SoftRows
-from hcbf_gym.programs.general.dense import complement, level_rows, missed, unit_rows
+from hcbf_gym.programs.general.dense import level_rows, lock, pin, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
 from hcbf_gym.programs.general.soft import least_cost, trade
-from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
+from hcbf_gym.programs.tolerances import DEPENDENT, MET, ZERO_GRADIENT
 
 Array = NDArray[np.float64]
 
@@ -139,23 +139,16 @@ class SolverInputs(NamedTuple):
         return self._replace(a=rows, b=bounds, known=None)
 
     def _pin(self, a: Array, u: Array) -> "SolverInputs":
-        """Keep the inputs on which the rows a (s, n_u) have their value at u.
-
-        u is a member: rounding must not take it out, so no bound stays above its value at u.
-        """
-        unit, _ = unit_rows(a, np.zeros(len(a)), ZERO_GRADIENT)
-        pinned, _ = unit_rows(unit @ self.basis, np.zeros(len(unit)), DEPENDENT)
-        kept = self._replace(b=np.minimum(self.b, self.a @ u), known=None)
-        if not len(pinned):
-            return kept
-        basis = self.basis @ complement(pinned, DEPENDENT)
-        return kept._replace(point=u, basis=basis, known=None if basis.size else u)
+        """Keep the inputs on which the rows a (s, n_u) have their value at u, one of them."""
+        lower, basis = pin(self.a, self.b, self.basis, a, u)
+        if basis.shape == self.basis.shape:
+            return self._replace(b=lower, known=None)
+        return self._replace(b=lower, point=u, basis=basis, known=None if basis.size else u)
 
     def _lock(self, a: Array, b: Array, u: Array) -> "SolverInputs":
         """Keep the minimisers of a stage of which u is one, ``min Σ max(0, b_k − a_k u)²``.
 
         Each violated row has one value on all of them: it is pinned; the others are met.
         """
-        violated = missed(a, b, u, MET, NEGLIGIBLE, ZERO_GRADIENT)
-        met = ~violated
-        return self.intersect(a[met], np.minimum(b, a @ u)[met])._pin(a[violated], u)
+        rows, bounds, violated = lock(self.a, self.b, a, b, u)
+        return self._replace(a=rows, b=bounds)._pin(violated, u)
