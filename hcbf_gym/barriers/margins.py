@@ -9,7 +9,8 @@ where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tr
 covariance of the estimated position, and ρ what the body reaches beyond its centre. The first
 three parts stand for the reduced-order model, which says that the body moves at the model's
 velocity: a body that moves faster towards the region will get there by k_v e_v more, and one whose
-model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ [m/s].
+model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ [m/s]: a body
+that does not follow may overshoot, too, and one that follows needs little.
 
 The margin moves. The estimate's part grows at most at the rate
 
@@ -101,7 +102,7 @@ def derive_all(
     """Return the margins (N, m) of N states' rows and their rates (N, m); see `derive`.
 
     Args:
-        settings: the formula's numbers.
+        settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
         scenes: N scenes, whose speed limits may keep something by themselves.
         x: (N, 4) states.
         t: (N,) times [s].

@@ -36,9 +36,9 @@ DELTA_GAMMA = 1.3
 """The fixed Δγ of panels (b) and (c), which the paper does not state."""
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
 TOO_LARGE = (20.0, 2.5)
-A1_V_MAX = 1.8
-"""The A1's cap on the speed [m/s]: its usual 1.2 leaves no time to catch up with the reference, and
-at 1.6, less what the strict speed limit keeps, the longer way still costs tracking to the end."""
+A1_V_MAX = 1.7
+"""The A1's cap on the speed [m/s]: its usual 1.5, less what the strict speed limit keeps, leaves no
+time to catch up with the reference."""
 
 _H3, _H4 = 2, 3
 _GRID = ((0.05, *np.linspace(0.5, 5.0, 10).tolist()), np.linspace(0.0, 2.5, 6).tolist())
