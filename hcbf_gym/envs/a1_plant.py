@@ -20,7 +20,7 @@ FASTEST = 1.7
 who drives along an edge, and the trot does not fall."""
 
 UNCERTAINTY = Uncertainty(
-    distance=0.027,
+    distance=0.025,
     per_velocity=0.7,
     per_lead=1.5,
     cap=0.25,
