@@ -16,8 +16,8 @@ V_MAX = 1.5
 1.3 m/s, so that the paper's courses can be caught up with."""
 
 FASTEST = 1.7
-"""The highest cap [m/s] that a scenario may set: up to it the strict rank holds against an attacker
-who drives along an edge, and the trot does not fall."""
+"""The highest cap [m/s] that a scenario may set. Above `V_MAX` the margins are thin: at 1.7 m/s an
+attack along an edge entered by 6 mm in 1 of 70 episodes, at 1.5 m/s in none of 40."""
 
 UNCERTAINTY = Uncertainty(
     distance=0.025,
