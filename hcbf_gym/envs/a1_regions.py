@@ -148,7 +148,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
-        self._uncertainty = a1_plant.uncertainty_of(declared, terrain, body, self._carried)
+        self._uncertainty = a1_plant.uncertainty_of(
+            declared, terrain, body, self._carried, self._v_max
+        )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
         self.walker = Walker(
             simulation,

@@ -16,7 +16,7 @@ import os
 import platform
 import re
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,21 @@ def check_root(root: Path) -> None:
         raise InvalidInputError(
             f"publish: got the folder {root.resolve()}, expected a checkout of hcbf-gym"
         )
+
+
+def check_results(root: Path, but: Collection[str]) -> None:
+    """Refuse a checkout whose pages could not be filled after a run.
+
+    Args:
+        root: the checkout.
+        but: names of the suites whose figures are about to be taken again.
+
+    Raises:
+        InvalidInputError: if a JSON lacks what its suite's tables show.
+    """
+    for path in sorted((root / "docs" / "results").glob("*.json")):
+        if path.stem in SUITES and path.stem not in but:
+            _published(root, path.stem)
 
 
 def fill(root: Path) -> list[Path]:
@@ -151,7 +166,12 @@ def _published(root: Path, name: str) -> dict[str, str]:
     )
     try:
         tables = SUITES[name].tables(record["figures"])
-    except (KeyError, IndexError, TypeError) as error:  # of a suite that has changed since
+    except (
+        AttributeError,
+        KeyError,
+        IndexError,
+        TypeError,
+    ) as error:  # of a suite that has changed since
         raise InvalidInputError(
             f"results: got {path.name} without what the suite's tables show "
             f"({type(error).__name__}: {error}), expected the figures of the present suite: take "

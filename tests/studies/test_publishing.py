@@ -97,6 +97,16 @@ def test_figures_that_lack_what_a_table_shows_are_refused_by_the_suites_name(che
     assert (checkout / "README.md").read_text() == PAGE
 
 
+def test_a_run_whose_pages_could_not_be_filled_is_refused_before_it_starts(checkout):
+    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
+    publishing.publish(checkout, "course", {"rows": [incomplete]})
+    arguments = ["--suite", "soak", "--publish", "--root", str(checkout)]
+    with pytest.raises(SystemExit, match=r"course\.json without .*min_h"):
+        cli.main(["benchmark", *arguments, "--output", str(checkout / "out")])
+    assert not (checkout / "out").exists()
+    publishing.check_results(checkout, but=["course"])
+
+
 def test_only_full_figures_of_known_suites_in_a_checkout_are_published(tmp_path):
     for arguments, message in (
         (["--suite", "course", "--publish", "--quick"], "full run"),

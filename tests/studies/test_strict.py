@@ -56,9 +56,20 @@ def test_the_lines_are_at_least_as_many_episodes_as_the_page_says():
         counts.setdefault((line.section, line.name), len(line.episodes(quick=False)))
     assert all(counts["nominal", name] == 200 for name in attacks.ATTACKS)
     assert all(counts["plant", name] == 48 for name in lines.PLANTS)
+    assert [n for (section, _), n in counts.items() if section == "cap"] == [100, 100]
     assert counts["estimate", "20 Hz, 2 cm, 40 ms"] >= 200
     assert sum(n for (section, _), n in counts.items() if section == "rank 2") >= 200
     assert len(pushed.PROGRAMS) * len(pushed.POLICIES) * pushed.SEEDS >= 200
+
+
+def test_a_faster_scene_is_the_environment_s_own_but_for_its_cap():
+    own = gym.make("HCBF-A1Regions-v0", scenario="random")
+    own.reset(seed=3)
+    faster = gym.make("HCBF-A1Regions-v0", scenario=lines.faster("random", 3, 1.7))
+    faster.reset(seed=3)
+    assert faster.unwrapped.scenario.v_max == 1.7
+    assert faster.unwrapped.scenario.barriers == own.unwrapped.scenario.barriers
+    np.testing.assert_array_equal(faster.unwrapped.truth, own.unwrapped.truth)
 
 
 @pytest.mark.physics

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from hcbf_gym.errors import InvalidInputError, choose, require
 from hcbf_gym.evaluation.output_folder import write_json
-from hcbf_gym.studies.publishing import check_root, differing, fill, publish, stale
+from hcbf_gym.studies.publishing import check_results, check_root, differing, fill, publish, stale
 from hcbf_gym.studies.suites import SUITES
 
 
@@ -49,6 +49,8 @@ def main(args: Args) -> None:
         raise InvalidInputError("publish: got quick figures, expected those of a full run")
     if args.publish or args.pages or args.check:
         check_root(args.root)
+    if args.publish:
+        check_results(args.root, but=names)
     console = Console()
     for name in names:
         figures = _plain(SUITES[name].run(args.quick))

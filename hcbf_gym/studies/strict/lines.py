@@ -1,6 +1,7 @@
 """The lines of the strict suite: who attacks which plant, in which scenes, how often."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import count, islice
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.a1_plant import FASTEST, V_MAX
 from hcbf_gym.policies import learned
 from hcbf_gym.studies.strict.attacks import ATTACKS
 from hcbf_gym.studies.strict.episodes import AttackedEpisode
@@ -17,6 +19,9 @@ FIRST_SEED = {"random": 50_000, "random-moving": 60_000, "random-wide": 70_000}
 
 AIMED = ("nearest", "corner", "edge")
 """The attacks that came closest."""
+
+FAST = ("bang-bang", "rotating", "edge", "slam")
+"""The attacks that use the speed that a high cap leaves them."""
 
 PLANTS: dict[str, dict[str, Any]] = {
     "payload 4 kg, off-centre": {
@@ -57,6 +62,7 @@ class Line(NamedTuple):
         env_options: further arguments of the environment.
         filter_options: arguments of `SafetyFilter`.
         calm: take scenes alone that do not start in a conflict.
+        v_max: the strict cap on the speed [m/s] in the place of the scenes' own.
     """
 
     section: str
@@ -67,6 +73,7 @@ class Line(NamedTuple):
     env_options: Mapping[str, Any] | None = None
     filter_options: Mapping[str, Any] | None = None
     calm: bool = False
+    v_max: float | None = None
 
     def episodes(self, quick: bool) -> list[AttackedEpisode]:
         """Return its episodes; with `quick` one for each policy and scenario, two seconds long."""
@@ -74,7 +81,7 @@ class Line(NamedTuple):
         return [
             AttackedEpisode(
                 policy,
-                scenario,
+                scenario if self.v_max is None else faster(scenario, seed, self.v_max),
                 seed,
                 env_options=dict(self.env_options or {}) | shorter,
                 filter_options=self.filter_options,
@@ -98,6 +105,12 @@ def seeds(scenario: str, number: int, calm: bool) -> list[int]:
     return list(islice(taken, number))
 
 
+def faster(scenario: str, seed: int, v_max: float) -> dict[str, Any]:
+    """Return the scene that an environment draws with this seed, with another cap on the speed."""
+    scene = scenarios.make(scenario, np.random.default_rng(seed))
+    return replace(scene, v_max=v_max).to_dict()
+
+
 def start_is_free(scenario: str, seed: int) -> bool:
     """Return whether the scene that an environment draws with this seed starts in no region."""
     scene = scenarios.make(scenario, np.random.default_rng(seed))
@@ -109,6 +122,7 @@ BOTH = ("random", "random-moving")
 
 LINES = (
     *(Line("nominal", name, (name,), 100, BOTH) for name in ATTACKS),
+    *(Line("cap", f"{v_max} m/s", FAST, 25, v_max=v_max) for v_max in (V_MAX, FASTEST)),
     Line("policy", "pd", ("pd",), 100),
     *(Line("plant", name, AIMED, 16, env_options=options) for name, options in PLANTS.items()),
     Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 34, BOTH, FIX),

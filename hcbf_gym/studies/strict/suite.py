@@ -98,7 +98,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     groups = figures["groups"]
     attacks = _table(
         "attacks on the strict rank, lex-cbf-qp",
-        [g for g in groups if g["section"] in ("nominal", "policy", "plant", "estimate")],
+        [g for g in groups if g["section"] in ("nominal", "cap", "policy", "plant", "estimate")],
         {
             "speed limit passed": lambda g: str(g["speed_passed"]),
             "by at most [m/s]": lambda g: f"{max(0.0, -g['least_speed_h']):.3f}",
