@@ -166,12 +166,8 @@ def _published(root: Path, name: str) -> dict[str, str]:
     )
     try:
         tables = SUITES[name].tables(record["figures"])
-    except (
-        AttributeError,
-        KeyError,
-        IndexError,
-        TypeError,
-    ) as error:  # of a suite that has changed since
+    except (AttributeError, KeyError, IndexError, TypeError) as error:
+        # The suite has changed since.
         raise InvalidInputError(
             f"results: got {path.name} without what the suite's tables show "
             f"({type(error).__name__}: {error}), expected the figures of the present suite: take "
