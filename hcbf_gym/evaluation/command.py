@@ -181,7 +181,7 @@ def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table
         ("steps in a strict region", "outside_steps", "d"),
     ):
         cells.append((title, *(format(row[key], form) for row in rows)))
-    for status in ("VIOLATED", "OUTSIDE", "BACKUP"):
+    for status in ("VIOLATED", "UNSAFE", "BACKUP"):
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {rows[0]['episodes']} episode(s) each"

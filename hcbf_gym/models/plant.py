@@ -2,17 +2,61 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
 Reader = Callable[[Any, Any, dict[str, Any]], Any]
+
+
+class Reason(IntEnum):
+    """Why a filter brakes or has raised an alarm; 0 where there is none.
+
+    Up to SOLVER the filter brakes for as long as the reason lasts. From INPUT on they are alarms,
+    which last until the next reset: they say that the plant is not the one that was declared.
+
+    STATE: the state, its covariance or another part of the estimate is not finite or of another
+    shape. AGE: the state is older than the plant's `max_age`. CLOCK: its time does not go on.
+    BARRIERS: a barrier or its row is not finite, or there is no list of them. SOLVER: every solver
+    failed. INPUT: the plant does not receive the chosen input. MOTION: the position does not move
+    as the velocity says. SLIP, LAG, LIFT: a walking robot's feet slide, its torques come late, or
+    its legs carry another load.
+    """
+
+    NONE = 0
+    STATE = 1
+    AGE = 2
+    CLOCK = 3
+    BARRIERS = 4
+    SOLVER = 5
+    INPUT = 6
+    MOTION = 7
+    SLIP = 8
+    LAG = 9
+    LIFT = 10
+
+
+FIRST_ALARM = Reason.INPUT
+"""From here on a `Reason` is an alarm and lasts until the next reset."""
+
+
+class Coverage(IntEnum):
+    """Whether the promise was tested for a plant and a scene; see ``docs/guarantees.md``.
+
+    OUTSIDE: the plant's or the filter's arguments are none of those that were tested. COVERED: they
+    were, and so was the family of the scene. SCENE: the plant was tested, but not in such scenes.
+    """
+
+    OUTSIDE = 0
+    COVERED = 1
+    SCENE = 2
 
 
 class Estimate(NamedTuple):
@@ -25,6 +69,8 @@ class Estimate(NamedTuple):
         model: (n,) the reduced-order model's own state; None where x is that.
         lag: (n,) the body's state minus the reduced-order model's; None where they are one.
         heading: of the body [rad]; None where it has none.
+        age: how long ago this was true [s]; None where it is so now.
+        fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; 0 for none.
     """
 
     x: Array
@@ -33,6 +79,8 @@ class Estimate(NamedTuple):
     model: Array | None = None
     lag: Array | None = None
     heading: Any = None
+    age: Any = None
+    fault: Any = 0
 
 
 class Uncertainty(NamedTuple):
@@ -64,6 +112,9 @@ class Uncertainty(NamedTuple):
 EXACT = Uncertainty()
 """Of a plant that is its model."""
 
+ON_ALARM = {"warn": False, "brake": True}
+"""What an alarm leads to, and whether that is braking."""
+
 
 @dataclass(frozen=True, eq=False)
 class Plant:
@@ -86,10 +137,18 @@ class Plant:
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
             guidance take it from barriers, state and goal.
         uncertainty: how far the plant may be from its model; the default is an exact model.
+        brake: u (n_u,) that brings the plant to rest, or a function of its state x (n,) that
+            returns it; None takes the model's own, `ReducedOrderModel.brake`. The filter applies
+            it where it knows nothing.
+        max_age: the greatest age of a state that is believed [s]; None believes any.
+        on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
+        covered: a `Coverage`, or a reader of it.
 
     Raises:
         InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
-            called, the period is not positive, or an uncertainty is negative.
+            called, the period or the age is not positive, an uncertainty is negative, or the
+            braking input is not made of n_u finite numbers.
+        UnknownNameError: if `on_alarm` is neither "warn" nor "brake".
     """
 
     model: ReducedOrderModel
@@ -102,6 +161,10 @@ class Plant:
     goal: Any = None
     extent: Any = None
     uncertainty: Uncertainty = EXACT
+    brake: ArrayLike | Callable[[Array], Any] | None = None
+    max_age: float | None = None
+    on_alarm: str = "warn"
+    covered: Any = Coverage.OUTSIDE
 
     def __post_init__(self) -> None:
         if not callable(self.state):
@@ -114,6 +177,11 @@ class Plant:
             )
         if self.period is not None:
             finite_float("plant: period", self.period, minimum=0.0, exclusive=True)
+        if self.max_age is not None:
+            finite_float("plant: max_age", self.max_age, minimum=0.0)
+        if self.brake is not None and not callable(self.brake):
+            finite_array("plant: brake", self.brake, (self.model.n_u,))
+        choose("on_alarm", self.on_alarm, ON_ALARM)
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 

@@ -48,6 +48,15 @@ class ReducedOrderModel(ABC):
         behind = np.array([self.f(x - step) for step in steps])
         return ((ahead - behind) / (2.0 * np.diag(steps))[:, None]).T
 
+    def brake(self, x: Array, dt: float) -> Array:
+        """Return (n_u,) the input that brings the plant to rest within dt [s]: 0 unless it coasts.
+
+        Args:
+            x: (n,) state.
+            dt: [s].
+        """
+        return np.zeros(self.n_u)
+
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
 
@@ -144,6 +153,10 @@ class DoubleIntegrator(ReducedOrderModel):
     def g(self, x: Any) -> Any:
         """Return (n, n_u) the input matrix."""
         return namespace(x).eye(self.n, self.n_u, k=-self.n_u)
+
+    def brake(self, x: Array, dt: float) -> Array:
+        """Return (n_u,) the input after which v is 0, ``c v − v/dt`` [m/s²]."""
+        return (self.drag - 1.0 / dt) * x[self.n_u :]
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""

@@ -87,6 +87,10 @@ class KinematicBicycle(ReducedOrderModel):
         steer = xp.stack([-v * xp.sin(x[2]), v * xp.cos(x[2]), v / self.rear, zero])
         return xp.stack([accelerate, steer], axis=1)
 
+    def brake(self, x: Array, dt: float) -> Array:
+        """Return (2,) the input after which v is 0: ``a = −v/dt``, straight on."""
+        return np.array([-x[3] / dt, 0.0])
+
     def f_jacobian(self, x: Array) -> Array:
         """Return (4, 4) ∂f/∂x."""
         cos, sin, v = np.cos(x[2]), np.sin(x[2]), x[3]

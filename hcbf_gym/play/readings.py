@@ -10,7 +10,7 @@ _STATUS_COLORS = {
     "SAFE": "#2e7d32",
     "RELAXED": "#b26a00",
     "VIOLATED": "#c0392b",
-    "OUTSIDE": "#c0392b",
+    "UNSAFE": "#c0392b",
     "BACKUP": "#c0392b",
 }
 

@@ -97,7 +97,7 @@ def sentence(
         return "The policy has its way: no region minds."
     if status == FilterStatus.SAFE.name:
         return f"Every rank holds: the filter changes the input by {intervention:.1f} m/s²."
-    if status == FilterStatus.OUTSIDE.name:
+    if status == FilterStatus.UNSAFE.name:
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
         return "No solver answered: the robot brakes."

@@ -17,15 +17,16 @@ class FilterStatus(IntEnum):
     Of several that apply, the status is the one named last. NOMINAL: u = u*, every row met.
     SAFE: u ≠ u*, every row met. RELAXED: a row of priority 2 or lower is violated. VIOLATED: a row
     of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is.
-    OUTSIDE: a barrier of priority 1 is below zero already; the wrapper says so, programs never do.
-    BACKUP: every solver failed and u is the braking action 0.
+    UNSAFE: the state has left the safe set, a barrier of priority 1 is below zero; the wrapper says
+    so, programs never do. BACKUP: the filter brakes; of a program, because every solver failed, and
+    u is 0.
     """
 
     NOMINAL = 0
     SAFE = 1
     RELAXED = 2
     VIOLATED = 3
-    OUTSIDE = 4
+    UNSAFE = 4
     BACKUP = 5
 
 

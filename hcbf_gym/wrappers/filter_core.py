@@ -11,7 +11,8 @@ from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.errors import check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import ON_ALARM, Estimate, Plant, Uncertainty
+from hcbf_gym.wrappers.alarms import Announcer
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,6 +32,8 @@ class FilterSettings(NamedTuple):
         guidance: "geodesic", "local", a plain dict with more of it, or None.
         margin: [m]; None derives it.
         solver: its name; None is the compiled path where there is one.
+        on_alarm: "warn" or "brake"; None takes the plant's.
+        allow_late_inputs: whether a row may miss an input that helps later.
         options: α₁, α₂ and the program's own.
     """
 
@@ -39,6 +42,8 @@ class FilterSettings(NamedTuple):
     guidance: Any
     margin: float | None
     solver: str | None
+    on_alarm: str | None
+    allow_late_inputs: bool
     options: dict[str, Any]
 
 
@@ -74,6 +79,9 @@ class FilterCore(ABC):
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self._steps: Array = np.zeros(count)
+        on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
+        self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
+        self._announcer = Announcer(self.brakes_on_alarm)
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:

@@ -32,7 +32,7 @@ MEMORY = 9
 """Width of what a plant's monitor remembers: its averages (4,) and its last sample (5,)."""
 
 NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
-OUTSIDE, BACKUP = int(FilterStatus.OUTSIDE), int(FilterStatus.BACKUP)
+UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
 
 
 Numbers8 = tuple[float, float, float, float, float, float, float, float]
@@ -339,7 +339,7 @@ def is_outside(kind: Integers, priority: Integers, a: Array, h: Array, body: flo
 
 @njit(cache=True)
 def conclude(status: int, moved: bool, outside: bool, slack: Array) -> int:
-    """Return the status of the safety rows alone, and OUTSIDE where a strict h is below zero.
+    """Return the status of the safety rows alone, and UNSAFE where a strict h is below zero.
 
     A guidance row that gives way is no violation, and an input that only guidance moved is SAFE.
 
@@ -352,7 +352,7 @@ def conclude(status: int, moved: bool, outside: bool, slack: Array) -> int:
     if status == BACKUP:
         return status
     if outside:
-        return OUTSIDE
+        return UNSAFE
     met = True
     for k in range(slack.size):
         met = met and slack[k] == 0.0

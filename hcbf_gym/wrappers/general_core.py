@@ -58,7 +58,7 @@ class GeneralCore(FilterCore):
         """Look at the first state of a new episode, and return what the infos of a reset say."""
         rows, kept = self._rows(barriers, estimate)
         zeros = np.zeros(self.input_set.n_u)
-        status = FilterStatus.OUTSIDE if self._outside(rows, barriers) else FilterStatus.NOMINAL
+        status = FilterStatus.UNSAFE if self._outside(rows, barriers) else FilterStatus.NOMINAL
         slack = np.zeros(rows.b.size)
         result = programs.FilterResult(zeros, slack, slack.copy(), status, 0)
         return _report(zeros, result, kept, 0.0, False)
@@ -72,8 +72,8 @@ class GeneralCore(FilterCore):
         x = np.asarray(estimate.x, dtype=np.float64)
         model_error = self._monitor.observe(x)
         result = self.program(u_nominal, rows)
-        if self._outside(rows, barriers) and result.status < FilterStatus.OUTSIDE:
-            result = result._replace(status=FilterStatus.OUTSIDE)
+        if self._outside(rows, barriers) and result.status < FilterStatus.UNSAFE:
+            result = result._replace(status=FilterStatus.UNSAFE)
         self._monitor.expect(x, result.u)
         warn_once(self._monitor.memory)
         return result.u, _report(u_nominal, result, kept, model_error, self._stands(x, u_nominal))

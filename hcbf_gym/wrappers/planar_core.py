@@ -97,7 +97,7 @@ class PlanarCore(FilterCore):
         u, report = self.step(np.zeros((self.count, 2) if many else 2), barriers, estimate)
         self._memory[:] = remembered
         self._steps[:] = counted
-        outside = report["status"] == programs.FilterStatus.OUTSIDE
+        outside = report["status"] == programs.FilterStatus.UNSAFE
         report["status"] = report["status"] * outside
         report["u_safe"] = np.zeros_like(u)
         for key in ("slack", "delta", "intervention", "fallbacks"):

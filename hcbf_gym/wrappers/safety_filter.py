@@ -29,7 +29,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     The policy's action u* goes to the program. The environment receives the program's input u.
     ``info["safety_filter"]`` holds `u_nominal` (n_u,), `u_safe` (n_u,), `slack` (m,) each row's
     violation, `delta` (m,) the program's own relaxation, `status` (a
-    `hcbf_gym.programs.FilterStatus`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
+    `hcbf_gym.programs.FilterStatus`), `reason` (a `hcbf_gym.models.plant.Reason`, 0 where there is
+    none), `covered` (a `hcbf_gym.models.plant.Coverage`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
     row keeps between h and zero, `model_error` how far the plant's response is from the chosen
     input [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
     u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
@@ -52,6 +53,10 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
             programs where u has two entries, else "daqp".
+        on_alarm: "warn" or "brake", where the plant is not the one that was declared; None takes
+            the plant's.
+        allow_late_inputs: whether a barrier may have a row that misses an input which helps by a
+            later derivative; a warning then replaces the refusal.
         **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
             functions as `barriers.class_k.make` reads them; all else goes to the program, such as
             `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
@@ -69,18 +74,20 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         >>> obs, info = env.reset(seed=0)
         >>> obs, reward, terminated, truncated, info = env.step(policy(obs, info))
         >>> info["safety_filter"]["status"]
-        np.float64(2.0)
+        np.int64(2)
     """
 
     def __init__(
         self,
         env: gym.Env,
-        program: str = "eh-cbf-qp",
+        program: str = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
         guidance: Any = None,
         margin: float | None = None,
         solver: str | None = None,
+        on_alarm: str | None = None,
+        allow_late_inputs: bool = False,
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
@@ -91,6 +98,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             guidance=guidance,
             margin=margin,
             solver=solver,
+            on_alarm=on_alarm,
+            allow_late_inputs=allow_late_inputs,
             **plain_options(options),
         )
         gym.Wrapper.__init__(self, env)
@@ -99,7 +108,9 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         _check_order(env)
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
-        settings = FilterSettings(program, rows, guidance, margin, solver, options)
+        settings = FilterSettings(
+            program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
+        )
         self._core = _core_of(self.plant, self._input_set, settings)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
@@ -157,6 +168,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         rows: as `SafetyFilter` takes it.
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
+        on_alarm: as `SafetyFilter` takes it.
         **options: as `SafetyFilter` takes them.
 
     Raises:
@@ -168,10 +180,11 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: VectorEnv,
-        program: str = "eh-cbf-qp",
+        program: str = "lex-cbf-qp",
         rows: str = "held",
         guidance: Any = None,
         margin: float | None = None,
+        on_alarm: str | None = None,
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
@@ -180,6 +193,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
             rows=rows,
             guidance=guidance,
             margin=margin,
+            on_alarm=on_alarm,
             **plain_options(options),
         )
         VectorWrapper.__init__(self, env)
@@ -194,7 +208,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         _check_order(env)
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
-        settings = FilterSettings(program, rows, guidance, margin, None, options)
+        settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
         self._reporter = Reporter(env, "safety_filter")
 

@@ -25,7 +25,7 @@ ROW = {
     "reached": 1.0,
     "deadlock_share": 0.0,
     "outside_steps": 0,
-    "status_counts": {"VIOLATED": 0, "OUTSIDE": 0, "BACKUP": 0},
+    "status_counts": {"VIOLATED": 0, "UNSAFE": 0, "BACKUP": 0},
 }
 
 

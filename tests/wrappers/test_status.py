@@ -14,10 +14,10 @@ from hcbf_gym.wrappers import SafetyFilter
 @pytest.mark.parametrize(
     ("body", "distance", "status"),
     [
-        ("footprint", 0.3, FilterStatus.OUTSIDE),
+        ("footprint", 0.3, FilterStatus.UNSAFE),
         ("footprint", 0.6, FilterStatus.NOMINAL),
         ("point", 0.3, FilterStatus.NOMINAL),
-        ("point", -0.1, FilterStatus.OUTSIDE),
+        ("point", -0.1, FilterStatus.UNSAFE),
     ],
 )
 def test_a_start_with_the_body_inside_a_strict_region_reports_outside(
@@ -32,7 +32,7 @@ def test_a_start_with_the_body_inside_a_strict_region_reports_outside(
     _, info = env.reset(seed=1, options={"scenario": scene})
     assert info["safety_filter"]["status"] == status
     _, _, _, _, info = env.step(np.zeros(2))
-    assert (info["safety_filter"]["status"] == FilterStatus.OUTSIDE) == (status == 4)
+    assert (info["safety_filter"]["status"] == FilterStatus.UNSAFE) == (status == 4)
 
 
 TRAP = {

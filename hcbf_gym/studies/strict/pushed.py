@@ -80,7 +80,7 @@ class PushedEpisode:
             if ended:
                 break
         inside = np.flatnonzero(np.array(h) < 0.0)
-        told = np.array(status)[inside] == FilterStatus.OUTSIDE
+        told = np.array(status)[inside] == FilterStatus.UNSAFE
         return PushedOutcome(
             near=near,
             depth=max(0.0, -min(h)),
@@ -99,7 +99,7 @@ class PushedOutcome:
         near: distance from the edge when the push began [m].
         depth: how deep the robot got [m].
         inside: control steps that began inside a strict region.
-        told: those of them at which the filter said OUTSIDE.
+        told: those of them at which the filter said UNSAFE.
         seconds: from the first of them to the end of the last [s].
         fell: whether the robot fell.
     """
@@ -151,7 +151,7 @@ def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
 def table(rows: Sequence[dict[str, Any]]) -> Table:
     """Return the table of all programs."""
     header = (
-        "program", "pushes", "pushed in", "deepest [m]", "steps inside", "of these OUTSIDE",
+        "program", "pushes", "pushed in", "deepest [m]", "steps inside", "of these UNSAFE",
         "median time inside [s]", "longest [s]", f"longer than {OUT_WITHIN} s", "falls",
     )  # fmt: skip
     cells = [

@@ -106,7 +106,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             "median least h where u changed [m]": lambda g: _metres(g["median_least_h"]),
             "median margin [m]": lambda g: _metres(g["median_margin"]),
             "false warnings": lambda g: str(g["warned"]),
-            "OUTSIDE, VIOLATED, BACKUP steps": _bad_steps,
+            "UNSAFE, VIOLATED, BACKUP steps": _bad_steps,
             "QP failures": lambda g: str(g["qp_failures"]),
         },
     )
@@ -175,4 +175,4 @@ def _metres(value: float | None) -> str:
 
 def _bad_steps(group: Group) -> str:
     status = group["status"]
-    return f"{status['OUTSIDE']}, {status['VIOLATED']}, {status['BACKUP']}"
+    return f"{status['UNSAFE']}, {status['VIOLATED']}, {status['BACKUP']}"
