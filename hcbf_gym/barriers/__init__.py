@@ -5,6 +5,7 @@ from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.held import held_rows
+from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.registry import from_dict, register, to_dict
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -27,6 +28,7 @@ __all__ = [
     "LogClassK",
     "PlanarBarrier",
     "RowSettings",
+    "Shapes",
     "SpeedLimit",
     "from_dict",
     "held_rows",

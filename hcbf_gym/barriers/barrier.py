@@ -54,6 +54,20 @@ class Core(NamedTuple):
     is_point: bool
 
 
+def check_name(name: Any, priority: Any) -> None:
+    """Refuse what is no name or no rank.
+
+    Raises:
+        InvalidInputError: if the name is empty or the priority is not a positive integer.
+    """
+    if not isinstance(name, str) or not name:
+        raise InvalidInputError(f"barrier name: got {name!r}, expected non-empty text")
+    if isinstance(priority, bool) or not isinstance(priority, int | np.integer):
+        raise InvalidInputError(f"{name}: priority: got {priority!r}, expected int")
+    if priority < 1:
+        raise InvalidInputError(f"{name}: priority: got {priority}, expected >= 1")
+
+
 @dataclass(frozen=True)
 class Barrier(ABC):
     """A named, ranked safety condition ``h(x, t) ≥ 0``.
@@ -71,12 +85,7 @@ class Barrier(ABC):
     reads_position: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"barrier name: got {self.name!r}, expected non-empty text")
-        if isinstance(self.priority, bool) or not isinstance(self.priority, int | np.integer):
-            raise InvalidInputError(f"{self.name}: priority: got {self.priority!r}, expected int")
-        if self.priority < 1:
-            raise InvalidInputError(f"{self.name}: priority: got {self.priority}, expected >= 1")
+        check_name(self.name, self.priority)
 
     @abstractmethod
     def jet(self, x: Array, t: float = 0.0) -> Jet:

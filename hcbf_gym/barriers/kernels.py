@@ -48,7 +48,7 @@ def _ellipse_jet(c: Array, x: float, y: float) -> PlanarJet:
 
 @njit(cache=True, error_model="numpy")
 def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
-    corners = int(c[layout.VERTEX_COUNT])
+    corners = layout.vertex_count(c)
     height, height_nx, height_ny = -np.inf, 0.0, 0.0
     nearest2, offset_x, offset_y = np.inf, 0.0, 0.0
     on_edge, edge_nx, edge_ny = False, 0.0, 0.0
@@ -81,7 +81,7 @@ def _polygon_jet(c: Array, x: float, y: float) -> PlanarJet:
 def polygon_edge(c: Array, i: int) -> tuple[float, float, float, float]:
     """Return the start (x, y) and the vector (x, y) of edge i of a polygon [m]."""
     first, j = layout.FIRST_VERTEX, i + 1
-    if j == int(c[layout.VERTEX_COUNT]):
+    if j == layout.vertex_count(c):
         j = 0
     ax, ay = c[first + 2 * i], c[first + 1 + 2 * i]
     return ax, ay, c[first + 2 * j] - ax, c[first + 1 + 2 * j] - ay
@@ -123,7 +123,7 @@ def planar_value(kind: int, c: Array, x: float, y: float) -> float:
     if kind != CONVEX_POLYGON:
         return np.inf
     nearest2, outside = np.inf, False
-    corners, first = int(c[layout.VERTEX_COUNT]), layout.FIRST_VERTEX
+    corners, first = layout.vertex_count(c), layout.FIRST_VERTEX
     ax, ay = c[first + 2 * corners - 2], c[first + 2 * corners - 1]
     for i in range(corners):
         bx, by = c[first + 2 * i], c[first + 1 + 2 * i]

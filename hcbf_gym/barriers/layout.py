@@ -31,6 +31,13 @@ WIDTH = FIRST_VERTEX + 2 * MAX_VERTICES
 
 
 @njit(cache=True)
+def vertex_count(c: Array) -> int:
+    """Return how many corners a polygon's block has, within what it can hold."""
+    count = c[VERTEX_COUNT]
+    return int(count) if 1.0 <= count <= MAX_VERTICES else 1
+
+
+@njit(cache=True)
 def half_plane(c: Array, normal: Pair, offset: float) -> int:
     """Write ``h = n·p − offset`` into the block c (WIDTH,)."""
     c[:] = 0.0

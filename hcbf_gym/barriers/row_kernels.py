@@ -163,7 +163,7 @@ def _polygon_core(
     """
     if h <= 0.0:
         return np.inf, 0.0
-    corners = int(c[layout.VERTEX_COUNT])
+    corners = layout.vertex_count(c)
     ax, ay, ex, ey = polygon_edge(c, corners - 1)
     length = np.sqrt(ex * ex + ey * ey)
     beyond = ((x - ax) * ex + (y - ay) * ey) / length - length  # past the end of the edge before

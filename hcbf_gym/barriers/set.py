@@ -10,6 +10,7 @@ from hcbf_gym.barriers import kernels, layout, row_kernels
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.held import held_rows, usual_rows
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 
@@ -30,12 +31,14 @@ class BarrierSet:
     Built-in shapes are evaluated compiled. A user's own `Barrier` is evaluated in Python, by one
     call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
 
+    Where a scene leaves ranks out, such as those of obstacles that are not in sight, the lower ones
+    move up; rank 1 alone is strict, and no other takes its place.
+
     Args:
-        scenes: N sequences of m barriers.
+        scenes: N sequences of m barriers; `Shapes` count as so many.
 
     Raises:
-        InvalidInputError: if a scene is empty, the scenes differ in length, or an entry is no
-            `Barrier`.
+        InvalidInputError: if the scenes differ in length, or an entry is no `Barrier`.
 
     Attributes:
         kind: (N, m) which kernel evaluates the barrier, see `layout`.
@@ -46,11 +49,11 @@ class BarrierSet:
         own: (scene, place) → a user's own barrier; empty where all are built in.
     """
 
-    def __init__(self, scenes: Sequence[Sequence[Barrier]]):
-        lengths = {len(scene) for scene in scenes}
-        if len(lengths) != 1 or 0 in lengths:
+    def __init__(self, scenes: Sequence[Sequence[Barrier | Shapes]]):
+        lengths = {_length(scene) for scene in scenes}
+        if len(lengths) != 1:
             raise InvalidInputError(
-                f"barrier set: got scenes of {sorted(lengths)} barriers, expected one length >= 1"
+                f"barrier set: got scenes of {sorted(lengths)} barriers, expected one length"
             )
         shape = (len(scenes), lengths.pop())
         self.kind = np.zeros(shape, dtype=np.int64)
@@ -62,33 +65,35 @@ class BarrierSet:
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
-    def set_scene(self, i: int, scene: Sequence[Barrier]) -> None:
+    def set_scene(self, i: int, scene: Sequence[Barrier | Shapes]) -> None:
         """Replace the barriers of scene `i`.
 
         Raises:
             InvalidInputError: if there are not m of them, or an entry is no `Barrier`.
         """
-        if len(scene) != self.kind.shape[1]:
+        if _length(scene) != self.kind.shape[1]:
             raise InvalidInputError(
-                f"barrier set: got a scene of {len(scene)} barriers, expected {self.kind.shape[1]}"
+                f"barrier set: got a scene of {_length(scene)} barriers, "
+                f"expected {self.kind.shape[1]}"
             )
+        k, ranks = 0, _consecutive(scene)
         for barrier in scene:
-            if not isinstance(barrier, Barrier):
-                raise InvalidInputError(
-                    f"barrier set: got {barrier!r}, expected an object of a class derived from "
-                    "hcbf_gym.barriers.Barrier"
-                )
-        for k, barrier in enumerate(scene):
+            end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
+            rank = ranks[barrier.priority]
+            self.priority[i, k:end] = rank
+            self.keeps_margin[i, k:end] = rank == 1 and barrier.reads_position
+            self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
+            for place in range(k, end) if self.own else ():
+                self.own.pop((i, place), None)
             write = _WRITERS.get(type(barrier))
-            self.own.pop((i, k), None)
-            if write is None:
+            if isinstance(barrier, Shapes):
+                self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
+            elif write is None:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
             else:
                 self.kind[i, k] = write(barrier, self.parameters[i, k])
-            self.priority[i, k] = barrier.priority
-            self.keeps_margin[i, k] = barrier.priority == 1 and barrier.reads_position
-            self.own_margin[i, k] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
+            k = end
 
     def check(self, settings: RowSettings) -> None:
         """Refuse settings under which a built-in row of a held input cannot be kept.
@@ -214,6 +219,27 @@ class BarrierSet:
         for (i, k), barrier in self.own.items():
             groups.setdefault((id(barrier), k), ([], k, barrier))[0].append(i)
         yield from groups.values()
+
+
+def _length(scene: Sequence[Barrier | Shapes]) -> int:
+    """Return how many barriers there are.
+
+    Raises:
+        InvalidInputError: if an entry is none.
+    """
+    for barrier in scene:
+        if not isinstance(barrier, Barrier | Shapes):
+            raise InvalidInputError(
+                f"barrier set: got {barrier!r}, expected an object of a class derived from "
+                "hcbf_gym.barriers.Barrier, or Shapes"
+            )
+    return sum(len(barrier) if isinstance(barrier, Shapes) else 1 for barrier in scene)
+
+
+def _consecutive(scene: Sequence[Barrier | Shapes]) -> dict[int, int]:
+    """Return each rank that occurs and the one that it becomes, without a gap from 2 on."""
+    lower = sorted({barrier.priority for barrier in scene} - {1})
+    return {1: 1} | {rank: 2 + place for place, rank in enumerate(lower)}
 
 
 def _seen(jet: Jet) -> Array:

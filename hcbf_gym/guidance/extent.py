@@ -52,7 +52,7 @@ def scene_extent(
             longer = 1.0 / np.sqrt(min(first, second))
             _include(extent, c[layout.CENTER_X], c[layout.CENTER_Y], longer)
         elif kind[k] == layout.CONVEX_POLYGON:
-            for corner in range(int(c[layout.VERTEX_COUNT])):
+            for corner in range(layout.vertex_count(c)):
                 at = layout.FIRST_VERTEX + 2 * corner
                 _include(extent, c[at], c[at + 1], 0.0)
     extent[0] -= PAD

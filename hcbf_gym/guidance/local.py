@@ -115,6 +115,7 @@ class Local:
 
     Attributes:
         memory: (N, 2) the side, 0 if free, and since when the robot stands [s].
+        barriers: of the N scenes as they are now; None before the first reset.
     """
 
     def __init__(self, count: int = 1, *, pull: Pull | None = None):
@@ -122,7 +123,7 @@ class Local:
             raise InvalidInputError(f"count: got {count}, expected >= 1")
         self.pull = Pull() if pull is None else pull
         self.memory = np.zeros((count, 2))
-        self._set: BarrierSet | None = None
+        self.barriers: BarrierSet | None = None
 
     def reset(
         self, barriers: BarrierSet | Sequence[Barrier], *, mask: NDArray[np.bool_] | None = None
@@ -141,7 +142,7 @@ class Local:
             raise InvalidInputError(
                 f"barriers: got {len(scenes.kind)} scenes, expected {len(self.memory)}"
             )
-        self._set = scenes
+        self.barriers = scenes
         self.memory[slice(None) if mask is None else mask] = 0.0
 
     def rows(self, x: Array, t: Array, u_nominal: Array) -> tuple[Array, Array]:
@@ -150,10 +151,10 @@ class Local:
         Raises:
             InvalidInputError: before the first reset.
         """
-        if self._set is None:
+        if self.barriers is None:
             raise InvalidInputError("guidance: got no scene, expected reset() first")
         a, b = np.empty((len(x), 2)), np.empty(len(x))
-        rows(self._set.kind, self._set.parameters, x, t, u_nominal, self.pull, self.memory, a, b)
+        rows(self.barriers.kind, self.barriers.parameters, x, t, u_nominal, self.pull, self.memory, a, b)
         return a, b
 
     def row(self, x: Array, t: float, u_nominal: Array) -> tuple[Array, float]:

@@ -154,7 +154,9 @@ def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.
         out: (m + 1,) to be written.
     """
     m = priority.size
-    lowest = priority.max()
+    lowest = 1
+    for k in range(m):
+        lowest = max(lowest, priority[k])
     gives_way = through > 1 and way >= through
     out[m] = way if gives_way else lowest + 1
     for k in range(m):

@@ -70,7 +70,7 @@ class Estimate(NamedTuple):
         lag: (n,) the body's state minus the reduced-order model's; None where they are one.
         heading: of the body [rad]; None where it has none.
         age: how long ago this was true [s]; None where it is so now.
-        fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; 0 for none.
+        fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; None or 0 for none.
     """
 
     x: Array
@@ -80,7 +80,7 @@ class Estimate(NamedTuple):
     lag: Array | None = None
     heading: Any = None
     age: Any = None
-    fault: Any = 0
+    fault: Any = None
 
 
 class Uncertainty(NamedTuple):

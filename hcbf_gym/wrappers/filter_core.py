@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from hcbf_gym import programs, records
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
-from hcbf_gym.errors import check_options, choose, finite_float
+from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import ON_ALARM, Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.wrappers.alarms import Announcer
 
 Array = NDArray[np.float64]
@@ -82,6 +82,18 @@ class FilterCore(ABC):
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._announcer = Announcer(self.brakes_on_alarm)
+        self._coverage, self._scale = np.zeros(count, dtype=np.int64), np.ones(count)
+
+    def cover(self, coverage: Any) -> None:
+        """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).
+
+        Raises:
+            InvalidInputError: if it is none.
+        """
+        given = np.asarray(coverage)
+        if given.shape not in ((), (self.count,)) or not np.isin(given, list(Coverage)).all():
+            raise InvalidInputError(f"covered: got {coverage!r}, expected one of {list(Coverage)}")
+        self._coverage[:] = given
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:

@@ -12,27 +12,29 @@ from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import ASKING, STANDING
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.programs.planar.cascade import filter_range
+from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings, make_workspace
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
-from hcbf_gym.wrappers.monitor import ALARM, account_planar
+from hcbf_gym.wrappers.senses import Sensed, look, watch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-DONE, NOT_FINITE, ASKS = range(3)
+DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a call says of itself."""
 
 TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
-MEMORY = 9
-"""Width of what a plant's monitor remembers: its averages (4,) and its last sample (5,)."""
-
 NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
+BARRIERS = int(Reason.BARRIERS)
+
+STATUS, REASON = range(2)
+"""The rows of a call's codes (2, N)."""
 
 
 Numbers8 = tuple[float, float, float, float, float, float, float, float]
@@ -43,9 +45,11 @@ Constants = tuple[
     float,
     int,
     tuple[float, float, float, float],
+    bool,
 ]
-"""`planar.records.Settings`, `RowSettings.packed`, `models.plant.Uncertainty`, the period T [s],
-the highest rank that gives way to guidance (0 for none), and `guidance.row.Pull`."""
+"""`planar.records.Settings`, `RowSettings.packed`, `models.plant.Uncertainty`, the period T [s] (0
+where it is not known), the highest rank that gives way to guidance (0 for none),
+`guidance.row.Pull`, and whether an alarm makes the filter brake."""
 
 
 class Scene(NamedTuple):
@@ -55,16 +59,6 @@ class Scene(NamedTuple):
     parameters: Array
     priority: Integers
     own_margin: Array
-
-
-class Sensed(NamedTuple):
-    """What is known of N plants, as `models.plant.Estimate` says it, with a leading N."""
-
-    x: Array
-    t: Array
-    model: Array
-    lag: Array
-    covariance: Array
 
 
 class Way(NamedTuple):
@@ -112,7 +106,6 @@ class Answer(NamedTuple):
         delta: (N, M).
         margin: (N, m).
         intervention: (N,) ‖u − u*‖.
-        status: (N,).
         fallbacks: (N,).
         model_error: (N,).
         reachable: (N,).
@@ -124,7 +117,6 @@ class Answer(NamedTuple):
     delta: Array
     margin: Array
     intervention: Array
-    status: Array
     fallbacks: Array
     model_error: Array
     reachable: Array
@@ -133,13 +125,13 @@ class Answer(NamedTuple):
 
 def answer_size(count: int, m: int, total: int) -> int:
     """Return how many numbers an answer of N plants with m rows, or M with guidance, takes."""
-    return count * (2 + 2 * total + m + 6)
+    return count * (2 + 2 * total + m + 5)
 
 
 @njit(cache=True)
 def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
     """Return the parts of an answer's array (answer_size,)."""
-    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1, 1]))
+    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1]))
     return Answer(
         flat[: ends[0]].reshape(count, 2),
         flat[ends[0] : ends[1]].reshape(count, total),
@@ -150,7 +142,6 @@ def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
         flat[ends[5] : ends[6]],
         flat[ends[6] : ends[7]],
         flat[ends[7] : ends[8]],
-        flat[ends[8] : ends[9]],
     )
 
 
@@ -158,12 +149,13 @@ def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
 def filter_plants(
     constants: Constants,
     scene: tuple[Integers, Array, Integers, Array],
-    sensed: tuple[Array, Array, Array, Array, Array],
+    sensed: tuple[Array, Array, Array, Array, Array, Integers],
     way: tuple[NDArray[np.float32], NDArray[np.int8], Array, Array, Array],
     work: tuple[Array, Array, Integers, Array, Array],
-    memory: Array,
+    memory: NDArray[np.void],
     u_nominal: Array,
     flat: Array,
+    codes: Integers,
     given: bool,
 ) -> int:
     """Filter the nominal inputs of N planar double integrators; see the records for the parts.
@@ -171,29 +163,34 @@ def filter_plants(
     Args:
         constants: what a filter never changes.
         scene: `Scene`.
-        sensed: `Sensed`.
+        sensed: `senses.Sensed`; what is not believed is replaced.
         way: `Way`.
         work: `Work`, written to.
-        memory: (N, MEMORY) of the monitors, written to.
+        memory: (N,) `senses.MEMORY`, written to.
         u_nominal: (N, 2) u*.
         flat: (answer_size,) written to.
-        given: whether the rows and margins stand in `work` already.
+        codes: (2, N) the statuses and the reasons, written to; where `given`, the reasons stand
+            there already.
+        given: whether the states were looked at, and the rows and margins stand in `work`.
 
     Returns:
-        `DONE`, `NOT_FINITE` (u* is not, and nothing is written), or `ASKS` where a state is left
-        to rational arithmetic or a monitor has raised an alarm.
+        `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
+        written; or `ASKS` where a state is left to rational arithmetic or there is a reason to
+        speak.
     """
-    program, row_settings, uncertainty, period, through, pull = borrowed(constants)
+    program, row_settings, uncertainty, period, through, pull, brakes = borrowed(constants)
     barriers, plants = Scene(*borrowed(scene)), Sensed(*borrowed(sensed))
     fields, w = Way(*borrowed(way)), Work(*borrowed(work))
     memory, u_nominal, flat = borrowed(memory), borrowed(u_nominal), borrowed(flat)
+    codes = borrowed(codes)
     if not np.isfinite(u_nominal).all():
         return NOT_FINITE
-    settings, asks = Settings(*program), False
-    sizes = settings.radius, Uncertainty(*uncertainty).body
+    if not _fits(barriers, plants, w):
+        return MISSHAPED
+    settings, known, asks = Settings(*program), Uncertainty(*uncertainty), False
     count, total = w.priority.shape
     answer = answer_views(flat, count, barriers.kind.shape[1], total)
-    status = np.empty(count, dtype=np.int64)
+    status, reason = codes[STATUS], codes[REASON]
     fallbacks = np.empty(count, dtype=np.int64)
     rows = CbfRows(w.a, w.rows[0], w.rows[1], w.priority, w.rows[2])
     result = FilterResult(answer.u, answer.slack, answer.delta, status, fallbacks)
@@ -201,18 +198,84 @@ def filter_plants(
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
         if not given:
-            _make_rows(first, end, row_settings, Uncertainty(*uncertainty), barriers, plants, w)
+            for i in range(first, end):
+                reason[i] = look(memory[i], plants, i, period)
+            _make_rows(first, end, row_settings, known, barriers, plants, w)
         for i in range(first, end):
-            w.u[i, 0], w.u[i, 1] = u_nominal[i, 0], u_nominal[i, 1]
-            answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
+            if not _are_finite(w, i) and reason[i] == 0:
+                reason[i] = BARRIERS
+            w.u[i, 0], w.u[i, 1], answer.reachable[i] = u_nominal[i, 0], u_nominal[i, 1], 0.0
+            if reason[i] == 0:
+                answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
         filter_range(settings, w.u, rows, result, polygons, first, end)
         for i in range(first, end):
-            answer.model_error[i] = account_planar(
-                memory[i, :4], memory[i, 4:], plants.model[i], period, settings.radius
-            )
-            _conclude(i, barriers, plants, u_nominal, result, w, memory[i], sizes, answer)
-            asks |= status[i] < 0 or memory[i, ALARM] == 1.0
+            past, answer.model_error[i] = memory[i], np.sqrt(memory[i].input_error[0])
+            if reason[i] == 0:
+                answer.model_error[i] = watch(
+                    past, plants, i, period, settings.radius, known.confidence
+                )
+                reason[i] = past.alarm
+            else:
+                past.follows = 0
+            if reason[i] != 0 and (reason[i] != past.alarm or brakes):
+                _brake(i, settings, past.known, plants, period, result)
+            _conclude(i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer)
+            past.input[0], past.input[1] = result.u[i, 0], result.u[i, 1]
+            asks |= status[i] < 0 or reason[i] != 0
     return ASKS if asks else DONE
+
+
+@njit(cache=True, inline="always")
+def _fits(barriers: Scene, plants: Sensed, w: Work) -> bool:
+    """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
+
+    Nothing else here checks an index.
+    """
+    count, m = barriers.kind.shape
+    if w.priority.shape[0] != count or w.margin.shape[2] != m or plants.x.shape[0] != count:
+        return False
+    if barriers.parameters.shape != (count, m, layout.WIDTH):
+        return False
+    if barriers.priority.shape != (count, m) or barriers.own_margin.shape != (count, m):
+        return False
+    for i in range(count):
+        for k in range(m):
+            if not 1 <= barriers.priority[i, k] <= m + 1:
+                return False
+    return True
+
+
+@njit(cache=True, inline="always")
+def _are_finite(w: Work, i: int) -> bool:
+    """Tell whether the safety rows of a state are finite; where they are not, take them out."""
+    finite, m = True, w.margin.shape[2]
+    for k in range(m):
+        finite &= np.isfinite(w.a[i, k, 0] + w.a[i, k, 1] + w.rows[0, i, k] + w.rows[1, i, k])
+        finite &= np.isfinite(w.rows[2, i, k] + w.margin[0, i, k])
+    if not finite:
+        for k in range(m):
+            w.a[i, k, 0], w.a[i, k, 1] = 0.0, 0.0
+            w.rows[0, i, k], w.rows[1, i, k], w.rows[2, i, k] = -1.0, 1.0, 1.0
+            w.margin[0, i, k] = 0.0
+    return finite
+
+
+@njit(cache=True, inline="always")
+def _brake(
+    i: int, settings: Settings, known: int, plants: Sensed, period: float, result: FilterResult
+) -> None:
+    """Replace one answer by the input of U nearest ``−v/T``, that nearest 0 where v is not known.
+
+    `DoubleIntegrator.brake` is the same for a single plant.
+    """
+    wanted_x = wanted_y = 0.0
+    if known and period > 0.0:
+        wanted_x, wanted_y = -plants.x[i, 2] / period, -plants.x[i, 3] / period
+    vertices = settings.vertices
+    x, y = nearest(vertices, vertices.shape[0], wanted_x, wanted_y)
+    result.u[i, 0], result.u[i, 1] = x, y
+    result.slack[i, :], result.delta[i, :] = 0.0, 0.0
+    result.status[i] = BACKUP
 
 
 @njit(cache=True, inline="always")
@@ -288,37 +351,30 @@ def _conclude(
     u_nominal: Array,
     result: FilterResult,
     w: Work,
-    memory: Array,
-    sizes: tuple[float, float],
+    radius: float,
+    body: float,
     answer: Answer,
 ) -> None:
-    """Write the status of one state, and note what its monitor shall expect.
-
-    `sizes` are those of U [m/s²] and of the body [m].
-    """
-    radius, body = sizes
+    """Write what the report says of one state, given the sizes of U [m/s²] and the body [m]."""
     ux, uy = result.u[i, 0], result.u[i, 1]
     dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
     answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
     answer.fallbacks[i] = result.fallbacks[i]
     for k in range(barriers.priority.shape[1]):
         answer.margin[i, k] = w.margin[0, i, k]
-    answer.status[i] = result.status[i]
     if result.status[i] >= 0:
         m = barriers.priority.shape[1]
         moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
-        outside = is_outside(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
-        answer.status[i] = conclude(result.status[i], moved, outside, result.slack[i, :m])
+        unsafe = is_unsafe(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
+        result.status[i] = conclude(result.status[i], moved, unsafe, result.slack[i, :m])
     speed2 = plants.x[i, 2] ** 2 + plants.x[i, 3] ** 2
     asked2 = u_nominal[i, 0] ** 2 + u_nominal[i, 1] ** 2
     stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
     answer.deadlock[i] = 1.0 if stands else 0.0
-    memory[4], memory[5] = plants.model[i, 2], plants.model[i, 3]
-    memory[6], memory[7], memory[8] = ux, uy, 1.0
 
 
 @njit(cache=True)
-def is_outside(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
+def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
     """Tell whether a strict ``h − ρ‖∇h‖``, the whole body's where h is a distance, is below zero.
 
     Args:
@@ -338,7 +394,7 @@ def is_outside(kind: Integers, priority: Integers, a: Array, h: Array, body: flo
 
 
 @njit(cache=True)
-def conclude(status: int, moved: bool, outside: bool, slack: Array) -> int:
+def conclude(status: int, moved: bool, unsafe: bool, slack: Array) -> int:
     """Return the status of the safety rows alone, and UNSAFE where a strict h is below zero.
 
     A guidance row that gives way is no violation, and an input that only guidance moved is SAFE.
@@ -346,12 +402,12 @@ def conclude(status: int, moved: bool, outside: bool, slack: Array) -> int:
     Args:
         status: the program's.
         moved: whether u is not u*.
-        outside: whether a strict h is below zero.
+        unsafe: whether a strict h is below zero.
         slack: (m,) of the safety rows.
     """
     if status == BACKUP:
         return status
-    if outside:
+    if unsafe:
         return UNSAFE
     met = True
     for k in range(slack.size):

@@ -16,8 +16,8 @@ from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
-from hcbf_gym.wrappers.fused import is_outside
-from hcbf_gym.wrappers.monitor import Monitor, warn_once
+from hcbf_gym.wrappers.fused import is_unsafe
+from hcbf_gym.wrappers.monitor import Monitor
 
 
 class GeneralCore(FilterCore):
@@ -75,7 +75,7 @@ class GeneralCore(FilterCore):
         if self._outside(rows, barriers) and result.status < FilterStatus.UNSAFE:
             result = result._replace(status=FilterStatus.UNSAFE)
         self._monitor.expect(x, result.u)
-        warn_once(self._monitor.memory)
+        self._announcer.say(self._monitor.alarm)
         return result.u, _report(u_nominal, result, kept, model_error, self._stands(x, u_nominal))
 
     def _stands(self, x: Array, u_nominal: Array) -> bool:
@@ -111,7 +111,7 @@ class GeneralCore(FilterCore):
         """Tell whether a strict h is below zero, for the whole body where that is known."""
         if isinstance(barriers, BarrierSet):
             now = barriers.kind[0], rows.priority, rows.a, rows.h
-            return bool(is_outside(*now, self.uncertainty.body))
+            return bool(is_unsafe(*now, self.uncertainty.body))
         return bool((rows.h[rows.priority == 1] < 0.0).any())
 
 

@@ -12,13 +12,11 @@ is missed where ``‖Δu‖ > SHARE ‖u‖``. The alarm is raised where most of
 that tell were missed. A gain of 2 misses every one that is not cut off at the limits.
 """
 
-import warnings
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
@@ -36,43 +34,30 @@ LEAST_SAMPLES = 10
 MOST = 0.5
 """Share of misses above which the alarm is raised."""
 
-ERROR, MISSED, SAMPLES, ALARM = range(4)
-"""Columns of a monitor's memory: E, the share of misses, samples that tell, whether it alarmed."""
+ERROR, MISSED, SAMPLES = range(3)
+"""Columns of what is remembered: E, the share of misses, and the samples that tell."""
 
 
 @njit(cache=True)
-def account(memory: Array, error: float, chosen: float, rate: float, radius: float) -> float:
-    """Count one sample's ‖Δu‖² and ‖u‖² in a plant's memory (4,), and return √E."""
-    memory[ERROR] += rate * (error - memory[ERROR])
+def account(
+    memory: Array, error: float, chosen: float, rate: float, radius: float
+) -> tuple[float, bool]:
+    """Count one sample's ‖Δu‖² and ‖u‖² in (3,), and return √E and whether most were missed.
+
+    Args:
+        memory: (3,) zeros at a reset.
+        error: ‖Δu‖².
+        chosen: ‖u‖².
+        rate: T/τ.
+        radius: the largest norm of an input.
+    """
+    memory[ERROR] += min(1.0, rate) * (error - memory[ERROR])
     if chosen > (FLOOR * radius) ** 2:
         missed = 1.0 if error > SHARE * SHARE * chosen else 0.0
         memory[SAMPLES] += 1.0
         memory[MISSED] += (missed - memory[MISSED]) / min(memory[SAMPLES], TELLING)
-        if memory[SAMPLES] >= LEAST_SAMPLES and memory[MISSED] > MOST:
-            memory[ALARM] = max(memory[ALARM], 1.0)
-    return np.sqrt(memory[ERROR])
-
-
-@njit(cache=True)
-def account_planar(memory: Array, last: Array, x: Array, period: float, radius: float) -> float:
-    """Account for one sample of a planar double integrator, ``Δu = (v' − v)/T − u``.
-
-    Args:
-        memory: (4,) of the plant.
-        last: (5,) v (2,) of the model and u (2,) of the sample before, and whether there was one.
-        x: (4,) state of the model.
-        period: T [s].
-        radius: the largest norm of an input.
-    """
-    if last[4] == 0.0:
-        return np.sqrt(memory[ERROR])
-    error = chosen = 0.0
-    for i in range(2):
-        u = last[2 + i]
-        miss = (x[2 + i] - last[i]) / period - u
-        error += miss * miss
-        chosen += u * u
-    return account(memory, error, chosen, min(1.0, period / WINDOW), radius)
+    alarm = memory[SAMPLES] >= LEAST_SAMPLES and memory[MISSED] > MOST
+    return np.sqrt(memory[ERROR]), alarm
 
 
 class Monitor:
@@ -86,13 +71,15 @@ class Monitor:
 
     def __init__(self, model: ReducedOrderModel, period: float | None, radius: float):
         self._model, self._period, self._radius = model, period, radius
-        self.memory = np.zeros((1, 4))
+        self.memory = np.zeros(3)
+        self.alarm = Reason.NONE
         self._expected: tuple[Array, Array, Array] | None = None
         self._g = self._to_input = np.empty((0, 0))
 
     def forget(self) -> None:
-        """Start a new episode; an alarm that was raised stays raised."""
-        self.memory[:, :ALARM] = 0.0
+        """Start a new episode."""
+        self.memory[:] = 0.0
+        self.alarm = Reason.NONE
         self._expected = None
 
     def expect(self, x: Array, u: Array) -> None:
@@ -104,29 +91,13 @@ class Monitor:
     def observe(self, x: Array) -> float:
         """Account for the state x (n,) that came, and return the model error [unit of u]."""
         if self._expected is None or self._period is None:
-            return float(np.sqrt(self.memory[0, ERROR]))
+            return float(np.sqrt(self.memory[ERROR]))
         expected, g, u = self._expected
         if not np.array_equal(g, self._g):  # of most models it is constant
             self._g, self._to_input = g.copy(), np.linalg.pinv(g)
         miss = self._to_input @ (x - expected) / self._period
-        rate = min(1.0, self._period / WINDOW)
-        return account(self.memory[0], float(miss @ miss), float(u @ u), rate, self._radius)
-
-
-def warn_once(memory: Array) -> None:
-    """Warn of every alarm in the memory (N, 4) that was not warned of yet, in one warning."""
-    if (memory[:, ALARM] != 1.0).all():
-        return
-    errors = np.sqrt(memory[memory[:, ALARM] == 1.0, ERROR])
-    memory[:, ALARM] = 2.0
-    warnings.warn(
-        "the environment does not apply what the filter chose: the input that its states show is "
-        f"{errors.max():.3g} (root mean square over {WINDOW} s) from the filter's; expected no "
-        "wrapper, delay, hold or gain between filter and robot, and a model like the plant",
-        stacklevel=4,
-    )
-
-
-def memory(count: int) -> Any:
-    """Return the memory (N, 4) of N plants that nothing is known of."""
-    return np.zeros((count, 4))
+        rate = self._period / WINDOW
+        error, missed = account(self.memory, float(miss @ miss), float(u @ u), rate, self._radius)
+        if missed and self.alarm == Reason.NONE:
+            self.alarm = Reason.INPUT
+        return error

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import programs
 from hcbf_gym.envs.infos import Reporter
+from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Estimate, Plant, read
@@ -30,9 +31,10 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ``info["safety_filter"]`` holds `u_nominal` (n_u,), `u_safe` (n_u,), `slack` (m,) each row's
     violation, `delta` (m,) the program's own relaxation, `status` (a
     `hcbf_gym.programs.FilterStatus`), `reason` (a `hcbf_gym.models.plant.Reason`, 0 where there is
-    none), `covered` (a `hcbf_gym.models.plant.Coverage`), `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each
-    row keeps between h and zero, `model_error` how far the plant's response is from the chosen
-    input [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
+    none), `covered` (a `hcbf_gym.models.plant.Coverage`), `alpha1_scale` by how much α₁ was scaled
+    down to what U can brake, `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each row
+    keeps between h and zero, `model_error` how far the plant's response is from the chosen input
+    [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
     u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
     `conditioning` (m,): 0 where no input matters to a row, less than 1 near a kink of its function.
     `reset` reports the same keys.
@@ -136,6 +138,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         inner = self.env.unwrapped
         goal = read(self.plant.goal, inner, observation, info)
         extent = read(self.plant.extent, inner, observation, info)
+        self._core.cover(read(self.plant.covered, inner, observation, info))
         info["safety_filter"] = self._core.begin(*self._sense(), goal, extent)
         return observation, info
 
@@ -198,9 +201,9 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         )
         VectorWrapper.__init__(self, env)
         inner: Any = env.unwrapped
-        if not hasattr(inner, "plant"):
+        if not isinstance(inner, RegionsVectorEnv):
             raise InvalidInputError(
-                f"environment: got {inner}, expected the native vector environment "
+                f"environment: got {inner}, which is no batch that this package compiles; expected "
                 'gym.make_vec("HCBF-Regions-v0", …); around single environments put a SafetyFilter '
                 "on each before they are joined"
             )
@@ -245,6 +248,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         inner: Any = self.env.unwrapped
         goal = read(self.plant.goal, inner, None, {})
         extent = read(self.plant.extent, inner, None, {})
+        self._core.cover(read(self.plant.covered, inner, None, {}))
         return self._core.begin(*self._sense(), goal, extent)
 
     def _sense(self) -> tuple[Any, Estimate]:
