@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.errors import InvalidInputError
 
 Array = NDArray[np.float64]
@@ -58,14 +59,16 @@ def check_name(name: Any, priority: Any) -> None:
     """Refuse what is no name or no rank.
 
     Raises:
-        InvalidInputError: if the name is empty or the priority is not a positive integer.
+        InvalidInputError: if the name is empty or the priority no integer from 1 to `LOWEST_RANK`.
     """
     if not isinstance(name, str) or not name:
         raise InvalidInputError(f"barrier name: got {name!r}, expected non-empty text")
     if isinstance(priority, bool) or not isinstance(priority, int | np.integer):
         raise InvalidInputError(f"{name}: priority: got {priority!r}, expected int")
-    if priority < 1:
-        raise InvalidInputError(f"{name}: priority: got {priority}, expected >= 1")
+    if not 1 <= priority <= LOWEST_RANK:
+        raise InvalidInputError(
+            f"{name}: priority: got {priority}, expected >= 1 and <= {LOWEST_RANK}"
+        )
 
 
 @dataclass(frozen=True)

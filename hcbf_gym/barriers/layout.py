@@ -17,6 +17,8 @@ HALF_PLANE, DISC, ELLIPSE, CONVEX_POLYGON, SPEED_LIMIT, CUSTOM = range(6)
 
 MAX_VERTICES = 8
 """Most corners of a polygon."""
+LOWEST_RANK = 64
+"""The largest number that a priority may be: compiled code has room for so many levels."""
 
 VELOCITY_X, VELOCITY_Y = 0, 1  # of the barrier's frame [m/s], every planar kind
 NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4  # half-plane

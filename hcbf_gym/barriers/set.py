@@ -31,8 +31,7 @@ class BarrierSet:
     Built-in shapes are evaluated compiled. A user's own `Barrier` is evaluated in Python, by one
     call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
 
-    Where a scene leaves ranks out, such as those of obstacles that are not in sight, the lower ones
-    move up; rank 1 alone is strict, and no other takes its place.
+    A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
 
     Args:
         scenes: N sequences of m barriers; `Shapes` count as so many.
@@ -76,12 +75,11 @@ class BarrierSet:
                 f"barrier set: got a scene of {_length(scene)} barriers, "
                 f"expected {self.kind.shape[1]}"
             )
-        k, ranks = 0, _consecutive(scene)
+        k = 0
         for barrier in scene:
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
-            rank = ranks[barrier.priority]
-            self.priority[i, k:end] = rank
-            self.keeps_margin[i, k:end] = rank == 1 and barrier.reads_position
+            self.priority[i, k:end] = barrier.priority
+            self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
             self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
             for place in range(k, end) if self.own else ():
                 self.own.pop((i, place), None)
@@ -234,12 +232,6 @@ def _length(scene: Sequence[Barrier | Shapes]) -> int:
                 "hcbf_gym.barriers.Barrier, or Shapes"
             )
     return sum(len(barrier) if isinstance(barrier, Shapes) else 1 for barrier in scene)
-
-
-def _consecutive(scene: Sequence[Barrier | Shapes]) -> dict[int, int]:
-    """Return each rank that occurs and the one that it becomes, without a gap from 2 on."""
-    lower = sorted({barrier.priority for barrier in scene} - {1})
-    return {1: 1} | {rank: 2 + place for place, rank in enumerate(lower)}
 
 
 def _seen(jet: Jet) -> Array:

@@ -240,7 +240,7 @@ def _fits(barriers: Scene, plants: Sensed, w: Work) -> bool:
         return False
     for i in range(count):
         for k in range(m):
-            if not 1 <= barriers.priority[i, k] <= m + 1:
+            if not 1 <= barriers.priority[i, k] <= layout.LOWEST_RANK:
                 return False
     return True
 

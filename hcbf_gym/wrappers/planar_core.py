@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -24,6 +25,9 @@ from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mas
 
 _PER_PLANT = ("margin", "intervention", "fallbacks", "model_error", "reachable", "deadlock")
 _DOUBLE = np.dtype(np.float64)
+
+UNREADABLE = (InvalidInputError, ArithmeticError, AttributeError, IndexError, TypeError, ValueError)
+"""What reading a user's own barrier raises where its answer is none."""
 
 
 class PlanarCore(FilterCore):
@@ -142,7 +146,7 @@ class PlanarCore(FilterCore):
         if said == fused.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
-                "expected one for each, of ranks from 1 without a gap"
+                f"expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
         report = self._report(u_nominal, flat, codes)
         if said == fused.ASKS:
@@ -320,17 +324,17 @@ class PlanarCore(FilterCore):
         for i in range(self.count):
             reason[i] = senses.look(self._memory[i], self._sensed, i, self.plant.period or 0.0)
         m = scene.kind.shape[1]
+        priority[:, :m] = scene.priority
         margin[0], margin[1] = derive_all(
             self.uncertainty, scene, self._x, self._t, self._lag, self._covariance
         )
-        rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
-        a[:, :m], out[0, :, :m], out[1, :, :m], out[2, :, :m] = (
-            rows.a,
-            rows.b,
-            rows.h,
-            rows.alpha2_psi,
-        )
-        priority[:, :m] = scene.priority
+        try:
+            rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
+        except UNREADABLE:
+            out[:] = np.nan
+            return
+        a[:, :m], out[0, :, :m], out[1, :, :m] = rows.a, rows.b, rows.h
+        out[2, :, :m] = rows.alpha2_psi
 
 
 def _guidance(choice: Any, count: int) -> tuple[Geodesic | Local | None, int]:

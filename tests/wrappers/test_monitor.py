@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hcbf_gym.wrappers import monitor
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.wrappers import senses
 
 PERIOD, LIMIT = 0.02, 5.0
 RADIUS = LIMIT * np.sqrt(2.0)
@@ -13,13 +14,17 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    memory, last = np.zeros(4), np.zeros(5)
-    x = np.zeros(4)
+    memory, x = np.zeros(1, dtype=senses.MEMORY)[0], np.zeros((1, 4))
+    nothing = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, dtype=np.int64)
+    plants = senses.Sensed(x, np.zeros(1), x, *nothing)
     for u, really in zip(inputs, applied, strict=True):
-        monitor.account_planar(memory, last, x, PERIOD, RADIUS)
-        last[:] = *x[2:], *u, 1.0
-        x[2:] += PERIOD * really
-    return memory[monitor.ALARM] > 0.0
+        plants.t[0] += PERIOD
+        assert senses.look(memory, plants, 0, PERIOD) == 0
+        senses.watch(memory, plants, 0, PERIOD, RADIUS, 3.0)
+        memory.input[:] = u
+        x[0, :2] += PERIOD * x[0, 2:] + 0.5 * PERIOD**2 * really
+        x[0, 2:] += PERIOD * really
+    return memory.alarm == Reason.INPUT
 
 
 seeds = st.integers(0, 2**32 - 1)

@@ -46,7 +46,7 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
     Args:
         settings: the program.
         u_nominal: (N, 2) u*.
-        rows: the rows of N states, finite, priorities from 1 without a gap; m ≥ 0. `alpha2_psi`
+        rows: the rows of N states, finite, priorities from 1 to `LOWEST_RANK`; m ≥ 0. `alpha2_psi`
             is an array even where the program does not read it.
         answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus` or
             `GRADED`, fallbacks (N,) zeros.
@@ -144,11 +144,12 @@ def _sort(priority: Integers, w: Workspace) -> int:
         The number of levels.
     """
     start, levels = w.start, 0
-    for level in range(start.size):
+    for k in range(priority.size):
+        levels = max(levels, priority[k])
+    for level in range(levels + 2):
         start[level] = 0
     for k in range(priority.size):
         start[priority[k]] += 1
-        levels = max(levels, priority[k])
     total = 0
     for level in range(levels + 1):  # start[p] becomes where level p's rows are to go next
         count = start[level]
@@ -203,6 +204,8 @@ def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
         if count == 1:
             break  # nothing is left to decide
         rows = cost.rows[w.start[level] : w.start[level + 1]]
+        if rows.size == 0:
+            continue
         x, y = stages.draw(count, Cost(rows, cost.lambda_u, cost.ux, cost.uy), w)
         count = stages.pin(count, rows, x, y, w)
     return x, y
@@ -215,6 +218,8 @@ def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
         if count == 1:
             break
         rows = cost.rows[w.start[level] : w.start[level + 1]]
+        if rows.size == 0:
+            continue
         if rows[0].strict:
             count = stages.meet(count, rows, w)
         else:

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.layout import LOWEST_RANK
+
 Array = NDArray[np.float64]
 Rows = NDArray[Any]
 Point = tuple[float, float]
@@ -83,7 +85,7 @@ class Workspace(NamedTuple):
         polygons: (4, 2 capacity, 2) the polygons `FEASIBLE`, `TRIAL`, `CELL` and `COPY`, each with
             as much room again behind its corners, which a cut writes to.
         rows: (m,) `ROW`, sorted by priority.
-        start: (m + 2,) where each priority's rows start.
+        start: (LOWEST_RANK + 4,) where each priority's rows start; as far as there are levels.
         graded: (1,) set where a stage's least squares are beyond doubles.
     """
 
@@ -99,7 +101,8 @@ def make_workspace(radius: float, corners: int, m: int) -> Workspace:
     """Return the working space for a U with so many corners, and m rows."""
     polygons = np.empty((4, 2 * (corners + m + 4), 2))
     rows = np.zeros(m, dtype=ROW)
-    start, graded = np.empty(m + 2, dtype=np.int64), np.zeros(1, dtype=np.bool_)
+    start = np.empty(LOWEST_RANK + 4, dtype=np.int64)  # guidance may come below the lowest
+    graded = np.zeros(1, dtype=np.bool_)
     return Workspace(radius, polygons, rows, start, graded)
 
 

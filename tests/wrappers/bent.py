@@ -1,0 +1,299 @@
+"""Bends what a filter is handed, in a process of its own, and says what became of it.
+
+``python -m tests.wrappers.bent 20000`` prints how many were refused, braked and filtered.
+"""
+
+import sys
+import warnings
+from collections import Counter
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_np
+
+import hcbf_gym
+from hcbf_gym import barriers, models, wrappers
+from hcbf_gym.errors import HcbfError
+from hcbf_gym.models.plant import Estimate, Uncertainty
+from hcbf_gym.programs import FilterStatus
+
+PERIOD = 0.02
+GOOD = np.array([0.1, -0.2, 0.4, 0.3])
+WALL = barriers.HalfPlane("wall", 1, (0.0, 1.0), -3.0)
+TOLD: Counter = Counter()
+
+numbers = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.floats(-3.0, 3.0),
+    st.sampled_from([np.nan, np.inf, -np.inf, 0.0, 1e308, -1e200, 1e-300]),
+)
+dtypes = st.sampled_from(
+    [np.float64, np.float32, np.float16, np.int64, np.int8, np.bool_, np.complex128, "U3", object]
+)
+shapes = st.one_of(
+    st.sampled_from([(4,), (4,), (1, 4), (2,), (3,), (2, 2), (4, 4), (0,), (), (2, 4), (1, 1, 4)]),
+    st_np.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5),
+)
+
+
+@st.composite
+def arrays(draw):
+    made = draw(st_np.arrays(np.float64, draw(shapes), elements=numbers))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return made.astype(draw(dtypes))
+
+
+values = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.text(max_size=4),
+    st.integers(),
+    st.just(10**400),
+    numbers,
+    st.complex_numbers(),
+    st.lists(numbers, max_size=5),
+    st.lists(st.lists(numbers, max_size=3), max_size=3),
+    st.dictionaries(st.text(max_size=2), numbers, max_size=2),
+    arrays(),
+)
+estimates = st.one_of(
+    values,
+    st.builds(
+        Estimate,
+        st.one_of(st.just(GOOD), values),
+        st.one_of(st.none(), values),
+        st.one_of(st.none(), values),
+        st.one_of(st.none(), values),
+        st.one_of(st.none(), values),
+        st.none(),
+        st.one_of(st.none(), values),
+        st.one_of(st.none(), st.integers(-3, 20), values),
+    ),
+)
+
+
+class Jets(barriers.Barrier):
+    """A user's own barrier that returns what it is given."""
+
+    answer: Any = None
+
+    def jet(self, x, t=0.0):
+        return self.answer
+
+
+def own(answer):
+    barrier = Jets("own", 1)
+    object.__setattr__(barrier, "answer", answer)
+    return barrier
+
+
+jets = st.one_of(
+    values,
+    st.builds(
+        barriers.Jet,
+        numbers,
+        st.one_of(st_np.arrays(np.float64, 4, elements=numbers), values),
+        st.one_of(st_np.arrays(np.float64, (4, 4), elements=numbers), values),
+        numbers,
+        st.one_of(st_np.arrays(np.float64, 4, elements=numbers), values),
+        numbers,
+    ),
+)
+
+
+def refused(make):
+    """What a constructor returns, or None where it refuses its arguments."""
+
+    def build(*arguments):
+        try:
+            return make(*arguments)
+        except HcbfError:
+            return None
+
+    return build
+
+
+listed = st.one_of(
+    values,
+    st.lists(
+        st.one_of(
+            st.builds(refused(barriers.Disc), st.just("d"), values, values, values, values),
+            st.builds(refused(barriers.Disc), st.just("d"), st.integers(1, 9), values, numbers),
+            st.builds(refused(barriers.HalfPlane), st.just("p"), st.integers(1, 9), values, values),
+            st.builds(refused(barriers.Ellipse), st.just("e"), st.just(1), values, values, values),
+            st.builds(refused(barriers.ConvexPolygon), st.just("c"), st.just(1), values, values),
+            st.builds(refused(barriers.SpeedLimit), st.just("s"), st.just(1), values, values),
+            st.builds(
+                refused(barriers.Shapes),
+                st.just("many"),
+                st.integers(-1, 5),
+                st.sampled_from(["disc", "half-plane", "convex-polygon", "cube"]),
+                st.one_of(values, arrays()),
+                st.one_of(st.just((0.0, 0.0)), values),
+            ),
+            st.builds(own, jets),
+            st.just(WALL),
+            values,
+        ),
+        max_size=4,
+    ),
+)
+
+
+class Point(gym.Env):
+    """A point that stands; what matters is what the filter is told."""
+
+    action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        return GOOD.copy(), {}
+
+    def step(self, u):
+        assert np.isfinite(u).all()
+        assert (np.abs(u) <= 5.0 + 1e-9).all()
+        return GOOD.copy(), 0.0, False, False, {}
+
+
+def is_sound(told) -> bool:
+    """Whether a filter may believe what it is told, judged on its own terms."""
+    estimate = told if isinstance(told, Estimate) else Estimate(told)
+
+    def fits(value, *allowed):
+        try:
+            array = np.asarray(value)
+        except (TypeError, ValueError):
+            return False
+        if array.dtype.kind not in "fiu" or array.shape not in allowed:
+            return False
+        return bool(np.isfinite(array.astype(np.float64)).all())
+
+    optional = (
+        (estimate.time, ((), (1,))),
+        (estimate.covariance, ((4, 4), (1, 4, 4))),
+        (estimate.model, ((4,), (1, 4))),
+        (estimate.lag, ((4,), (1, 4))),
+        (estimate.age, ((), (1,))),
+        (estimate.fault, ((), (1,))),
+    )
+    sound = fits(estimate.x, (4,), (1, 4))
+    return sound and all(value is None or fits(value, *allowed) for value, allowed in optional)
+
+
+def drive(env, told, steps=3) -> list:
+    """Reset and step an environment; return the reports."""
+    reports = [env.reset(seed=0)[1]["safety_filter"]]
+    reports += [env.step(np.array([3.0, -2.0]))[4]["safety_filter"] for _ in range(steps)]
+    for report in reports:
+        assert np.isfinite(report["u_safe"]).all()
+    return reports
+
+
+@given(estimates, st.booleans(), st.sampled_from([None, "daqp"]))
+def state(told, from_the_start, solver):
+    sees = iter([told] * 9 if from_the_start else [GOOD, GOOD, *[told] * 7])
+    plant = hcbf_gym.Plant(
+        models.DoubleIntegrator(), (WALL,), lambda *_: next(sees), period=PERIOD, max_age=0.1
+    )
+    env = wrappers.SafetyFilter(Point(), plant=plant, solver=solver)
+    reports = drive(env, told)
+    if not is_sound(told):
+        TOLD["braked"] += 1
+        assert reports[-1]["status"] == FilterStatus.BACKUP, reports[-1]
+        assert reports[-1]["reason"] > 0
+
+
+@given(listed, st.booleans(), st.sampled_from([None, "daqp"]))
+def barrier(told, reader, solver):
+    given_barriers = (lambda *_: told) if reader else told
+    plant = hcbf_gym.Plant(
+        models.DoubleIntegrator(), given_barriers, lambda *_: GOOD.copy(), period=PERIOD
+    )
+    reports = drive(wrappers.SafetyFilter(Point(), plant=plant, solver=solver), told)
+    if not isinstance(told, list | tuple) or any(b is None for b in told):
+        assert reports[-1]["status"] == FilterStatus.BACKUP
+        TOLD["braked"] += 1
+
+
+@given(values, st.sampled_from([None, "daqp"]))
+def action(told, solver):
+    env = gym.make("HCBF-Regions-v0", scenario="paper-simulation", disable_env_checker=True)
+    env = wrappers.SafetyFilter(env, solver=solver)
+    env.reset(seed=0)
+    report = env.step(told)[4]["safety_filter"]
+    assert np.isfinite(report["u_nominal"]).all()
+
+
+PLANT = ("period", "brake", "max_age", "goal", "extent", "covered", "on_alarm", "uncertainty")
+
+
+@given(
+    st.sampled_from(PLANT),
+    st.one_of(values, st.builds(Uncertainty, values, numbers, numbers, numbers, numbers, values)),
+    st.sampled_from([None, "geodesic", "local"]),
+)
+def plant(name, told, guidance):
+    fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: told}
+    made = hcbf_gym.Plant(models.DoubleIntegrator(), (WALL,), lambda *_: GOOD.copy(), **fields)
+    drive(wrappers.SafetyFilter(Point(), plant=made, guidance=guidance), told)
+
+
+FILTER = ("rows", "margin", "gamma0", "delta_gamma", "lambda_u", "alpha1", "alpha2", "on_alarm")
+
+
+@given(st.sampled_from(FILTER), values, st.booleans())
+def argument(name, told, many):
+    options: dict = {"program": "h-cbf-qp"} | {name: told}
+    if many:
+        envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
+        envs = wrappers.VectorSafetyFilter(envs, **options)
+        envs.reset(seed=0)
+        envs.step(np.full((3, 2), 2.0))
+    else:
+        env = gym.make("HCBF-Regions-v0", scenario="random")
+        drive(wrappers.SafetyFilter(env, **options), told)
+
+
+@given(values, values)
+def size(shape, actions):
+    envs = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario="random")
+    weights = {} if shape is None else {"gamma0": shape}
+    envs = wrappers.VectorSafetyFilter(envs, "eh-cbf-qp", **weights)
+    envs.reset(seed=0)
+    envs.step(actions)
+
+
+SHARES = {state: 0.4, barrier: 0.3, action: 0.1, plant: 0.08, argument: 0.08, size: 0.04}
+
+
+def main(count: int) -> None:
+    """Bend so many values; whatever is wrong raises."""
+    for case, share in SHARES.items():
+        inner = case.hypothesis.inner_test
+
+        def judged(*arguments, inner=inner, name=inner.__name__):
+            TOLD[name] += 1
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                try:
+                    inner(*arguments)
+                except HcbfError:
+                    TOLD["refused"] += 1
+
+        case.hypothesis.inner_test = judged
+        settings(
+            max_examples=max(1, round(share * count)),
+            deadline=None,
+            database=None,
+            phases=[Phase.generate, Phase.shrink],
+            suppress_health_check=list(HealthCheck),
+        )(case)()
+    print(dict(TOLD))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
