@@ -1,11 +1,14 @@
 """What controller and filter believe of the A1 and its ground, from what is declared."""
 
+import math
+
 import numpy as np
 
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
+from hcbf_gym.locomotion.watch import WatchBounds
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
@@ -48,6 +51,13 @@ BELIEVED = 0.75
 
 CARRIED = 0.85
 """Share of µg that a component of u may take: the rest keeps the trunk on its reference."""
+
+SLIP, ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP = 0.08, 0.25, 0.15, 0.45
+"""Bounds of the watch's slip [m/s]: on flat and on rough ground, with an estimated velocity, and
+what sensor noise of 1 adds."""
+
+LAG, LIFT = 0.1, 1.0
+"""Bounds of the watch's lag, and of its lift beyond what is declared [m/s²]."""
 
 
 def believed_friction(declared: Randomization) -> float:
@@ -97,6 +107,30 @@ def uncertainty_of(
     if terrain == "flat" and not declared.off_nominal:
         return known
     return known._replace(distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL)
+
+
+def watch_bounds(
+    declared: Randomization, terrain: str, estimated: bool, mass: float
+) -> WatchBounds:
+    """Return how large the watch's signals may be on the plants that are declared.
+
+    A sensor's noise adds to the slip by its variance; rough ground and estimates have a slip of
+    their own. A payload p and motors of strength s ask for the lift ``g ((1 + p / m) / s − 1)``.
+
+    Args:
+        declared: what the plant's conditions are drawn from.
+        terrain: "flat" or "rough".
+        estimated: whether the trunk's velocity is an estimate.
+        mass: m of the robot [kg].
+    """
+    slip = max(SLIP, ROUGH_SLIP * (terrain == "rough"), ESTIMATED_SLIP * estimated)
+    loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
+    return WatchBounds(
+        slip=math.hypot(slip, NOISY_SLIP * declared.sensor_noise[1]),
+        lag=LAG,
+        lift=LIFT + GRAVITY * loaded,
+        delay=max(declared.delay[1], Randomization().delay[1]),
+    )
 
 
 def speed_limit(scenario: Scenario) -> float:

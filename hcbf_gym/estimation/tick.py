@@ -5,7 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
-from hcbf_gym.estimation.leg_odometry import trunk_velocity
+from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.estimation.sensing import (
     ERRORS,
     SLOW,
