@@ -1,7 +1,5 @@
 """What controller and filter believe of the A1 and its ground, from what is declared."""
 
-import math
-
 import numpy as np
 
 from hcbf_gym.envs.randomization import Randomization
@@ -52,12 +50,17 @@ BELIEVED = 0.75
 CARRIED = 0.85
 """Share of µg that a component of u may take: the rest keeps the trunk on its reference."""
 
-SLIP, ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP = 0.08, 0.25, 0.15, 0.45
-"""Bounds of the watch's slip [m/s]: on flat and on rough ground, with an estimated velocity, and
-what sensor noise of 1 adds."""
+SLIP = 0.08
+"""The watch's bound of slip on the nominal plant [m/s]."""
 
-LAG, LIFT = 0.1, 1.0
-"""Bounds of the watch's lag, and of its lift beyond what is declared [m/s²]."""
+ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 28.0
+"""What adds to it: rough ground, an estimated velocity, sensor noise of 1, a second of delay."""
+
+LAG = 0.2
+"""The watch's bound of lag."""
+
+LIFT = 0.9
+"""The watch's bound of lift beyond what is declared [m/s²]."""
 
 
 def believed_friction(declared: Randomization) -> float:
@@ -114,8 +117,7 @@ def watch_bounds(
 ) -> WatchBounds:
     """Return how large the watch's signals may be on the plants that are declared.
 
-    A sensor's noise adds to the slip by its variance; rough ground and estimates have a slip of
-    their own. A payload p and motors of strength s ask for the lift ``g ((1 + p / m) / s − 1)``.
+    A payload p and motors of strength s ask for the lift ``g ((1 + p / m) / s − 1)``.
 
     Args:
         declared: what the plant's conditions are drawn from.
@@ -123,14 +125,12 @@ def watch_bounds(
         estimated: whether the trunk's velocity is an estimate.
         mass: m of the robot [kg].
     """
-    slip = max(SLIP, ROUGH_SLIP * (terrain == "rough"), ESTIMATED_SLIP * estimated)
+    nominal = Randomization().delay[1]
+    delay = max(declared.delay[1], nominal)
+    slip = SLIP + ROUGH_SLIP * (terrain == "rough") + ESTIMATED_SLIP * estimated
+    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * (delay - nominal)
     loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
-    return WatchBounds(
-        slip=math.hypot(slip, NOISY_SLIP * declared.sensor_noise[1]),
-        lag=LAG,
-        lift=LIFT + GRAVITY * loaded,
-        delay=max(declared.delay[1], Randomization().delay[1]),
-    )
+    return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
 
 
 def speed_limit(scenario: Scenario) -> float:

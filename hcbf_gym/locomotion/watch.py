@@ -25,6 +25,9 @@ FILLED = 0.25
 SETTLING = 0.01
 """How long a foot must have touched before its leg shows the trunk's velocity [s]."""
 
+LOOKED = 0.01
+"""Between two looks at the feet that stand [s]; more of them cost time and show no more."""
+
 SOUGHT = 0.02
 """How much later than the declared delay torques are looked for [s]."""
 
@@ -83,7 +86,8 @@ class Watch:
     """Compares what the controller planned with what the robot did.
 
     *Slip* is how fast feet in planned stance move over the ground,
-    ``√(mean |v − v_foot|²)`` with ``v_foot`` the trunk's velocity that a foot shows if it holds.
+    ``mean |v − v_foot|`` with ``v_foot`` the trunk's velocity that a foot shows if it holds: a mean of
+    the size, for a push makes feet slip fast but shortly, a floor too smooth again and again.
     *Lag* is how much better late torques explain the swinging joints,
     ``max_{d > D} c_d − max_{d ≤ D} c_d`` with ``c_d = corr(Δ²q̇_k, Δτ_{k−1−d})`` and D the longest
     declared delay. *Lift* is the mean acceleration that the controller has learnt to hold the
@@ -109,9 +113,11 @@ class Watch:
         self._legs = np.array([tuple(legs)], dtype=LEGS)
         self._foot_radius = foot_radius
         self._settled = max(round(SETTLING / timestep), 1)
+        self._every = max(round(LOOKED / timestep), 1)
         self._declared = round(bounds.delay / timestep)
         delays = self._declared + 1 + max(round(SOUGHT / timestep), 1)
         steps = round(WINDOW / period)
+        self._stances = np.zeros((round(period / timestep), 4), dtype=np.uint8)
         self._memory = Memory(
             sums=np.zeros((steps, SUMS + 2 * delays)),
             rates=np.zeros((2, 12)),
@@ -127,7 +133,6 @@ class Watch:
             kept[:] = 0
         self._states: list[Array] = []
         self._torques: list[Array] = []
-        self._stances: list[bytes] = []
         self._steps = 0
         self.slip = self.lag = self.lift = 0.0
         self.fault = Fault.NONE
@@ -140,9 +145,9 @@ class Watch:
             torque: (12,) that it commanded [N·m].
             stance: (4,) feet that it planned to carry.
         """
+        self._stances[len(self._states)] = stance
         self._states.append(state)
         self._torques.append(torque)
-        self._stances.append(stance.tobytes())
 
     def judge(self, lift: float) -> None:
         """Bring signals and fault up to date with the ticks since the last call.
@@ -154,8 +159,8 @@ class Watch:
             return
         states = np.concatenate(self._states).reshape(-1, STATE_SIZE)
         torques = np.concatenate(self._torques).reshape(-1, 12)
-        stances = np.frombuffer(b"".join(self._stances), dtype=np.uint8).reshape(-1, 4)
-        self._states, self._torques, self._stances = [], [], []
+        stances = self._stances[: len(states)]
+        self._states, self._torques = [], []
         row = self._steps % len(self._memory.sums)
         self._steps += 1
         add_up(
@@ -164,6 +169,7 @@ class Watch:
             self._legs,
             self._foot_radius,
             self._settled,
+            self._every,
             states,
             torques,
             stances,
@@ -189,6 +195,7 @@ def add_up(
     legs: NDArray[np.void],
     foot_radius: float,
     settled: int,
+    every: int,
     states: Array,
     torques: Array,
     stances: NDArray[np.uint8],
@@ -202,6 +209,7 @@ def add_up(
         legs: (1,) `LEGS`.
         foot_radius: [m].
         settled: ticks that a foot must have touched.
+        every: how many ticks there are for a look at the feet that stand.
         states: (n, 41).
         torques: (n, 12) [N·m].
         stances: (n, 4).
@@ -214,22 +222,32 @@ def add_up(
     commanded = np.concatenate((memory.torque, torques))
     changes = np.concatenate((memory.changes, commanded[1:] - commanded[:-1]))
     for k in range(len(states)):
-        state = state_views(states[k])
-        R = rotation_matrix(state.quaternion)
-        feet = foot_kinematics(legs[0], state.joint_position, state.joint_velocity)
         for foot in range(4):
-            touched = memory.touched[foot] + 1 if state.foot_contact[foot] else 0
-            memory.touched[foot] = touched
+            touches = states[k, 37 + foot] > 0.0
+            memory.touched[foot] = memory.touched[foot] + 1 if touches else 0
             if stances[k, foot] == 0:
                 _correlate(sums, rates[k : k + 3], changes[k : k + delays], 3 * foot)
-            elif touched >= settled:
-                shown = trunk_velocity(feet, foot_radius, foot, state, R).velocity
-                apart = state.linear_velocity[:2] - shown
-                sums[SLIP] += apart[0] ** 2 + apart[1] ** 2
-                sums[STOOD] += 1.0
+        if (k + 1) % every == 0:
+            standing = (stances[k] > 0) & (memory.touched >= settled)
+            _add_slip(sums, legs[0], foot_radius, states[k], standing)
     memory.rates[:] = rates[-2:]
     memory.torque[:] = commanded[-1:]
     memory.changes[:] = changes[-delays:]
+
+
+@njit(cache=True)
+def _add_slip(
+    sums: Array, legs: np.record, foot_radius: float, vector: Array, standing: NDArray[np.bool_]
+) -> None:
+    """Add |v − v_foot| of the feet that stand (4,)."""
+    state = state_views(vector)
+    R = rotation_matrix(state.quaternion)
+    feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
+    for foot in range(4):
+        if standing[foot]:
+            shown = trunk_velocity(feet, foot_radius, foot, state, R).velocity
+            sums[SLIP] += np.hypot(vector[19] - shown[0], vector[20] - shown[1])
+            sums[STOOD] += 1.0
 
 
 @njit(cache=True)
@@ -264,7 +282,7 @@ def signals(sums: Array, steps: int, declared: int) -> tuple[float, float, float
     """
     total = sums.sum(axis=0)
     delays = (len(total) - SUMS) // 2
-    slip = np.sqrt(total[SLIP] / max(total[STOOD], 1.0))
+    slip = total[SLIP] / max(total[STOOD], 1.0)
     lift = total[LIFT] / min(steps, len(sums))
     least = LEAST_CHANGE * max(total[SWUNG], 1.0)
     early, late = -1.0, -1.0
