@@ -53,8 +53,9 @@ CARRIED = 0.85
 SLIP = 0.08
 """The watch's bound of slip on the nominal plant [m/s]."""
 
-ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 28.0
-"""What adds to it: rough ground, an estimated velocity, sensor noise of 1, a second of delay."""
+ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 2000.0
+"""What adds to it: rough ground, an estimated velocity, sensor noise of 1 [m/s], and the square of
+the delay [m/s³]."""
 
 LAG = 0.2
 """The watch's bound of lag."""
@@ -128,7 +129,7 @@ def watch_bounds(
     nominal = Randomization().delay[1]
     delay = max(declared.delay[1], nominal)
     slip = SLIP + ROUGH_SLIP * (terrain == "rough") + ESTIMATED_SLIP * estimated
-    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * (delay - nominal)
+    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * (delay - nominal) ** 2
     loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
     return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
 

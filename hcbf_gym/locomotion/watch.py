@@ -85,13 +85,13 @@ class Memory(NamedTuple):
 class Watch:
     """Compares what the controller planned with what the robot did.
 
-    *Slip* is how fast feet in planned stance move over the ground,
-    ``mean |v − v_foot|`` with ``v_foot`` the trunk's velocity that a foot shows if it holds: a mean of
-    the size, for a push makes feet slip fast but shortly, a floor too smooth again and again.
-    *Lag* is how much better late torques explain the swinging joints,
-    ``max_{d > D} c_d − max_{d ≤ D} c_d`` with ``c_d = corr(Δ²q̇_k, Δτ_{k−1−d})`` and D the longest
-    declared delay. *Lift* is the mean acceleration that the controller has learnt to hold the
-    trunk's height. All are taken over `WINDOW`, and 0 until a part of it has passed.
+    *Slip* is how fast feet in planned stance move over the ground, ``mean |v − v_foot|`` with
+    ``v_foot`` the trunk's velocity that a foot shows if it holds. A push makes feet slip fast but
+    shortly, so that a root mean square would tell less. *Lag* is how much better late torques
+    explain the swinging joints, ``max_{d > D} c_d − max_{d ≤ D} c_d`` with
+    ``c_d = corr(Δ²q̇_k, Δτ_{k−1−d})`` and D the longest declared delay in ticks. *Lift* is the mean
+    acceleration that the controller has learnt to hold the trunk's height. All are taken over
+    `WINDOW`, and 0 until a part of it has passed.
 
     Args:
         legs: lengths of the legs.
