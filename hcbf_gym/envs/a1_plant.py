@@ -6,6 +6,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
+from hcbf_gym.locomotion.watch import WatchBounds
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
@@ -48,6 +49,19 @@ BELIEVED = 0.75
 
 CARRIED = 0.85
 """Share of µg that a component of u may take: the rest keeps the trunk on its reference."""
+
+SLIP = 0.08
+"""The watch's bound of slip on the nominal plant [m/s]."""
+
+ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 2000.0
+"""What adds to it: rough ground, an estimated velocity, sensor noise of 1 [m/s], and the square of
+the delay [m/s³]."""
+
+LAG = 0.2
+"""The watch's bound of lag."""
+
+LIFT = 0.9
+"""The watch's bound of lift beyond what is declared [m/s²]."""
 
 
 def believed_friction(declared: Randomization) -> float:
@@ -97,6 +111,27 @@ def uncertainty_of(
     if terrain == "flat" and not declared.off_nominal:
         return known
     return known._replace(distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL)
+
+
+def watch_bounds(
+    declared: Randomization, terrain: str, estimated: bool, mass: float
+) -> WatchBounds:
+    """Return how large the watch's signals may be on the plants that are declared.
+
+    A payload p and motors of strength s ask for the lift ``g ((1 + p / m) / s − 1)``.
+
+    Args:
+        declared: what the plant's conditions are drawn from.
+        terrain: "flat" or "rough".
+        estimated: whether the trunk's velocity is an estimate.
+        mass: m of the robot [kg].
+    """
+    nominal = Randomization().delay[1]
+    delay = max(declared.delay[1], nominal)
+    slip = SLIP + ROUGH_SLIP * (terrain == "rough") + ESTIMATED_SLIP * estimated
+    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * (delay - nominal) ** 2
+    loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
+    return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
 
 
 def speed_limit(scenario: Scenario) -> float:

@@ -28,6 +28,7 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.watch import Watch
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios import Scenario
@@ -65,8 +66,9 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     ## Infos
     Those of `RegionsEnv`, with h of the measured trunk at every physics step in `min_h`; the strict
     speed limit is the last barrier. Besides, `fallen` (0 or 1), `qp_failures` (task-space QPs
-    without a solution so far) and `obstacle_force` (k,) the largest contact force with each box
-    during the step [N].
+    without a solution so far), `obstacle_force` (k,) the largest contact force with each box
+    during the step [N], and `slip` [m/s], `lag` and `lift` [m/s²], by which the robot notices a
+    plant that was not declared, see `hcbf_gym.locomotion.watch.Watch`.
 
     ## Arguments
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
@@ -152,12 +154,20 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             declared, terrain, body, self._carried, self._v_max
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
+        mass = float(controller.model.bodies.mass.sum())
         self.walker = Walker(
             simulation,
             controller,
             None if estimation is None else Estimator(legs, foot_radius, estimation, timestep),
             None if body == "point" else Footprint(simulation.model, a1.TRUNK),
             feedback,
+            Watch(
+                legs,
+                foot_radius,
+                timestep,
+                task.CONTROL_DT,
+                a1_plant.watch_bounds(declared, terrain, estimation is not None, mass),
+            ),
         )
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
@@ -331,10 +341,14 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
 
     def _info_of(self, walk: Walk) -> dict[str, Any]:
         """Return what infos say of the robot besides."""
+        watch = self.walker.watch
         info: dict[str, Any] = {
             "fallen": np.float64(self.simulation.fallen),
             "qp_failures": np.float64(self.controller.failed),
             "obstacle_force": walk.obstacle_force,
+            "slip": np.float64(watch.slip),
+            "lag": np.float64(watch.lag),
+            "lift": np.float64(watch.lift),
         }
         if walk.body_h is not None and walk.least_body_h is not None:
             info |= {"body_h": walk.body_h, "min_body_h": walk.least_body_h.copy()}

@@ -12,6 +12,7 @@ from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.watch import Watch
 from hcbf_gym.models.plant import Estimate
 
 Array = NDArray[np.float64]
@@ -51,6 +52,7 @@ class Walker:
         estimator: what tells the controller and the filter where the robot is; None is the truth.
         footprint: measures the whole robot's distance to the regions; None for a point.
         feedback: on which state the loop is closed, a name of `FEEDBACK`.
+        watch: notices a plant that is not the one which was declared.
 
     Raises:
         UnknownNameError: if there is no such feedback.
@@ -64,9 +66,10 @@ class Walker:
         estimator: Estimator | None,
         footprint: Footprint | None,
         feedback: str,
+        watch: Watch,
     ):
         choose("feedback", feedback, FEEDBACK)
-        self.simulation, self.controller = simulation, controller
+        self.simulation, self.controller, self.watch = simulation, controller, watch
         self.feedback = feedback
         self._estimator, self._footprint = estimator, footprint
         timestep = simulation.model.opt.timestep
@@ -88,6 +91,7 @@ class Walker:
             (errors,) = rng.spawn(1)
             self._known = self._estimator.reset(self.simulation.truth, errors)
         self.controller.reset(self.simulation.state(self._known))
+        self.watch.reset()
         self.truth = self.simulation.base_state
         body = self._body_h(barriers, 0.0)
         forces = np.zeros_like(self.simulation.obstacle_forces())
@@ -101,10 +105,13 @@ class Walker:
             barriers: from which the body's distance is measured.
             time: at which it begins, since the reset [s].
         """
-        simulation, path, bodies = self.simulation, [], []
+        simulation, controller, path, bodies = self.simulation, self.controller, [], []
         forces = [np.zeros_like(simulation.obstacle_forces())]
         for tick in self._ticks:
-            simulation.step(self.controller.step(simulation.state(self._known), u))
+            state = simulation.state(self._known)
+            torque = controller.step(state, u)
+            self.watch.tick(state.vector, torque, controller.stance)
+            simulation.step(torque)
             if simulation.diverged:  # the last finite state stands
                 break
             if self._estimator is not None:
@@ -112,6 +119,7 @@ class Walker:
             path.append(simulation.truth)
             bodies.append(self._body_h(barriers, time + tick))
             forces.append(simulation.obstacle_forces())
+        self.watch.judge(controller.lift)
         walked = np.array(path).take(BASE, axis=1) if path else self.truth[None]
         self.truth = walked[-1]
         times = time + self._ticks[: len(walked)]
@@ -120,6 +128,11 @@ class Walker:
             return Walk(walked, times, force)
         bodies = bodies or [self._body_h(barriers, time)]
         return Walk(walked, times, force, bodies[-1], np.minimum.reduce(bodies))
+
+    @property
+    def fault(self) -> int:
+        """What is wrong with the plant at present, a `Fault`; 0 where nothing is."""
+        return int(self.watch.fault)
 
     def estimate(self, time: float) -> Estimate:
         """Return what is known of the robot: the state on which the loop is closed.

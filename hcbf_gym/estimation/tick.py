@@ -5,7 +5,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
-from hcbf_gym.estimation.leg_odometry import trunk_velocity
 from hcbf_gym.estimation.sensing import (
     ERRORS,
     SLOW,
@@ -15,6 +14,7 @@ from hcbf_gym.estimation.sensing import (
     start_slow_errors,
 )
 from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
+from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, StateViews, state_views
 

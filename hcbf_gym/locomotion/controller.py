@@ -54,6 +54,11 @@ class Diagnostics(NamedTuple):
 class LocomotionController:
     """Walks a quadruped so that its trunk accelerates by u in the plane.
 
+    Attributes:
+        stance: (4,) feet that the latest tick lets carry; a view, which every tick changes.
+        solved: programs solved since reset.
+        failed: programs without a solution since reset.
+
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
@@ -106,6 +111,7 @@ class LocomotionController:
         )
         self._settings = np.array([settings], dtype=SETTINGS)
         self._memory = np.zeros(1, dtype=MEMORY)
+        self.stance: NDArray[np.uint8] = self._memory["targets"]["stance"][0]
         make = choose("formulation", formulation, {"full": FullForm, "condensed": CondensedForm})
         self._form = make(self._settings, self._memory)
         self._begun = False
@@ -150,6 +156,11 @@ class LocomotionController:
         else:
             self.solved += 1
         return self._torque
+
+    @property
+    def lift(self) -> float:
+        """The acceleration upwards that it has learnt to hold the trunk's height [m/s²]."""
+        return float(self._memory["lift"][0])
 
     @property
     def reference(self) -> BodyReference:

@@ -4,8 +4,8 @@ from scipy.stats import chi2
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.estimation import PRESETS, Estimator, Sensors
-from hcbf_gym.estimation.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.leg import foot_kinematics
+from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import state_views
 from hcbf_gym.robots.reader import read_robot
