@@ -233,6 +233,7 @@ def _make_rows(
             barriers.parameters[i],
             plants.x[i],
             plants.t[i],
+            plants.model[i],
             plants.lag[i],
             plants.covariance[i],
             w.margin[0, i],

@@ -193,8 +193,7 @@ class PlanarCore(FilterCore):
         """Note what is known of the plants."""
         self._x[:] = estimate.x
         self._t[:] = estimate.time if estimate.time is not None else self._time(estimate)
-        if estimate.model is not None:
-            self._model[:] = estimate.model
+        self._model[:] = estimate.x if estimate.model is None else estimate.model
         if estimate.lag is not None:
             self._lag[:] = estimate.lag
         if estimate.covariance is not None:
@@ -238,7 +237,7 @@ class PlanarCore(FilterCore):
         a, out, priority, margin, _ = work
         m = scene.kind.shape[1]
         margin[0], margin[1] = derive_all(
-            self.uncertainty, scene, self._x, self._t, self._lag, self._covariance
+            self.uncertainty, scene, self._x, self._t, self._model, self._lag, self._covariance
         )
         rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
         a[:, :m], out[0, :, :m], out[1, :, :m], out[2, :, :m] = (
