@@ -5,7 +5,7 @@ objects that users hold call them.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -60,6 +60,15 @@ class ClassK(ABC):
     """A class-K function; there is a linear and a logarithmic one."""
 
     @abstractmethod
+    def scaled(self, factor: float) -> "ClassK":
+        """Return ``factor · α``."""
+
+    @property
+    @abstractmethod
+    def hardest_speed(self) -> float:
+        """The approach speed s at which ``s α'(α⁻¹(s))`` is largest; inf if it grows with s."""
+
+    @abstractmethod
     def parameters(self) -> Array:
         """Return (4,) the kind and its parameters, as the compiled functions read them."""
 
@@ -102,6 +111,15 @@ class LinearClassK(ClassK):
             self, "gain", finite_float("gain", self.gain, minimum=0.0, exclusive=True)
         )
 
+    def scaled(self, factor: float) -> "LinearClassK":
+        """Return ``factor · α``."""
+        return LinearClassK(factor * self.gain)
+
+    @property
+    def hardest_speed(self) -> float:
+        """Infinite: ``s α'(α⁻¹(s))`` is gain · s."""
+        return np.inf
+
     def parameters(self) -> Array:
         """Return (4,) the kind and its parameters, as the compiled functions read them."""
         return np.array([LINEAR, self.gain, 0.0, 0.0])
@@ -132,6 +150,15 @@ class LogClassK(ClassK):
         for name in ("phi1", "phi2", "phi3"):
             number = finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
             object.__setattr__(self, name, number)
+
+    def scaled(self, factor: float) -> "LogClassK":
+        """Return ``factor · α``."""
+        return replace(self, phi1=factor * self.phi1)
+
+    @property
+    def hardest_speed(self) -> float:
+        """φ₁: ``s α'(α⁻¹(s))`` is ``s φ₁φ₂/φ₃ exp(−s/φ₁)``."""
+        return self.phi1
 
     def parameters(self) -> Array:
         """Return (4,) the kind and its parameters, as the compiled functions read them."""

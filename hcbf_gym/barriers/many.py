@@ -92,9 +92,7 @@ def _write_polygons(name: str, values: Array, parameters: Array) -> None:
     corners = finite_array(name, values, (None, None, 2), largest=FARTHEST)
     count = corners.shape[1]
     if not 3 <= count <= layout.MAX_VERTICES:
-        raise InvalidInputError(
-            f"{name}: got {count} corners, expected 3 to {layout.MAX_VERTICES}"
-        )
+        raise InvalidInputError(f"{name}: got {count} corners, expected 3 to {layout.MAX_VERTICES}")
     edges = np.roll(corners, -1, axis=1) - corners
     following = np.roll(edges, -1, axis=1)
     turns = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]

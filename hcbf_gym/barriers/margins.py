@@ -3,14 +3,16 @@ r"""What a row keeps between h and zero, from what is uncertain at this moment.
 For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
 .. math::
-    m = d + k_v \max(0, -n·e_v) + k_p \max(0, n·e_p) + κ\sqrt{n^T P n} + ρ,
+    m = d + k_v \max(0, -n·e_v) + k_p \max(0, n·e_p) + \max(0, n·(p - b)) + κ\sqrt{n^T P n} + ρ,
 
-where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), P the
-covariance of the estimated position, and ρ what the body reaches beyond its centre. The first
-three parts stand for the reduced-order model, which says that the body moves at the model's
+where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), p the
+position that the row reads, b the body's, P the covariance of the estimated position, and ρ what
+the body reaches beyond its centre. Rows that read the model's own position keep by how much the
+body is nearer than that; as h is convex with ‖∇h‖ ≤ 1, it is no more. The first three parts stand for the reduced-order model, which says that the body moves at the model's
 velocity: a body that moves faster towards the region will get there by k_v e_v more, and one whose
-model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ [m/s]: a body
-that does not follow may overshoot, too, and one that follows needs little.
+model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ + κ √λ [m/s],
+with λ the largest eigenvalue of the covariance of the velocity: a body that does not follow may
+overshoot, too, and one that follows needs little.
 
 The margin moves. The estimate's part grows at most at the rate
 
@@ -38,6 +40,7 @@ def derive(
     parameters: Array,
     x: Array,
     t: float,
+    model: Array,
     lag: Array,
     covariance: Array,
     margin: Array,
@@ -51,21 +54,26 @@ def derive(
         parameters: (m, WIDTH) what it reads.
         x: (4,) position [m] and velocity [m/s], as the rows read them.
         t: time [s].
+        model: (4,) the reduced-order model's own state.
         lag: (4,) the body's state minus the reduced-order model's.
         covariance: (4, 4) of x.
         margin: (m,) to be written [m]; of a speed limit [m/s].
         rate: (m,) to be written [m/s].
     """
-    certain = _is_zero(lag) and _is_zero(covariance.ravel())
+    ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
+    certain = ahead_x == 0.0 and ahead_y == 0.0
+    certain = certain and _is_zero(lag) and _is_zero(covariance.ravel())
+    fastest = 0.0 if certain else settings.confidence * np.sqrt(_largest(covariance))
     for k in range(kind.size):
         rate[k] = 0.0
         if kind[k] == layout.SPEED_LIMIT:
             slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
-            margin[k] = settings.speed + settings.speed_per_velocity * slip
+            margin[k] = settings.speed + settings.speed_per_velocity * slip + fastest
             continue
         if kind[k] == layout.CUSTOM:  # its gradient is not known here: the most there can be
             spread = settings.confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
-            margin[k] = settings.distance + settings.cap + spread + settings.body
+            ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
+            margin[k] = settings.distance + settings.cap + ahead + spread + settings.body
             continue
         if certain and kind[k] != layout.ELLIPSE:  # of the others, ∇h is a unit vector
             margin[k] = settings.distance + settings.body
@@ -75,6 +83,7 @@ def derive(
         jet = kernels.planar_jet(kind[k], c, qx, qy)
         steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
         nx, ny = jet[1] / steepness, jet[2] / steepness
+        ahead = max(0.0, nx * ahead_x + ny * ahead_y)
         lead = max(0.0, nx * lag[0] + ny * lag[1])
         faster = max(0.0, -nx * lag[2] - ny * lag[3])
         tracking = settings.per_velocity * faster + settings.per_lead * lead
@@ -83,7 +92,7 @@ def derive(
         if known > 0.0:
             drift = settings.confidence**2 * _along(covariance, 0, 2, nx, ny) / known
             rate[k] = max(0.0, drift) * steepness
-        total = settings.distance + min(tracking, settings.cap) + known + settings.body
+        total = settings.distance + min(tracking, settings.cap) + ahead + known + settings.body
         margin[k] = total * steepness
 
 
@@ -97,7 +106,13 @@ def _is_zero(values: Array) -> bool:
 
 
 def derive_all(
-    settings: Uncertainty, scenes: BarrierSet, x: Array, t: Array, lag: Array, covariance: Array
+    settings: Uncertainty,
+    scenes: BarrierSet,
+    x: Array,
+    t: Array,
+    model: Array,
+    lag: Array,
+    covariance: Array,
 ) -> tuple[Array, Array]:
     """Return the margins (N, m) of N states' rows and their rates (N, m); see `derive`.
 
@@ -106,15 +121,24 @@ def derive_all(
         scenes: N scenes, whose speed limits may keep something by themselves.
         x: (N, 4) states.
         t: (N,) times [s].
+        model: (N, 4) states of the reduced-order models.
         lag: (N, 4) tracking errors.
         covariance: (N, 4, 4) of the states.
     """
     numbers = Uncertainty(*map(float, settings))
     margin, rate = np.zeros(scenes.kind.shape), np.zeros(scenes.kind.shape)
     for i in range(len(x)):
-        parts = scenes.kind[i], scenes.parameters[i], x[i], t[i], lag[i], covariance[i]
-        derive(numbers, *parts, margin[i], rate[i])
+        state = x[i], t[i], model[i], lag[i], covariance[i]
+        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, margin[i], rate[i])
     return margin + scenes.own_margin, rate
+
+
+@njit(cache=True, error_model="numpy")
+def _largest(covariance: Array) -> float:
+    """Return the largest eigenvalue of the velocity's block (2, 2) of the covariance."""
+    xx, xy, yy = covariance[2, 2], covariance[2, 3], covariance[3, 3]
+    half = 0.5 * (xx - yy)
+    return max(0.0, 0.5 * (xx + yy) + np.sqrt(half * half + xy * xy))
 
 
 @njit(cache=True, error_model="numpy")

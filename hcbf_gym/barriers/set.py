@@ -15,6 +15,7 @@ from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, Sp
 from hcbf_gym.errors import InvalidInputError
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _WRITERS: dict[type[Barrier], Callable[[Any, Array], int]] = {
     HalfPlane: lambda b, c: layout.half_plane(c, b.normal, b.offset),
@@ -93,23 +94,51 @@ class BarrierSet:
                 self.kind[i, k] = write(barrier, self.parameters[i, k])
             k = end
 
-    def check(self, settings: RowSettings) -> None:
-        """Refuse settings under which a built-in row of a held input cannot be kept.
+    @property
+    def is_region(self) -> Mask:
+        """(N, m) whether a barrier is a built-in one on the position."""
+        return self.kind < layout.SPEED_LIMIT
+
+    def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
+        """Refuse speed limits that no input can keep.
+
+        Args:
+            settings: α₁, α₂, and whether u is held.
+            speed_margin: what the rows of speed limits keep besides their own margins [m/s].
 
         Raises:
-            InvalidInputError: if an input can pass a speed limit from rest within one period.
+            InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
+                it from rest within one period.
         """
+        capped = self.kind == layout.SPEED_LIMIT
+        v_max = self.parameters[capped, layout.V_MAX]
+        margin = self.own_margin[capped] + speed_margin
+        if (v_max <= 2.0 * margin).any():
+            worst = int(np.argmin(v_max - 2.0 * margin))
+            raise InvalidInputError(
+                f"speed limit: got {v_max[worst]:g} m/s, expected above {2.0 * margin[worst]:g} "
+                f"m/s: its row keeps {margin[worst]:g} m/s, so that no speed is left"
+            )
         if settings.period is None or settings.u_max is None:
             return
         gained = settings.u_max * settings.period
-        capped = self.kind == layout.SPEED_LIMIT
-        v_max, margin = self.parameters[capped, layout.V_MAX], self.own_margin[capped]
-        least = np.sqrt(np.maximum(v_max**2 - 2.0 * v_max * margin, 0.0)).min(initial=np.inf)
+        least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
         if least <= gained:
             raise InvalidInputError(
                 f"speed limit: got {least:g} m/s after its margin, expected above {gained:g} m/s, "
                 "which an input reaches within one period: sample faster or allow smaller inputs"
             )
+
+    def of(self, mask: NDArray[np.bool_]) -> "BarrierSet":
+        """Return the masked scenes (N,), as a set of their own; this one where all are."""
+        if mask.all():
+            return self
+        chosen = BarrierSet([()] * int(mask.sum()))
+        for name in ("kind", "parameters", "priority", "keeps_margin", "own_margin"):
+            setattr(chosen, name, getattr(self, name)[mask])
+        places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
+        chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}
+        return chosen
 
     def values(self, x: Array, t: Array) -> Array:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""

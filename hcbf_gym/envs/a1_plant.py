@@ -3,7 +3,7 @@
 import numpy as np
 
 from hcbf_gym.envs.randomization import Randomization
-from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
 from hcbf_gym.locomotion.watch import WatchBounds
@@ -35,14 +35,11 @@ OFF_NOMINAL = 0.02
 """What rows keep besides [m], and the speed limit's [m/s], where the arguments declare a plant
 unlike the nominal one: rough ground, or a randomisation of more than the start."""
 
-BODY_RADIUS = 0.45
-"""Of the circle around the trunk's centre that holds every geom of the walking robot [m]; the suite
-`strict` reports the greatest reach."""
-
 PER_SPEED = 0.1
 """What rows keep besides [m] for each m/s of the cap above `V_MAX`."""
 
-_BODIES = {"point": 0.0, "footprint": BODY_RADIUS}
+BODIES = ("point", "footprint")
+"""What must stay outside: the trunk's centre, or the whole robot."""
 
 BELIEVED = 0.75
 """Share of the floor's least friction that the controller believes: the rest is for slips."""
@@ -85,7 +82,7 @@ def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
 
 
 def uncertainty_of(
-    declared: Randomization, terrain: str, body: str, input_set: InputSet, v_max: float
+    declared: Randomization, terrain: str, body: float, input_set: InputSet, v_max: float
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model.
 
@@ -95,22 +92,29 @@ def uncertainty_of(
     Args:
         declared: what the plant's conditions are drawn from.
         terrain: "flat" or "rough".
-        body: "point" or "footprint".
+        body: what the robot reaches beyond its trunk's centre [m]; 0 for a point.
         input_set: U.
         v_max: the strict cap on the speed [m/s].
 
     Raises:
-        UnknownNameError: if there is no such body.
+        InvalidInputError: if the margin of the speed limit leaves no speed.
     """
     late = max(0.0, declared.delay[1] - Randomization().delay[1])
     known = UNCERTAINTY._replace(
         distance=UNCERTAINTY.distance + PER_SPEED * max(0.0, v_max - V_MAX),
-        body=choose("body", body, _BODIES),
+        body=body,
         speed=UNCERTAINTY.speed + late * input_set.radius,
     )
-    if terrain == "flat" and not declared.off_nominal:
-        return known
-    return known._replace(distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL)
+    if terrain != "flat" or declared.off_nominal:
+        known = known._replace(
+            distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL
+        )
+    if v_max <= 2.0 * known.speed:
+        raise InvalidInputError(
+            f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "
+            f"speed limit keeps {known.speed:g} m/s, so that no speed is left"
+        )
+    return known
 
 
 def watch_bounds(

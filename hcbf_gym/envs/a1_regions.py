@@ -1,6 +1,7 @@
 """HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
 
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import a1_plant, task
+from hcbf_gym.envs import a1_plant, coverage, task
 from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
+from hcbf_gym.envs.coverage import Declared
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
@@ -25,11 +27,11 @@ from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.watch import Watch
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.robots import a1
 from hcbf_gym.scenarios import Scenario
 
@@ -144,14 +146,35 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             disturbances=disturbances,
         )
         declared = Randomization.from_dict(randomization)
-        believed = a1_plant.believed_friction(declared) if friction is None else friction
+        believed = a1_plant.believed_friction(declared)
         self._v_max = a1_plant.speed_limit(self.scenario)
+        self._outside = coverage.a1(
+            Declared(
+                own_robot=xml_file is None,
+                feedback=feedback,
+                timestep=timestep,
+                gait=gait,
+                friction=friction,
+                believed=believed,
+                terrain=terrain,
+                randomization=declared,
+                disturbances=disturbances,
+                estimation=estimation,
+                body=body,
+                boxes=len(self.scenario.obstacles),
+                v_max=self._v_max,
+            )
+        )
+        believed = believed if friction is None else friction
         controller = LocomotionController(
             robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
+        choose("body", body, dict.fromkeys(a1_plant.BODIES))
+        footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
+        radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)
         self._uncertainty = a1_plant.uncertainty_of(
-            declared, terrain, body, self._carried, self._v_max
+            declared, terrain, radius, self._carried, self._v_max
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
         mass = float(controller.model.bodies.mass.sum())
@@ -159,7 +182,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             simulation,
             controller,
             None if estimation is None else Estimator(legs, foot_radius, estimation, timestep),
-            None if body == "point" else Footprint(simulation.model, a1.TRUNK),
+            footprint,
             feedback,
             Watch(
                 legs,
@@ -173,7 +196,14 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
+        self._scene_covered = coverage.of_scene(scenario, {})
         self._take_scene(self.scenario)
+        if self._outside:
+            warnings.warn(
+                "HCBF-A1Regions-v0: rank 1 is not promised (covered = 0), as the arguments leave "
+                f"what was tested: {'; '.join(self._outside)}",
+                stacklevel=3,
+            )
 
     @property
     def simulation(self) -> Physics:
@@ -208,7 +238,12 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self, self._carried, self._uncertainty)
+        return plant_of(self, self._carried, self._uncertainty, on_alarm="brake")
+
+    @property
+    def covered(self) -> Coverage:
+        """Whether the promise was tested for these arguments and this episode's scenes."""
+        return Coverage.OUTSIDE if self._outside else self._scene_covered
 
     @property
     def estimate(self) -> Estimate:
@@ -247,6 +282,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
         scene = self._scenes.next(self.np_random, given)
         if scene is not self.scenario:
             self._take_scene(scene)
+        self._scene_covered = coverage.of_scene(self._scenes.source, given)
         self._steps, self._started = 0, True
         start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
@@ -262,6 +298,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             InvalidInputError: if the scene is of another kind than the environment's.
         """
         self._scenes.check({"scenario": scenario})
+        self._scene_covered = Coverage.SCENE
         self._set_scene(scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

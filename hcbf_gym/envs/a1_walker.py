@@ -12,8 +12,8 @@ from hcbf_gym.envs.physics import BASE, Physics
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
-from hcbf_gym.locomotion.watch import Watch
-from hcbf_gym.models.plant import Estimate
+from hcbf_gym.locomotion.watch import Fault, Watch
+from hcbf_gym.models.plant import Estimate, Reason
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,15 @@ FEEDBACK = {
     "rom": "position and velocity of the reduced-order model",
 }
 """On which state the loop is closed."""
+
+
+ALARMS = {
+    Fault.NONE: None,
+    Fault.SLIP: Reason.SLIP,
+    Fault.LAG: Reason.LAG,
+    Fault.LIFT: Reason.LIFT,
+}
+"""What a filter calls what the watch finds."""
 
 
 class Walk(NamedTuple):
@@ -129,11 +138,6 @@ class Walker:
         bodies = bodies or [self._body_h(barriers, time)]
         return Walk(walked, times, force, bodies[-1], np.minimum.reduce(bodies))
 
-    @property
-    def fault(self) -> int:
-        """What is wrong with the plant at present, a `Fault`; 0 where nothing is."""
-        return int(self.watch.fault)
-
     def estimate(self, time: float) -> Estimate:
         """Return what is known of the robot: the state on which the loop is closed.
 
@@ -152,7 +156,8 @@ class Walker:
         if self._estimator is not None:
             known = self._estimator.estimate
             covariance, yaw = known.covariance, known.yaw
-        return Estimate(x, time, covariance, model, body - model, np.float64(yaw))
+        fault = ALARMS[self.watch.fault]
+        return Estimate(x, time, covariance, model, body - model, np.float64(yaw), fault=fault)
 
     def diagnostics(self) -> dict[str, Any]:
         """Return the controller's record as NumPy's float64, as infos carry them."""

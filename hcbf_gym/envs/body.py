@@ -19,6 +19,12 @@ Array = NDArray[np.float64]
 ALONG = 5
 """Points along the axis of a capsule, and along each edge of a box."""
 
+TILT = 0.2
+"""How far the trunk leans at most while it walks [rad]."""
+
+STRIDE = 0.065
+"""How much farther from the trunk's centre a leg reaches in its stride than at home [m]."""
+
 
 class Body(NamedTuple):
     """The points of a robot's geoms.
@@ -43,8 +49,30 @@ class Footprint:
     """
 
     def __init__(self, model: mujoco.MjModel, trunk: str):
-        self._trunk = model.body(trunk).id
+        self._model, self._trunk = model, model.body(trunk).id
         self._body = body_of(model, self._trunk)
+
+    def radius(self, joints: Array) -> float:
+        """Return the radius of the circle around the trunk's centre that holds the walking robot.
+
+        What is fixed to the trunk, its load included, reaches ``ρ + |z| sin(TILT)`` at most; the
+        legs reach `STRIDE` farther than at home.
+
+        Args:
+            joints: (12,) of the home pose [rad].
+        """
+        data = mujoco.MjData(self._model)
+        data.qpos[:7] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+        data.qpos[7 : 7 + len(joints)] = joints
+        mujoco.mj_kinematics(self._model, data)
+        body, places = self._body, data.geom_xpos[self._body.geom]
+        rotations = data.geom_xmat[body.geom].reshape(-1, 3, 3)
+        points = places + np.einsum("pij,pj->pi", rotations, body.place)
+        far = np.hypot(points[:, 0], points[:, 1]) + body.radius
+        weld = self._model.body_weldid[self._model.geom_bodyid[body.geom]]
+        fixed = weld == self._model.body_weldid[self._trunk]
+        leaning = far + np.sin(TILT) * np.abs(points[:, 2])
+        return float(np.where(fixed, leaning, far + STRIDE).max())
 
     def h(self, data: mujoco.MjData, barriers: BarrierSet, t: float) -> Array:
         """Return the least h (m,) of each barrier over the whole body at time t [s]."""
@@ -129,7 +157,8 @@ def body_h(
 ) -> None:
     """Write the least h (m,) of each barrier over the whole body; a speed limit's is infinite.
 
-    ``h_body = min_p h(p) − r_p``; as ‖∇h‖ ≤ 1 it is no greater than h anywhere on the ball.
+    ``h_body = min_p h(p) − r_p ‖∇h(p)‖``; as h is convex, it is no greater than h anywhere on the
+    ball around p.
 
     Args:
         geom: (P,) of the points, as in `Body`.
@@ -150,7 +179,9 @@ def body_h(
                 continue
             c = parameters[k]
             qx, qy = x - c[layout.VELOCITY_X] * t, y - c[layout.VELOCITY_Y] * t
-            h[k] = min(h[k], kernels.planar_value(kind[k], c, qx, qy) - radius[p])
+            jet = kernels.planar_jet(kind[k], c, qx, qy)
+            steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
+            h[k] = min(h[k], jet[0] - radius[p] * steepness)
 
 
 @njit(cache=True)

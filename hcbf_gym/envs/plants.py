@@ -10,7 +10,10 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
 def plant_of(
-    env: Any, input_set: InputSet | None = None, uncertainty: Uncertainty = EXACT
+    env: Any,
+    input_set: InputSet | None = None,
+    uncertainty: Uncertainty = EXACT,
+    on_alarm: str = "warn",
 ) -> Plant:
     """Return the plant of one of this package's environments, single or native vector.
 
@@ -18,6 +21,7 @@ def plant_of(
         env: the environment.
         input_set: U; None is the scenario's.
         uncertainty: how far the plant may be from its model.
+        on_alarm: what an alarm leads to, "warn" or "brake".
     """
     return Plant(
         model=DoubleIntegrator(),
@@ -27,6 +31,8 @@ def plant_of(
         period=CONTROL_DT,
         goal=_goal,
         uncertainty=uncertainty,
+        on_alarm=on_alarm,
+        covered=_covered,
     )
 
 
@@ -36,6 +42,10 @@ def _barriers(env: Any, observation: Any, info: dict[str, Any]) -> BarrierSet:
 
 def _estimate(env: Any, observation: Any, info: dict[str, Any]) -> Estimate:
     return env.estimate
+
+
+def _covered(env: Any, observation: Any, info: dict[str, Any]) -> Any:
+    return env.covered
 
 
 def _goal(env: Any, observation: Any, info: dict[str, Any]) -> Any:

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import task
+from hcbf_gym.envs import coverage, task
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -106,6 +106,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
+        self._covered = coverage.of_scene(scenario, {})
         self._started = False
 
     @property
@@ -122,6 +123,11 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     def plant(self) -> Plant:
         """What a safety filter must know."""
         return plant_of(self)
+
+    @property
+    def covered(self) -> Coverage:
+        """Whether the promise was tested in this episode's family of scenes."""
+        return self._covered
 
     @property
     def estimate(self) -> Estimate:
@@ -168,6 +174,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             self.scenario = scene
             self._batch.set_scene(0, scene)
         self._batch.restart(np.ones(1, dtype=np.bool_))
+        self._covered = coverage.of_scene(self._scenes.source, given)
         self._path.clear()
         self._path.append(self.rom_state[:2])
         self._started = True
@@ -181,7 +188,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             InvalidInputError: if the scene is of another kind than the environment's.
         """
         self._scenes.check({"scenario": scenario})
-        self.scenario = scenario
+        self.scenario, self._covered = scenario, Coverage.SCENE
         self._batch.set_scene(0, scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

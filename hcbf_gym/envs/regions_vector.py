@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import infos as vector_infos
-from hcbf_gym.envs import task
+from hcbf_gym.envs import coverage, task
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.scenarios import Scenario, hall
 
 Array = NDArray[np.float64]
@@ -117,6 +117,11 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def plant(self) -> Plant:
         """What a safety filter must know."""
         return plant_of(self)
+
+    @property
+    def covered(self) -> NDArray[np.int64]:
+        """(N,) whether the promise was tested in the families of scenes of these episodes."""
+        return np.where(self._given, Coverage.SCENE, coverage.of_scene(self._source.source, {}))
 
     @property
     def estimate(self) -> Estimate:

@@ -154,7 +154,17 @@ class Local:
         if self.barriers is None:
             raise InvalidInputError("guidance: got no scene, expected reset() first")
         a, b = np.empty((len(x), 2)), np.empty(len(x))
-        rows(self.barriers.kind, self.barriers.parameters, x, t, u_nominal, self.pull, self.memory, a, b)
+        rows(
+            self.barriers.kind,
+            self.barriers.parameters,
+            x,
+            t,
+            u_nominal,
+            self.pull,
+            self.memory,
+            a,
+            b,
+        )
         return a, b
 
     def row(self, x: Array, t: float, u_nominal: Array) -> tuple[Array, float]:

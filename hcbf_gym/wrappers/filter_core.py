@@ -1,5 +1,6 @@
 """What stands between u* and u: the settings that both cores share, and their choice."""
 
+import warnings
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
@@ -7,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import programs, records
-from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.alarms import Announcer
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 ROW_OPTIONS = ("alpha1", "alpha2")
@@ -59,6 +64,11 @@ def plain_options(options: dict[str, Any]) -> dict[str, Any]:
 class FilterCore(ABC):
     """A filter of N plants: its settings, read once at the door.
 
+    Attributes:
+        alpha1: α₁ as the rows have it, scaled down where U cannot brake what it asks for.
+        alpha2: α₂.
+        alpha1_scale: by which factor; 1 where U can.
+
     Args:
         plant: of the environment.
         input_set: U.
@@ -75,14 +85,18 @@ class FilterCore(ABC):
         allowed = (*ROW_OPTIONS, *programs.options(settings.program))
         check_options(f"safety filter {settings.program!r}", settings.options, allowed)
         self.plant, self.input_set, self.count = plant, input_set, count
+        self.settings = settings
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
+        self.alpha1_scale = self._fit_alpha1(settings)
+        self._said: set[str] = set()
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self._steps: Array = np.zeros(count)
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._announcer = Announcer(self.brakes_on_alarm)
-        self._coverage, self._scale = np.zeros(count, dtype=np.int64), np.ones(count)
+        self._coverage: Integers = np.zeros(count, dtype=np.int64)
+        self._scale: Array = np.full(count, self.alpha1_scale)
 
     def cover(self, coverage: Any) -> None:
         """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).
@@ -94,6 +108,63 @@ class FilterCore(ABC):
         if given.shape not in ((), (self.count,)) or not np.isin(given, list(Coverage)).all():
             raise InvalidInputError(f"covered: got {coverage!r}, expected one of {list(Coverage)}")
         self._coverage[:] = given
+
+    def _fit_alpha1(self, settings: FilterSettings) -> float:
+        """Scale α₁ down to what U can brake, say so, and return the factor: 1 where U can brake all.
+
+        Raises:
+            InvalidInputError: if U cannot brake in some direction at all.
+        """
+        if not isinstance(self.plant.model, DoubleIntegrator):
+            return 1.0
+        able = braking.weakest(self.input_set)
+        if able <= 0.0:
+            raise InvalidInputError(
+                f"input set: got {self.input_set}, which holds no braking input in some direction; "
+                "expected 0 inside it, not on its edge"
+            )
+        rows = self._row_settings(settings)
+        factor = braking.share(rows, self.input_set)
+        if factor < 1.0:
+            warnings.warn(
+                f"safety filter: alpha1 asks for up to {braking.asked(rows):.3g} m/s² of braking, "
+                f"and the inputs have {able:.3g} in their weakest direction, a tenth of it in "
+                f"reserve; alpha1 is scaled by {factor:.3g}",
+                stacklevel=5,
+            )
+            self.alpha1 = self.alpha1.scaled(factor)
+        return factor
+
+    def _row_settings(self, settings: FilterSettings) -> RowSettings:
+        """Return how rows are made, for a held input where that was asked for and α's allow it."""
+        period = self.plant.period if settings.rows == "held" else None
+        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        if period is None or steepest * period > 1.0:
+            return RowSettings(self.alpha1, self.alpha2)
+        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius)
+
+    def check_scene(self, scenes: BarrierSet) -> Integers:
+        """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
+
+        Warns once of each thing that α₁, U and the speed limit cannot keep.
+
+        Args:
+            scenes: of the new episodes.
+
+        Raises:
+            InvalidInputError: if the margin leaves nothing of a speed limit, or a held input can
+                pass it from rest within one period.
+        """
+        margin = self.plant.uncertainty.speed
+        scenes.check(self._row_settings(self.settings), margin)
+        covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
+        for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
+            if not one.promised:
+                covered[one.scenes] = Coverage.OUTSIDE
+            if one.what not in self._said:
+                self._said.add(one.what)
+                warnings.warn(f"safety filter: {one.says}", stacklevel=5)
+        return covered
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:

@@ -219,7 +219,9 @@ def filter_plants(
                 past.follows = 0
             if reason[i] != 0 and (reason[i] != past.alarm or brakes):
                 _brake(i, settings, past.known, plants, period, result)
-            _conclude(i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer)
+            _conclude(
+                i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer
+            )
             past.input[0], past.input[1] = result.u[i, 0], result.u[i, 1]
             asks |= status[i] < 0 or reason[i] != 0
     return ASKS if asks else DONE
@@ -296,6 +298,7 @@ def _make_rows(
             barriers.parameters[i],
             plants.x[i],
             plants.t[i],
+            plants.model[i],
             plants.lag[i],
             plants.covariance[i],
             w.margin[0, i],

@@ -99,7 +99,9 @@ class GeneralCore(FilterCore):
             nothing = np.zeros(4) if estimate.lag is None else estimate.lag
             spread = np.zeros((4, 4)) if estimate.covariance is None else estimate.covariance
             now = x[None], np.array([time])
-            margin, rate = derive_all(self.uncertainty, barriers, *now, nothing[None], spread[None])
+            model = x if estimate.model is None else np.asarray(estimate.model)
+            state = model[None], nothing[None], spread[None]
+            margin, rate = derive_all(self.uncertainty, barriers, *now, *state)
             batch = barriers.rows(*now, self._row_settings, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             return rows, (margin[0], np.ones(rows.b.size))

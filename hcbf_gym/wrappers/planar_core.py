@@ -16,7 +16,7 @@ from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Plant, Reason
 from hcbf_gym.programs.exact.program import filter_exactly
 from hcbf_gym.programs.planar.cascade import GRADED
 from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
@@ -99,6 +99,9 @@ class PlanarCore(FilterCore):
         """Look at the first states of new episodes, and return what the infos of a reset say."""
         self._take(estimate)
         self._take_barriers(barriers)
+        fresh = self._fresh
+        told = self.check_scene(self._scene.of(fresh))
+        self._coverage[fresh] = np.where(told == Coverage.OUTSIDE, told, self._coverage[fresh])
         if self._way is not None:
             self._find_ways(goal, extent)
         self._fresh[:] = False
@@ -292,7 +295,6 @@ class PlanarCore(FilterCore):
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
         scene = BarrierSet([tuple(barriers)])
-        scene.check(self.row_settings)
         self._scene, self._listed = scene, tuple(barriers)
 
     def _space(self, m: int) -> Any:
@@ -326,7 +328,7 @@ class PlanarCore(FilterCore):
         m = scene.kind.shape[1]
         priority[:, :m] = scene.priority
         margin[0], margin[1] = derive_all(
-            self.uncertainty, scene, self._x, self._t, self._lag, self._covariance
+            self.uncertainty, scene, self._x, self._t, self._model, self._lag, self._covariance
         )
         try:
             rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])

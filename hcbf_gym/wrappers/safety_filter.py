@@ -1,5 +1,6 @@
 """The wrappers that put a program between a policy and an environment."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -10,11 +11,12 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
-from hcbf_gym.models.plant import Estimate, Plant, read
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_options
 from hcbf_gym.wrappers.general_core import GeneralCore
@@ -114,6 +116,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
         )
         self._core = _core_of(self.plant, self._input_set, settings)
+        self._limits = _limits(settings, self.plant)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
         self._observation: Any = None
@@ -138,7 +141,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         inner = self.env.unwrapped
         goal = read(self.plant.goal, inner, observation, info)
         extent = read(self.plant.extent, inner, observation, info)
-        self._core.cover(read(self.plant.covered, inner, observation, info))
+        covered = read(self.plant.covered, inner, observation, info)
+        self._core.cover(Coverage.OUTSIDE if self._limits else covered)
         info["safety_filter"] = self._core.begin(*self._sense(), goal, extent)
         return observation, info
 
@@ -213,6 +217,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         input_set = _input_set(self.plant, inner.single_action_space)
         settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
+        self._limits = _limits(settings, self.plant)
         self._reporter = Reporter(env, "safety_filter")
 
     @property
@@ -248,7 +253,8 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         inner: Any = self.env.unwrapped
         goal = read(self.plant.goal, inner, None, {})
         extent = read(self.plant.extent, inner, None, {})
-        self._core.cover(read(self.plant.covered, inner, None, {}))
+        covered = read(self.plant.covered, inner, None, {})
+        self._core.cover(Coverage.OUTSIDE if self._limits else covered)
         return self._core.begin(*self._sense(), goal, extent)
 
     def _sense(self) -> tuple[Any, Estimate]:
@@ -263,6 +269,17 @@ def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> Fil
     if plant.model == DoubleIntegrator() and compiled:
         return PlanarCore(plant, input_set, settings, 1)
     return GeneralCore(plant, input_set, settings)
+
+
+def _limits(settings: FilterSettings, plant: Plant) -> list[str]:
+    """Return which of a filter's arguments were not tested on a plant that was, and warn of them."""
+    outside = coverage.of_filter(settings, plant)
+    if outside:
+        warnings.warn(
+            f"safety filter: the promise was not tested with {', '.join(outside)}: covered is 0",
+            stacklevel=3,
+        )
+    return outside
 
 
 def _input(action: Any, shape: tuple[int, ...]) -> Array:

@@ -1,0 +1,237 @@
+r"""Whether U can brake what α₁ and α₂ ask of the double integrator, and by how much α₁ must shrink.
+
+On ψ = 0 the robot approaches a strict region at the speed s = α₁(h), and the row asks for the
+deceleration
+
+.. math:: D(s) = s\, α_1'(α_1^{-1}(s)),
+
+for the paper's logarithm at most φ₁²φ₂/(φ₃ e), at s = φ₁; for a linear α₁ gain · s, the more the
+faster. For ψ > 0 it asks for less, whatever α₂ is. `docs/rows.md` proves both, and how much more the
+row of a held input asks for.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.kernels import TINY
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.models.input_sets import InputSet
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RESERVE = 0.1
+"""Share of what U can do in its worst direction that single rows leave: for a second row that pulls
+another way, and for the tolerance of the programs."""
+
+SLOW = 0.15
+"""A robot to which a speed limit leaves less hardly walks [m/s]."""
+
+PLACES, BEYOND = 200, 4.0
+"""How many distances from the region are looked at, up to this multiple of the hardest speed."""
+
+
+def weakest(input_set: InputSet) -> float:
+    """Return the radius of the largest ball around 0 in U, what it can do in any direction."""
+    _, b = input_set.halfspaces()
+    return max(0.0, float((-b).min()))
+
+
+def asked(settings: RowSettings, fastest: float = np.inf) -> float:
+    """Return the largest b of a strict row at a state with ψ ≥ 0, the deceleration it asks for.
+
+    The robot drives straight at the region. The rows of a held input take the worst turn of the
+    gradient, that around a polygon's corner.
+
+    Args:
+        settings: α₁, α₂ and the hold.
+        fastest: the greatest approach speed there can be; α₁ linear needs it.
+    """
+    alpha1 = settings.alpha1
+    top = min(BEYOND * alpha1.hardest_speed, fastest)
+    speed = np.linspace(0.0, top, PLACES + 1)[1:]  # s = α₁(h − m) on ψ = 0
+    kept = np.array([alpha1.inverse(s) for s in speed])
+    if settings.period is None or settings.u_max is None:
+        return float(max(s * alpha1.derivative(k) for s, k in zip(speed, kept, strict=True)))
+    period, u_max = settings.period, settings.u_max
+    half = 0.5 * u_max * period**2
+    end = kept - period * speed
+    chord = np.array([alpha1.derivative(max(abs(e - half), abs(e + half))) for e in end])
+    reach = period * speed + half
+    mean = np.maximum(half, 0.5 * (kept + half + np.maximum(kept + half - reach, 0.0)))
+    turning = u_max**2 * period**3 / (16.0 * mean)
+    promised = alpha1.values(end - half) + chord * half
+    rows = (speed + turning - promised) / (period + 0.5 * chord * period**2)
+    return float(rows.max())
+
+
+def share(settings: RowSettings, input_set: InputSet) -> float:
+    """Return the greatest c in [0, 1] with which U can brake what c·α₁ asks for.
+
+    It is 1 where α₁ asks for more the faster the robot is: what that is, only a scene can say.
+
+    Args:
+        settings: α₁, α₂ and the hold.
+        input_set: U.
+    """
+    able = (1.0 - RESERVE) * weakest(input_set)
+    if np.isinf(settings.alpha1.hardest_speed) or asked(settings) <= able:
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if asked(replace(settings, alpha1=settings.alpha1.scaled(middle))) <= able:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def speed_left(v_max: Any, margin: Any) -> Any:
+    """Return the speed that a cap leaves the model, ``√(v_max² − 2 v_max · margin)`` [m/s].
+
+    Args:
+        v_max: the cap [m/s], a number or an array.
+        margin: what its row keeps between h and zero [m/s].
+    """
+    return np.sqrt(np.maximum(0.0, v_max * (v_max - 2.0 * margin)))
+
+
+class Shortcoming(NamedTuple):
+    """Something that α₁, U and a speed limit cannot keep in some of N scenes.
+
+    Attributes:
+        what: in a word, so that it is said once.
+        scenes: (N,) where.
+        promised: whether rank 1 is kept all the same.
+        says: a sentence with the numbers.
+    """
+
+    what: str
+    scenes: Mask
+    promised: bool
+    says: str
+
+
+class _Asked(NamedTuple):
+    """What N scenes ask.
+
+    Attributes:
+        left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
+        margin: (N,) what those keep [m/s].
+        moves: (N,) the speed of the fastest strict region [m/s].
+        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or an
+            ellipse, whose h grows slowly along its long axis.
+    """
+
+    left: Array
+    margin: Array
+    moves: Array
+    narrows: Mask
+
+
+def shortcomings(
+    scenes: BarrierSet, alpha1: ClassK, input_set: InputSet, speed_margin: float
+) -> list[Shortcoming]:
+    """Return what cannot be kept in N scenes; an empty list where everything can.
+
+    Args:
+        scenes: the N scenes.
+        alpha1: α₁.
+        input_set: U.
+        speed_margin: what the row of a speed limit keeps besides its own margin [m/s].
+    """
+    asked = _look(scenes, speed_margin)
+    able = (1.0 - RESERVE) * weakest(input_set)
+    steep = alpha1.derivative(0.0)
+    found = [_cannot_flee(asked), _hardly_walks(asked), _cannot_stop(asked, steep, able)]
+    if np.isinf(alpha1.hardest_speed):
+        found += [_knows_no_speed(asked), _cannot_brake(asked, steep, able)]
+    return [one for one in found if one.scenes.any()]
+
+
+def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
+    strict = scenes.priority == 1
+    caps, regions = strict & (scenes.kind == layout.SPEED_LIMIT), strict & scenes.is_region
+    v_max, kept = scenes.parameters[..., layout.V_MAX], scenes.own_margin + speed_margin
+    left = np.where(caps, speed_left(v_max, kept), np.inf)
+    w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
+    ellipses = regions & (scenes.kind == layout.ELLIPSE)
+    return _Asked(
+        left=left.min(axis=1),
+        margin=np.where(caps, kept, 0.0).max(axis=1),
+        moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1),
+        narrows=(regions.sum(axis=1) > 1) | ellipses.any(axis=1),
+    )
+
+
+def _cannot_flee(asked: _Asked) -> Shortcoming:
+    where = asked.moves >= asked.left
+    return Shortcoming(
+        "flight",
+        where,
+        False,
+        f"a strict region moves at {_most(asked.moves, where):.3g} m/s, and the speed limit leaves "
+        f"the robot {_least(asked.left, where):.3g} m/s after its margin; expected a higher v_max, "
+        "so that the robot can step aside",
+    )
+
+
+def _hardly_walks(asked: _Asked) -> Shortcoming:
+    where = (asked.left < SLOW) & (asked.margin > 0.0)
+    return Shortcoming(
+        "slowness",
+        where,
+        True,
+        f"the speed limit leaves {_least(asked.left, where):.3g} m/s after its margin of "
+        f"{_most(asked.margin, where):.3g} m/s; expected a higher v_max, or patience",
+    )
+
+
+def _cannot_stop(asked: _Asked, steep: float, able: float) -> Shortcoming:
+    where = asked.narrows & np.isfinite(asked.left) & (0.5 * steep * asked.left > able)
+    return Shortcoming(
+        "stopping",
+        where,
+        False,
+        f"where strict regions close in, {0.5 * steep * _most(asked.left, where):.3g} m/s² stop "
+        f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a speed limit "
+        f"that leaves at most {2.0 * able / steep:.3g} m/s, or a flatter alpha1",
+    )
+
+
+def _knows_no_speed(asked: _Asked) -> Shortcoming:
+    return Shortcoming(
+        "speed",
+        np.isinf(asked.left),
+        False,
+        "a linear alpha1 asks for more braking the faster the robot is, and the scene has no "
+        "strict speed limit; expected v_max, or the logarithm",
+    )
+
+
+def _cannot_brake(asked: _Asked, steep: float, able: float) -> Shortcoming:
+    speed = asked.left + asked.moves
+    where = np.isfinite(speed) & (steep * speed > able)
+    return Shortcoming(
+        "braking",
+        where,
+        False,
+        f"a linear alpha1 asks for {steep * _most(speed, where):.3g} m/s² of braking at the speed "
+        f"limit, and U has {able:.3g} with a tenth in reserve; expected a gain of at most "
+        f"{able / max(_most(speed, where), TINY):.3g}",
+    )
+
+
+def _most(values: Array, where: Mask) -> float:
+    return float(values.max(initial=0.0, where=where))
+
+
+def _least(values: Array, where: Mask) -> float:
+    return float(values.min(initial=np.inf, where=where))

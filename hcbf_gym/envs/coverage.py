@@ -1,0 +1,271 @@
+"""For which arguments the promise that rank 1 is never entered was tested; everything else warns.
+
+`BOUNDS` is the list, and the page "What is covered" shows it. Hostile episodes inside every bound
+did not enter; what is not on the list was not tested, or was entered.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple, Protocol
+
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.envs.disturbances import disturbance_from_dict
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.estimation import sensors
+from hcbf_gym.estimation.sensors import Sensors
+from hcbf_gym.models.plant import EXACT, Coverage, Plant
+
+SCENES = ("random", "random-moving", "random-wide")
+"""The families of scenes that the strict suite tests."""
+
+
+class Declared(NamedTuple):
+    """What the arguments of `A1RegionsEnv` declare.
+
+    Attributes:
+        own_robot: whether `xml_file` is None.
+        feedback: as the environment takes it.
+        timestep: [s].
+        gait: as the environment takes it.
+        friction: µ given by hand; None where it is derived.
+        believed: µ that is derived.
+        terrain: as the environment takes it.
+        randomization: the plant's ranges.
+        disturbances: as the environment takes it.
+        estimation: as the environment takes it.
+        body: as the environment takes it.
+        boxes: how many the scene has.
+        v_max: the strict cap on the speed [m/s].
+    """
+
+    own_robot: bool
+    feedback: str
+    timestep: float
+    gait: str
+    friction: float | None
+    believed: float
+    terrain: str
+    randomization: Randomization
+    disturbances: Mapping[str, Any] | None
+    estimation: str | Mapping[str, Any] | Sensors | None
+    body: str
+    boxes: int
+    v_max: float
+
+    @property
+    def off_nominal(self) -> bool:
+        """Whether ground or robot may differ from the nominal ones."""
+        return self.terrain != "flat" or self.randomization.off_nominal
+
+    @property
+    def departures(self) -> list[str]:
+        """Which things differ from their defaults that were tested one at a time."""
+        told = {
+            "feedback": self.feedback != "position",
+            "timestep": self.timestep != NOMINAL_TIMESTEP,
+            "gait": self.gait != "trot",
+            "friction": self.friction is not None,
+            "an off-nominal plant": self.off_nominal,
+            "disturbances": self.disturbances is not None,
+            "estimation": self.estimation is not None,
+            "body": self.body != "point",
+        }
+        return [name for name, differs in told.items() if differs]
+
+
+NOMINAL_TIMESTEP = 0.002
+
+
+class Bound(NamedTuple):
+    """How far an argument was tested.
+
+    Attributes:
+        argument: its name.
+        tested: in words.
+        of: what was declared.
+        holds: whether that lies inside.
+    """
+
+    argument: str
+    tested: str
+    of: Callable[[Declared], Any]
+    holds: Callable[[Declared], bool]
+
+
+def _range(name: str, tested: str, low: float, high: float) -> Bound:
+    """Return the bound of one of `Randomization`'s ranges."""
+
+    def holds(d: Declared) -> bool:
+        least, most = getattr(d.randomization, name)
+        return low <= least and most <= high
+
+    return Bound(name, tested, lambda d: list(getattr(d.randomization, name)), holds)
+
+
+def _estimation_holds(declared: Declared) -> bool:
+    """Tell whether no sensor is worse than the worst preset's."""
+    if declared.estimation is None:
+        return True
+    got, worst = sensors.make(declared.estimation), sensors.PRESETS["uwb"]
+    return all(
+        getattr(got, f.name) >= getattr(worst, f.name)
+        if f.name in ("rate", "drift_time", "orientation_time", "slip_time")
+        else getattr(got, f.name) <= getattr(worst, f.name)
+        for f in fields(Sensors)
+    )
+
+
+def _payload_holds(declared: Declared) -> bool:
+    x, y, z = declared.randomization.payload_position
+    carried = declared.randomization.payload[1] > 0.0
+    return not carried or (abs(x) <= 0.08 and abs(y) <= 0.05 and 0.0 <= z <= 0.08)
+
+
+BOUNDS = (
+    Bound("xml_file", "None, the package's own A1", lambda d: "another", lambda d: d.own_robot),
+    Bound(
+        "feedback",
+        '"position", "measured" or "rom"',
+        lambda d: d.feedback,
+        lambda d: d.feedback in ("position", "measured", "rom"),
+    ),
+    Bound(
+        "timestep",
+        "0.001 to 0.005 s",
+        lambda d: d.timestep,
+        lambda d: 0.001 <= d.timestep <= 0.005,
+    ),
+    Bound("gait", '"trot"', lambda d: d.gait, lambda d: d.gait == "trot"),
+    Bound(
+        "friction",
+        "at most three quarters of the least floor_friction, at least 0.3",
+        lambda d: d.friction,
+        lambda d: d.friction is None or 0.3 <= d.friction <= d.believed + 1e-9,
+    ),
+    Bound(
+        "terrain",
+        '"flat" or "rough"',
+        lambda d: d.terrain,
+        lambda d: d.terrain in ("flat", "rough"),
+    ),
+    _range("floor_friction", "0.4 to 0.8", 0.4, 0.8),
+    _range("payload", "0 to 4 kg", 0.0, 4.0),
+    Bound(
+        "payload_position",
+        "|x| ≤ 0.08 m, |y| ≤ 0.05 m, 0 ≤ z ≤ 0.08 m",
+        lambda d: list(d.randomization.payload_position),
+        _payload_holds,
+    ),
+    _range("motor_strength", "0.8 to 1", 0.8, 1.0),
+    _range("delay", "0.002 to 0.008 s", 0.002, 0.008),
+    _range("sensor_noise", "0", 0.0, 0.0),
+    Bound(
+        "disturbances",
+        "None",
+        lambda d: d.disturbances,
+        lambda d: d.disturbances is None,
+    ),
+    Bound(
+        "estimation",
+        'None, a preset, or sensors of which none is worse than the preset "uwb" has',
+        lambda d: d.estimation,
+        _estimation_holds,
+    ),
+    Bound(
+        "body",
+        '"point" or "footprint"',
+        lambda d: d.body,
+        lambda d: d.body in ("point", "footprint"),
+    ),
+    Bound("obstacles", "none", lambda d: f"{d.boxes} boxes", lambda d: d.boxes == 0),
+    Bound("v_max", "0.5 to 1.7 m/s", lambda d: d.v_max, lambda d: 0.5 <= d.v_max <= 1.7),
+    Bound(
+        "v_max with an off-nominal plant",
+        "at most 1 m/s where terrain or randomization declare one",
+        lambda d: d.v_max,
+        lambda d: not d.off_nominal or d.v_max <= 1.0,
+    ),
+    Bound(
+        "together",
+        "one at a time of feedback, timestep, gait, friction, an off-nominal plant, disturbances, "
+        "estimation and body",
+        lambda d: " and ".join(d.departures),
+        lambda d: len(d.departures) <= 1,
+    ),
+)
+"""What the strict suite and trials beside it tested on the A1."""
+
+
+def a1(declared: Declared) -> list[str]:
+    """Return what of the declared lies outside of `BOUNDS`, a phrase for each; empty if covered."""
+    return [
+        f"{bound.argument} {bound.of(declared)} (tested: {bound.tested})"
+        for bound in BOUNDS
+        if not bound.holds(declared)
+    ]
+
+
+def of_scene(source: Any, options: Mapping[str, Any]) -> Coverage:
+    """Return what is known of an episode's scene.
+
+    Args:
+        source: the environment's argument `scenario`.
+        options: those of the reset.
+    """
+    asked = options.get("scenario", source)
+    tested = isinstance(asked, str) and asked in SCENES and "start" not in options
+    return Coverage.COVERED if tested else Coverage.SCENE
+
+
+class Asked(Protocol):
+    """What the user asked of a filter, as far as it matters here; see `FilterSettings`."""
+
+    @property
+    def rows(self) -> str:
+        """Return "held" or "usual"."""
+        ...
+
+    @property
+    def margin(self) -> float | None:
+        """Return what was given by hand [m]; None where it is derived."""
+        ...
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Return α₁, α₂ and the program's own."""
+        ...
+
+
+def of_filter(asked: Asked, plant: Plant) -> list[str]:
+    """Return which of a filter's arguments were not tested, a phrase for each; empty if all were.
+
+    On a plant that is its model any margin and any α whose row U can brake are as good. Nothing is
+    said of plants that are not covered whatever the filter is.
+
+    Args:
+        asked: the filter's settings.
+        plant: of the environment.
+    """
+    if isinstance(plant.covered, int) and plant.covered == Coverage.OUTSIDE:
+        return []
+    said = [] if asked.rows == "held" else [f"rows {asked.rows!r} (tested: 'held')"]
+    if plant.uncertainty == EXACT:
+        return said
+    if asked.margin is not None:
+        said.append(f"margin {asked.margin} m (tested: None)")
+    alpha1 = class_k.make(asked.options.get("alpha1", LogClassK()))
+    alpha2 = class_k.make(asked.options.get("alpha2", 2.0))
+    if not _gentle(alpha1):
+        said.append(f"alpha1 {alpha1} (tested: {LogClassK()})")
+    if not (isinstance(alpha2, LinearClassK) and alpha2.gain <= LinearClassK().gain):
+        said.append(f"alpha2 {alpha2} (tested: {LinearClassK()})")
+    return said
+
+
+def _gentle(alpha1: class_k.ClassK) -> bool:
+    """Tell whether α₁ is the paper's logarithm or one that is nowhere higher or steeper."""
+    paper = LogClassK()
+    return isinstance(alpha1, LogClassK) and (
+        alpha1.phi1 <= paper.phi1 and alpha1.phi2 <= paper.phi2 and alpha1.phi3 >= paper.phi3
+    )
