@@ -5,7 +5,6 @@ import itertools
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from needs import chromium
 from playwright.sync_api import sync_playwright
 
 from hcbf_gym import scenarios
@@ -143,15 +143,6 @@ class Visit:
         """Move the mouse from above one point (3,) [m] to another, as a hand does."""
         for share in np.linspace(0.0, 1.0, 6)[1:]:
             self.page.mouse.move(*pixel((1.0 - share) * np.array(start) + share * np.array(end)))
-
-
-def chromium():
-    """Return the browser; a machine of CI must have one, another need not."""
-    path = shutil.which("chromium") or shutil.which("google-chrome")
-    if path is None and os.environ.get("CI") != "true":
-        pytest.skip("no Chromium on this machine")
-    assert path, "CI needs Chromium: apt-get install chromium"
-    return path
 
 
 @pytest.fixture(scope="module")
