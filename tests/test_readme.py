@@ -138,6 +138,17 @@ def test_every_suite_is_listed():
     assert [name for name in SUITES if f"`{name}`" not in page] == []
 
 
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_every_registry_that_is_named_exists(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    named = re.findall(r"`(\w+)` in `([\w/]+)\.py`", text)
+    assert named
+    for registry, file in named:
+        name = file.removeprefix("hcbf_gym/").removesuffix("/__init__").replace("/", ".")
+        module = importlib.import_module(f"hcbf_gym.{name}")
+        assert hasattr(module, registry), f"{registry} in {file}.py"
+
+
 def headings(page):
     """The anchors of a page, as the site's generator and code hosts make them."""
     titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
