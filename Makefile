@@ -1,5 +1,5 @@
 # The verbs of CI, for hands.
-.PHONY: install test lint types imports check docs quick
+.PHONY: install test lint types imports check docs quick ci full
 
 install:
 	pip install -c constraints.txt -e ".[test]"
@@ -25,4 +25,10 @@ docs:
 	zensical build --strict
 
 quick:
-	hcbf benchmark --suite all --quick
+	hcbf benchmark --suite course filter verify-programs monte-carlo --quick
+
+ci:
+	.ci/run
+
+full:
+	.ci/full

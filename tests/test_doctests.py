@@ -2,17 +2,30 @@
 
 import doctest
 import importlib
+import re
 from pathlib import Path
 
 import pytest
+from needs import imported, needs
 
 import hcbf_gym
 
 PACKAGE = Path(hcbf_gym.__file__).parent
-SHOWN = sorted(file for file in PACKAGE.rglob("*.py") if ">>>" in file.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("file", SHOWN, ids=lambda file: str(file.relative_to(PACKAGE)))
+def shown(file):
+    """Return the lines of a file that a docstring shows as typed."""
+    return "\n".join(re.findall(r"^ *>>>.*$", file.read_text(encoding="utf-8"), re.MULTILINE))
+
+
+SHOWN = sorted(file for file in PACKAGE.rglob("*.py") if shown(file))
+
+
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(file, marks=needs(*imported(shown(file)))) for file in SHOWN],
+    ids=lambda file: str(file.relative_to(PACKAGE)),
+)
 def test_the_examples_of_a_docstring_do_what_they_show(file):
     names = file.relative_to(PACKAGE.parent).with_suffix("").parts
     module = importlib.import_module(".".join(names).removesuffix(".__init__"))

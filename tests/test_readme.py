@@ -10,6 +10,7 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 import tyro
+from needs import imported, needs
 
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
@@ -56,7 +57,14 @@ def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=needs(*imported("".join(blocks(page, "python")))))
+        for page in sorted((ROOT / "docs").rglob("*.md"))
+    ],
+    ids=lambda page: page.stem,
+)
 def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for scene in blocks(page, "json"):
@@ -130,6 +138,17 @@ def test_every_suite_is_listed():
     assert [name for name in SUITES if f"`{name}`" not in page] == []
 
 
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_every_registry_that_is_named_exists(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    named = re.findall(r"`(\w+)` in `([\w/]+)\.py`", text)
+    assert named
+    for registry, file in named:
+        name = file.removeprefix("hcbf_gym/").removesuffix("/__init__").replace("/", ".")
+        module = importlib.import_module(f"hcbf_gym.{name}")
+        assert hasattr(module, registry), f"{registry} in {file}.py"
+
+
 def headings(page):
     """The anchors of a page, as the site's generator and code hosts make them."""
     titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -145,6 +164,7 @@ def test_every_link_of_the_pages_leads_somewhere():
             assert not anchor or anchor in headings(linked), f"{page.name}: {target}#{anchor}"
 
 
+@needs("cbfpy")  # the suites that publish the tables import it
 def test_every_table_is_that_of_its_results_and_every_result_is_known():
     assert not [str(page) for page, _ in publishing.differing(ROOT)]
     assert {path.stem for path in (ROOT / "docs" / "results").glob("*.json")} <= set(SUITES)

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from needs import remedy
 
 from hcbf_gym.barriers import (
     ConvexPolygon,
@@ -24,7 +25,7 @@ from hcbf_gym.models import (
     Unicycle,
 )
 
-jax = pytest.importorskip("jax")
+jax = pytest.importorskip("jax", reason=remedy("jax"))
 jnp = jax.numpy
 
 from hcbf_gym.barriers import compose  # noqa: E402

@@ -2,7 +2,6 @@
 
 import copy
 import functools
-import os
 import pickle
 import warnings
 from dataclasses import replace
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common import env_checker as sb3_env_checker
 
 import hcbf_gym
 from hcbf_gym import policies, programs, scenarios, wrappers
@@ -68,11 +68,10 @@ def test_gymnasiums_checker_has_nothing_to_say(env_id, make):
 @pytest.mark.parametrize("env_id", ENV_IDS)
 @pytest.mark.parametrize("make", [gym.make, filtered], ids=["bare", "filtered"])
 def test_sb3s_checker_has_nothing_to_say(env_id, make):
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
     env = make(env_id)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        checker.check_env(env)
+        sb3_env_checker.check_env(env)
     others = [str(w.message) for w in caught if not any(s in str(w.message) for s in ABOUT_SPACES)]
     assert others == []
     env.close()
@@ -280,14 +279,12 @@ def test_a_fall_ends_the_episode_without_an_exception_or_a_nan():
 
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
-def test_a_picture_can_be_taken_and_close_is_safe_twice(env_id):
+def test_a_picture_can_be_taken_and_close_is_safe_twice(env_id, request):
+    if env_id == "HCBF-A1Regions-v0":
+        request.getfixturevalue("opengl")
     env = gym.make(env_id, render_mode="rgb_array")
     env.reset(seed=0)
-    try:
-        frame = env.render()
-    except RenderingError as error:
-        assert os.environ.get("CI") != "true", "CI must be able to render"
-        pytest.skip(str(error))
+    frame = env.render()
     assert frame.dtype == np.uint8
     assert frame.ndim == 3
     assert frame.std() > 10.0

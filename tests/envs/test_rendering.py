@@ -71,6 +71,7 @@ def share_of(frame, color):
 
 
 @pytest.mark.physics
+@pytest.mark.usefixtures("opengl")
 def test_a_polygon_is_filled_in_its_ranks_colour():
     for priority in (1, 2):
         env = picture_env(priority)
@@ -94,6 +95,7 @@ def test_of_a_long_way_the_end_is_drawn():
 
 
 @pytest.mark.physics
+@pytest.mark.usefixtures("opengl")
 def test_a_frame_takes_at_most_60_ms_of_processor():
     env = gym.make("HCBF-A1Regions-v0", scenario="random-clutter", render_mode="rgb_array")
     env.reset(seed=1)

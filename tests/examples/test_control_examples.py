@@ -7,8 +7,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-
-pytest.importorskip("jax")
+from needs import needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -20,6 +19,7 @@ def load(name):
     return module
 
 
+@needs("jax")
 def test_a_unicycle_that_turns_towards_a_pillar_never_enters_it():
     unicycle = load("unicycle")
     env = unicycle.make()
@@ -34,6 +34,7 @@ def test_a_unicycle_that_turns_towards_a_pillar_never_enters_it():
         assert moved
 
 
+@needs("jax")
 @pytest.mark.parametrize("kind", ["sync", "async"])
 def test_functions_filter_inside_gymnasiums_vector_environments(kind, monkeypatch):
     monkeypatch.syspath_prepend(EXAMPLES)
@@ -57,6 +58,7 @@ def test_functions_filter_inside_gymnasiums_vector_environments(kind, monkeypatc
     env.close()
 
 
+@needs("jax")
 def test_no_torque_takes_the_pole_beyond_its_limit():
     pendulum = load("pendulum")
     env = pendulum.make()
@@ -107,10 +109,10 @@ def touches(env):
     return any(c.dist < 0.0 and ground not in c.geom for c in env.unwrapped.data.contact)
 
 
+@needs("gymnasium_robotics")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["UMaze", "Medium", "Large"])
 def test_the_ball_never_touches_a_wall_and_arrives(name):
-    pytest.importorskip("gymnasium_robotics")
     point_maze = load("point_maze")
     env = point_maze.make(f"PointMaze_{name}-v3", max_episode_steps=2000)
     touched, arrived = {}, {}
@@ -130,9 +132,9 @@ def test_the_ball_never_touches_a_wall_and_arrives(name):
     assert arrived[True]
 
 
+@needs("gymnasium_robotics")
 @pytest.mark.filterwarnings("ignore")
 def test_the_filters_model_of_the_ball_is_exact():
-    pytest.importorskip("gymnasium_robotics")
     env = load("point_maze").make()
     _, info = env.reset(seed=3)
     env.action_space.seed(3)
@@ -149,6 +151,7 @@ def test_the_page_of_your_own_robot_runs_step_by_step():
     assert np.hypot(names["x"][0] - 3.0, names["x"][1]) < 0.3
 
 
+@needs("jax")
 def test_the_report_says_where_no_input_matters_to_a_function():
     unicycle = load("unicycle")
     env = unicycle.make()

@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-pytest.importorskip("stable_baselines3")
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 

@@ -63,10 +63,8 @@ def test_status_tells_who_pays(name):
     assert program(np.zeros(2), HOPELESS).status is FilterStatus.VIOLATED
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sorted({*NAMES} - {"cbf-qp"}))  # which treats all rows alike
 def test_strict_rows_hold_whatever_the_others_ask(name):
-    if name == "cbf-qp":
-        pytest.skip("treats all rows alike")
     result = programs.make(name)(np.zeros(2), CONFLICT)
     assert result.u[0] == pytest.approx(2.0, abs=1e-9)
     assert result.slack[0] == 0.0

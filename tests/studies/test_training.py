@@ -6,24 +6,22 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecNormalize
 
 from hcbf_gym import policies, wrappers
 from hcbf_gym.errors import HcbfError, InvalidInputError, UnknownNameError
 from hcbf_gym.policies import learned
+from hcbf_gym.studies.training import TrainingConfig, checkpoint, train
+from hcbf_gym.studies.training.callbacks import LearnFromFiltered
+from hcbf_gym.studies.training.config import make_env, make_model, make_vector
+from hcbf_gym.studies.training.export import export
+from hcbf_gym.wrappers import VectorHoldAction
+from hcbf_gym.wrappers.sb3 import Sb3VecEnv
 
-stable_baselines3 = pytest.importorskip("stable_baselines3")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:stable_baselines3")
-
-from stable_baselines3 import PPO, SAC  # noqa: E402
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList  # noqa: E402
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecNormalize  # noqa: E402
-
-from hcbf_gym.studies.training import TrainingConfig, checkpoint, train  # noqa: E402
-from hcbf_gym.studies.training.callbacks import LearnFromFiltered  # noqa: E402
-from hcbf_gym.studies.training.config import make_env, make_model, make_vector  # noqa: E402
-from hcbf_gym.studies.training.export import export  # noqa: E402
-from hcbf_gym.wrappers import VectorHoldAction  # noqa: E402
-from hcbf_gym.wrappers.sb3 import Sb3VecEnv  # noqa: E402
 
 TINY = {
     "ppo": TrainingConfig(steps=4 * 64 * 8, num_envs=8, report_every=512, report_episodes=4),
@@ -58,9 +56,9 @@ def test_sb3_learns_on_it_and_a_reloaded_policy_acts_identically(algorithm, make
     observation = env.reset()
     again = algorithm.load(tmp_path / "model", device="cpu")
     for deterministic in (True, False):
-        stable_baselines3.common.utils.set_random_seed(1)
+        set_random_seed(1)
         action, _ = model.predict(observation, deterministic=deterministic)
-        stable_baselines3.common.utils.set_random_seed(1)
+        set_random_seed(1)
         np.testing.assert_array_equal(
             action, again.predict(observation, deterministic=deterministic)[0]
         )

@@ -3,8 +3,6 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-
-pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
