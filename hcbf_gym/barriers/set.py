@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers import kernels, layout, row_kernels
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.held import held_rows, usual_rows
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.many import Shapes
+from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 

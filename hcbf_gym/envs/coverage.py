@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, Protocol
 
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.envs.disturbances import disturbance_from_dict
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.sensors import Sensors

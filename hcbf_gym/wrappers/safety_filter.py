@@ -272,7 +272,7 @@ def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> Fil
 
 
 def _limits(settings: FilterSettings, plant: Plant) -> list[str]:
-    """Return which of a filter's arguments were not tested on a plant that was, and warn of them."""
+    """Warn of the filter's arguments that were not tested on a plant that was; return them."""
     outside = coverage.of_filter(settings, plant)
     if outside:
         warnings.warn(

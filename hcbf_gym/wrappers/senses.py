@@ -151,9 +151,9 @@ def watch(
         error, alarm = account(memory.input_error, missed, chosen, period / WINDOW, radius)
         if alarm and memory.alarm == 0:
             memory.alarm = INPUT
-        if _strays(memory, model, lag, plants.covariance[i], period, confidence):
-            if memory.alarm == 0:
-                memory.alarm = MOTION
+        strays = _strays(memory, model, lag, plants.covariance[i], period, confidence)
+        if strays and memory.alarm == 0:
+            memory.alarm = MOTION
     for k in range(4):
         memory.body[k] = model[k] + lag[k]
     memory.model[0], memory.model[1] = model[2], model[3]

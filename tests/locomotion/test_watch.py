@@ -41,7 +41,7 @@ def attacked(name, seconds, change=None, **options):
     for _ in range(round(seconds / 0.02)):
         _, _, ended, _, info = env.step(0.6 * attack.wants(attacks.look(env)))
         signals.append([info["slip"], info["lag"], info["lift"]])
-        faults.add(env.unwrapped.walker.fault)
+        faults.add(env.unwrapped.walker.watch.fault)
         if ended:
             break
     env.close()

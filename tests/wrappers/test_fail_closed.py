@@ -95,7 +95,7 @@ def test_a_state_that_is_none_brakes_until_a_good_one_comes(bad, after):
     for _ in range(after):
         assert quietly(env)["status"] <= FilterStatus.RELAXED
     told.append(bad)
-    for step in range(30):
+    for _ in range(30):
         before = np.linalg.norm(env.unwrapped.x[2:])
         report = quietly(env)
         assert report["status"] == FilterStatus.BACKUP
@@ -156,7 +156,7 @@ def test_the_brake_of_the_plant_replaces_the_models():
     told.append(1)
     np.testing.assert_allclose(quietly(env)["u_safe"], [-1.0, 5.0])
     env = filtered(lambda x: None, brake=lambda x: np.full(2, np.nan))
-    with pytest.warns(UserWarning):
+    with pytest.warns(UserWarning, match="not finite"):
         env.reset(seed=0)
     np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
 
@@ -367,7 +367,7 @@ def test_the_native_batch_brakes_the_plants_that_are_not_known_and_no_other(monk
             inner = envs.unwrapped
             estimate = type(inner).estimate.fget
 
-            def broken(env):
+            def broken(env, estimate=estimate):
                 x, t = estimate(env)[:2]
                 return Estimate(np.where(np.arange(4)[:, None] == 2, np.nan, x), t)
 
