@@ -164,9 +164,9 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
     ellipses = regions & (scenes.kind == layout.ELLIPSE)
     return _Asked(
-        left=left.min(axis=1),
-        margin=np.where(caps, kept, 0.0).max(axis=1),
-        moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1),
+        left=left.min(axis=1, initial=np.inf),
+        margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
+        moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
         narrows=(regions.sum(axis=1) > 1) | ellipses.any(axis=1),
     )
 

@@ -182,6 +182,10 @@ class Plant:
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
         choose("on_alarm", self.on_alarm, ON_ALARM)
+        if not isinstance(self.uncertainty, Uncertainty):
+            raise InvalidInputError(
+                f"plant: got uncertainty {self.uncertainty!r}, expected an Uncertainty"
+            )
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 

@@ -37,7 +37,7 @@ class PlanarCore(FilterCore):
         plant: of the environment.
         input_set: U, planar.
         settings: what the user asked.
-        count: N.
+        batch: N of a batch; None for one plant, whose arrays have no leading N.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -45,8 +45,12 @@ class PlanarCore(FilterCore):
             or α₂.
     """
 
-    def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings, count: int):
+    def __init__(
+        self, plant: Plant, input_set: InputSet, settings: FilterSettings, batch: int | None = None
+    ):
+        count = 1 if batch is None else batch
         super().__init__(plant, input_set, settings, count)
+        self._alone = batch is None
         self.program = programs.make_batch(
             settings.program, input_set=input_set, **self.program_options
         )
@@ -106,8 +110,8 @@ class PlanarCore(FilterCore):
             self._find_ways(goal, extent)
         self._fresh[:] = False
         remembered, counted = self._memory.copy(), self._steps.copy()
-        many = np.ndim(estimate.x) == 2
-        u, report = self.step(np.zeros((self.count, 2) if many else 2), barriers, estimate)
+        nothing = np.zeros(2 if self._alone else (self.count, 2))
+        u, report = self.step(nothing, barriers, estimate)
         self._memory[:] = remembered
         self._steps[:] = counted
         told = report["status"] >= programs.FilterStatus.UNSAFE
@@ -125,7 +129,7 @@ class PlanarCore(FilterCore):
         self._take_barriers(barriers)
         if estimate.time is None:
             self._steps += 1.0
-        scene, wanted = self._scene, u_nominal if u_nominal.ndim == 2 else u_nominal[None]
+        scene, wanted = self._scene, u_nominal[None] if self._alone else u_nominal
         work = self._space(scene.kind.shape[1])
         codes = np.empty((2, self.count), dtype=np.int64)
         given = bool(scene.own)
@@ -177,7 +181,7 @@ class PlanarCore(FilterCore):
     def _report(self, u_nominal: Array, flat: Array, codes: Any) -> dict[str, Any]:
         """Return the parts of an answer by their names."""
         report: dict[str, Any] = {"u_nominal": u_nominal}
-        if u_nominal.ndim == 1:
+        if self._alone:
             for name, part in self._parts_of_one:
                 report[name] = flat[part]
             report["status"], report["reason"] = codes[:, 0]
@@ -195,15 +199,14 @@ class PlanarCore(FilterCore):
 
     def _finish(self, report: dict[str, Any], codes: Any) -> None:
         """Solve in rational arithmetic what was left to it; brake as the user asks; warn."""
-        alone = report["u_safe"].ndim == 1
         for i in np.flatnonzero(codes[fused.STATUS] == GRADED):
-            self._solve_exactly(int(i), report, alone)
+            self._solve_exactly(int(i), report)
         if self.plant.brake is not None:
             for i in np.flatnonzero(codes[fused.STATUS] == programs.FilterStatus.BACKUP):
-                at = ... if alone else i
+                at = ... if self._alone else i
                 report["u_safe"][at] = u = self._users_brake(int(i))
                 gap = np.linalg.norm(u - np.atleast_2d(report["u_nominal"])[i])
-                _write(report, "intervention", i, gap, alone)
+                self._write(report, "intervention", int(i), gap)
                 self._memory[i]["input"] = u
         for reason in np.unique(codes[fused.REASON]).tolist():
             self._announcer.say(reason, int((codes[fused.REASON] == reason).sum()))
@@ -212,7 +215,7 @@ class PlanarCore(FilterCore):
         """Return the input of U nearest to the plant's own braking input of plant `i`."""
         return braking_input(self.plant, self.input_set, self._x[i])
 
-    def _solve_exactly(self, i: int, report: dict[str, Any], alone: bool) -> None:
+    def _solve_exactly(self, i: int, report: dict[str, Any]) -> None:
         """Answer for one state in rational arithmetic."""
         scene, (a, rows, priority, _, wanted) = self._scene, self._work
         m = scene.kind.shape[1]
@@ -222,7 +225,7 @@ class PlanarCore(FilterCore):
         moved = bool((np.abs(exact.u - u_nominal) > 0.0).any())
         sensed = scene.kind[i], scene.priority[i], a[i], rows[1, i]
         unsafe = fused.is_unsafe(*sensed, self.uncertainty.body)
-        at = ... if alone else i
+        at = ... if self._alone else i
         report["u_safe"][at] = exact.u
         report["slack"][at], report["delta"][at] = exact.slack[:m], exact.delta[:m]
         for name, value in (
@@ -230,8 +233,15 @@ class PlanarCore(FilterCore):
             ("intervention", np.linalg.norm(exact.u - u_nominal)),
             ("fallbacks", np.float64(exact.fallbacks)),
         ):
-            _write(report, name, i, value, alone)
+            self._write(report, name, i, value)
         self._memory[i]["input"] = exact.u
+
+    def _write(self, report: dict[str, Any], name: str, i: int, value: Any) -> None:
+        """Set the entry of plant `i` in a report."""
+        if self._alone:
+            report[name] = value
+        else:
+            report[name][i] = value
 
     def _take(self, estimate: Estimate) -> None:
         """Note what is known of the plants; what does not fit is a fault of theirs."""
@@ -260,10 +270,11 @@ class PlanarCore(FilterCore):
 
     def _alarms(self, fault: Any) -> Any:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
-        given = np.asarray(fault)
-        fits = given.dtype.kind in "iu" and given.shape in ((), (self.count,))
-        known = fits and ((given == 0) | (given >= FIRST_ALARM) & (given <= max(Reason))).all()
-        return given if known else Reason.STATE
+        given = _numbers(fault)
+        if given is None or given.dtype.kind == "f" or given.shape not in ((), (self.count,)):
+            return Reason.STATE
+        known = (given == 0) | (given >= FIRST_ALARM) & (given <= max(Reason))
+        return given if known.all() else Reason.STATE
 
     def _check_age(self, age: Any) -> None:
         """Note which states are older than the plant allows."""
@@ -368,11 +379,8 @@ def braking_input(plant: Plant, input_set: InputSet, x: Array) -> Array:
 def _copy(target: Array, value: Any) -> bool:
     """Copy a value (N, …) of doubles, or of one plant without the N; tell whether it fits."""
     if type(value) is not np.ndarray or value.dtype is not _DOUBLE:
-        try:
-            value = np.asarray(value)
-        except (TypeError, ValueError):
-            return False
-        if value.dtype.kind not in "fiu":
+        value = _numbers(value)
+        if value is None:
             return False
     if value.shape != target.shape and (len(target) != 1 or value.shape != target.shape[1:]):
         return False
@@ -380,17 +388,17 @@ def _copy(target: Array, value: Any) -> bool:
     return True
 
 
+def _numbers(value: Any) -> Any:
+    """Return a value as an array of real numbers, None where it is none."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        return None
+    return array if array.dtype.kind in "fiu" else None
+
+
 def _same(barriers: Any, listed: tuple[Any, ...]) -> bool:
     """Tell whether a list holds the very barriers that were read last; they never change."""
-    try:
-        return len(barriers) == len(listed) and all(map(operator.is_, barriers, listed))
-    except TypeError:
+    if type(barriers) not in (list, tuple) or len(barriers) != len(listed):
         return False
-
-
-def _write(report: dict[str, Any], name: str, i: Any, value: Any, alone: bool) -> None:
-    """Set one plant's entry of a report."""
-    if alone:
-        report[name] = value
-    else:
-        report[name][i] = value
+    return all(map(operator.is_, barriers, listed))

@@ -267,7 +267,7 @@ def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> Fil
     """Return the core that fits a plant: compiled for the planar double integrator."""
     compiled = settings.solver is None and programs.is_compiled(settings.program)
     if plant.model == DoubleIntegrator() and compiled:
-        return PlanarCore(plant, input_set, settings, 1)
+        return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
 
 

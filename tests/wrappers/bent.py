@@ -275,12 +275,12 @@ def main(count: int) -> None:
     for case, share in SHARES.items():
         inner = case.hypothesis.inner_test
 
-        def judged(*arguments, inner=inner, name=inner.__name__):
-            TOLD[name] += 1
+        def judged(inner=inner, case_name=inner.__name__, **arguments):
+            TOLD[case_name] += 1
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 try:
-                    inner(*arguments)
+                    inner(**arguments)
                 except HcbfError:
                     TOLD["refused"] += 1
 
