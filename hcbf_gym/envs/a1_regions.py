@@ -188,7 +188,6 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
                 legs,
                 foot_radius,
                 timestep,
-                task.CONTROL_DT,
                 a1_plant.watch_bounds(declared, terrain, estimation is not None, mass),
             ),
         )

@@ -16,8 +16,11 @@ from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import STATE_SIZE, Array, state_views
 
-WINDOW = 0.5
-"""Over which the signals are taken [s]."""
+JUDGED = 0.04
+"""Between two judgements [s]: entering compiled code costs more than the ticks themselves."""
+
+WINDOW = 12
+"""Judgements over which the signals are taken."""
 
 FILLED = 0.25
 """Share of the window that must be filled before anything is said."""
@@ -31,12 +34,12 @@ LOOKED = 0.01
 SOUGHT = 0.02
 """How much later than the declared delay torques are looked for [s]."""
 
-LEAST_CHANGE = 1e-2
-"""Mean square of Δ²q̇ [rad²/s²] and of Δτ [N²·m²] below which the joints say nothing of a delay."""
+LEAST = 1e-9
+"""Sum of squares below which joints say nothing of a delay, for they do not move."""
 
-# what a control step adds up; behind these the two sums of each delay
-SLIP, STOOD, LIFT, SWUNG, BENT = range(5)
-SUMS = 5
+# what is added up between two judgements; behind these the two sums of each delay
+SLIP, STOOD, LIFT, BENT = range(4)
+SUMS = 4
 
 
 class Fault(IntEnum):
@@ -65,10 +68,10 @@ class WatchBounds(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the kernel keeps from one control step to the next.
+    """What the kernel keeps from one judgement to the next.
 
     Attributes:
-        sums: (steps, SUMS + 2 delays) of each control step in the window.
+        sums: (WINDOW, SUMS + 2 delays) of each judgement in the window.
         rates: (2, 12) q̇ of the last two ticks [rad/s].
         torque: (1, 12) of the last tick [N·m].
         changes: (delays, 12) Δτ of the last ticks [N·m].
@@ -90,14 +93,13 @@ class Watch:
     shortly, so that a root mean square would tell less. *Lag* is how much better late torques
     explain the swinging joints, ``max_{d > D} c_d − max_{d ≤ D} c_d`` with
     ``c_d = corr(Δ²q̇_k, Δτ_{k−1−d})`` and D the longest declared delay in ticks. *Lift* is the mean
-    acceleration that the controller has learnt to hold the trunk's height. All are taken over
-    `WINDOW`, and 0 until a part of it has passed.
+    acceleration that the controller has learnt to hold the trunk's height. All are taken over the
+    last half second, and 0 until a part of it has passed.
 
     Args:
         legs: lengths of the legs.
         foot_radius: [m].
         timestep: between two ticks [s].
-        period: between two judgements [s].
         bounds: above which a signal is a fault.
     """
 
@@ -106,7 +108,6 @@ class Watch:
         legs: LegGeometry,
         foot_radius: float,
         timestep: float,
-        period: float,
         bounds: WatchBounds,
     ) -> None:
         self.bounds = bounds
@@ -116,10 +117,9 @@ class Watch:
         self._every = max(round(LOOKED / timestep), 1)
         self._declared = round(bounds.delay / timestep)
         delays = self._declared + 1 + max(round(SOUGHT / timestep), 1)
-        steps = round(WINDOW / period)
-        self._stances = np.zeros((round(period / timestep), 4), dtype=np.uint8)
+        self._stances = np.zeros((round(JUDGED / timestep), 4), dtype=np.uint8)
         self._memory = Memory(
-            sums=np.zeros((steps, SUMS + 2 * delays)),
+            sums=np.zeros((WINDOW, SUMS + 2 * delays)),
             rates=np.zeros((2, 12)),
             torque=np.zeros((1, 12)),
             changes=np.zeros((delays, 12)),
@@ -133,7 +133,7 @@ class Watch:
             kept[:] = 0
         self._states: list[Array] = []
         self._torques: list[Array] = []
-        self._steps = 0
+        self._judgements = 0
         self.slip = self.lag = self.lift = 0.0
         self.fault = Fault.NONE
 
@@ -150,34 +150,33 @@ class Watch:
         self._torques.append(torque)
 
     def judge(self, lift: float) -> None:
-        """Bring signals and fault up to date with the ticks since the last call.
+        """Bring signals and fault up to date, if it is time to.
 
         Args:
             lift: the acceleration that the controller has learnt to hold the trunk's height [m/s²].
         """
-        if not self._states:
+        if len(self._states) < len(self._stances):
             return
         states = np.concatenate(self._states).reshape(-1, STATE_SIZE)
         torques = np.concatenate(self._torques).reshape(-1, 12)
-        stances = self._stances[: len(states)]
         self._states, self._torques = [], []
-        row = self._steps % len(self._memory.sums)
-        self._steps += 1
         add_up(
             self._memory,
-            row,
+            self._judgements % WINDOW,
             self._legs,
             self._foot_radius,
             self._settled,
             self._every,
             states,
             torques,
-            stances,
+            self._stances,
             lift,
         )
-        if self._steps < FILLED * len(self._memory.sums):
+        self._judgements += 1
+        if self._judgements < FILLED * WINDOW:
             return
-        self.slip, self.lag, self.lift = signals(self._memory.sums, self._steps, self._declared)
+        sums, declared = self._memory.sums, self._declared
+        self.slip, self.lag, self.lift = signals(sums, self._judgements, declared)
         self.fault = self._judged()
 
     def _judged(self) -> Fault:
@@ -201,7 +200,7 @@ def add_up(
     stances: NDArray[np.uint8],
     lift: float,
 ) -> None:
-    """Put the sums of one control step of n ticks in a row of the memory, and move that on.
+    """Put the sums of n ticks in a row of the memory, and move that on.
 
     Args:
         memory: changed in place.
@@ -237,7 +236,7 @@ def add_up(
 
 @njit(cache=True)
 def _add_slip(
-    sums: Array, legs: np.record, foot_radius: float, vector: Array, standing: NDArray[np.bool_]
+    sums: Array, legs: LegGeometry, foot_radius: float, vector: Array, standing: NDArray[np.bool_]
 ) -> None:
     """Add |v − v_foot| of the feet that stand (4,)."""
     state = state_views(vector)
@@ -255,13 +254,12 @@ def _correlate(sums: Array, rates: Array, changes: Array, first: int) -> None:
     """Add a leg's share of the correlations.
 
     Args:
-        sums: of the control step, changed in place.
+        sums: changed in place.
         rates: (3, 12) q̇ of the last ticks, the present one last [rad/s].
         changes: (delays, 12) Δτ of the ticks before the present one, the oldest first [N·m].
         first: joint of the leg.
     """
     delays = len(changes)
-    sums[SWUNG] += 3.0
     for joint in range(first, first + 3):
         bend = rates[2, joint] - 2.0 * rates[1, joint] + rates[0, joint]
         sums[BENT] += bend * bend
@@ -272,23 +270,22 @@ def _correlate(sums: Array, rates: Array, changes: Array, first: int) -> None:
 
 
 @njit(cache=True)
-def signals(sums: Array, steps: int, declared: int) -> tuple[float, float, float]:
+def signals(sums: Array, judgements: int, declared: int) -> tuple[float, float, float]:
     """Return slip [m/s], lag and lift [m/s²] over the window; see `Watch`.
 
     Args:
-        sums: (window, SUMS + 2 delays).
-        steps: that have passed.
+        sums: (WINDOW, SUMS + 2 delays).
+        judgements: that have passed.
         declared: the longest delay that is declared [ticks].
     """
     total = sums.sum(axis=0)
     delays = (len(total) - SUMS) // 2
     slip = total[SLIP] / max(total[STOOD], 1.0)
-    lift = total[LIFT] / min(steps, len(sums))
-    least = LEAST_CHANGE * max(total[SWUNG], 1.0)
+    lift = total[LIFT] / min(judgements, len(sums))
     early, late = -1.0, -1.0
     for delay in range(delays):
         power = total[SUMS + delays + delay]
-        if total[BENT] < least or power < least:
+        if total[BENT] < LEAST or power < LEAST:
             return slip, 0.0, lift
         correlation = total[SUMS + delay] / np.sqrt(total[BENT] * power)
         if delay <= declared:

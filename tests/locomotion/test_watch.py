@@ -14,13 +14,13 @@ from hcbf_gym.studies.strict import attacks
 
 ROBOT = read_robot()
 LEGS = RobotModel(ROBOT).legs
-TICKS = 10  # of a control step
+TICKS = 20  # between two judgements
 BOUNDS = WatchBounds(slip=0.1, lag=0.2, lift=1.0, delay=0.004)
 STANDING, SWINGING = np.ones(4, dtype=np.uint8), np.zeros(4, dtype=np.uint8)
 
 
 def make_watch() -> Watch:
-    return Watch(LEGS, ROBOT.foot_radius, 0.002, 0.02, BOUNDS)
+    return Watch(LEGS, ROBOT.foot_radius, 0.002, BOUNDS)
 
 
 def at_rest() -> np.ndarray:
@@ -160,7 +160,7 @@ def test_the_compiled_kernel_equals_the_uncompiled_on_recorded_ticks():
         def tick(self, state, torque, stance):
             seen.append((state, torque, stance.copy()))
 
-    walker.watch = Recorder(LEGS, ROBOT.foot_radius, 0.002, 0.02, BOUNDS)
+    walker.watch = Recorder(LEGS, ROBOT.foot_radius, 0.002, BOUNDS)
     for _ in range(15):
         env.step(np.array([2.0, 1.0], dtype=np.float32))
     env.close()
