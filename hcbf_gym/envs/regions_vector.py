@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs import coverage, task
+from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
