@@ -95,13 +95,16 @@ def finite_array(
 
     Args:
         name: the argument's name, for the message.
-        value: anything NumPy can read as numbers.
+        value: real numbers, in an array or in lists of them.
         shape: the expected shape; None stands for any length.
         largest: magnitude of an entry.
 
     Raises:
-        InvalidInputError: on text, ragged lists, another shape, NaN, infinity or larger entries.
+        InvalidInputError: on text, truth values, complex numbers, ragged lists, another shape, NaN,
+            infinity or larger entries.
     """
+    if not _is_real(value):
+        raise InvalidInputError(f"{name}: got {value!r}, expected real numbers")
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -119,6 +122,15 @@ def finite_array(
             f"{name}: got {array.tolist()}, expected numbers between {-largest} and {largest}"
         )
     return array
+
+
+def _is_real(value: Any) -> bool:
+    """Tell whether a value holds neither text nor truth values nor complex numbers."""
+    if isinstance(value, list | tuple):
+        return all(map(_is_real, value))
+    if isinstance(value, np.ndarray | np.generic):
+        return value.dtype.kind in "fiu" or (value.dtype.kind == "O" and _is_real(value.tolist()))
+    return not isinstance(value, bool | str | bytes | complex)
 
 
 def finite_float(

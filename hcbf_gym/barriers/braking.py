@@ -6,8 +6,8 @@ deceleration
 .. math:: D(s) = s\, α_1'(α_1^{-1}(s)),
 
 for the paper's logarithm at most φ₁²φ₂/(φ₃ e), at s = φ₁; for a linear α₁ gain · s, the more the
-faster. For ψ > 0 it asks for less, whatever α₂ is. `docs/rows.md` proves both, and how much more the
-row of a held input asks for.
+faster. For ψ > 0 it asks for less, whatever α₂ is. `docs/rows.md` proves it, and says how much more
+the row of a held input asks for.
 """
 
 from dataclasses import replace

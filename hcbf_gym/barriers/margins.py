@@ -7,12 +7,13 @@ For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
 where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), p the
 position that the row reads, b the body's, P the covariance of the estimated position, and ρ what
-the body reaches beyond its centre. Rows that read the model's own position keep by how much the
-body is nearer than that; as h is convex with ‖∇h‖ ≤ 1, it is no more. The first three parts stand for the reduced-order model, which says that the body moves at the model's
-velocity: a body that moves faster towards the region will get there by k_v e_v more, and one whose
-model has run ahead of it will be drawn after it. A speed limit keeps d_s + k_s ‖e_v‖ + κ √λ [m/s],
-with λ the largest eigenvalue of the covariance of the velocity: a body that does not follow may
-overshoot, too, and one that follows needs little.
+the body reaches beyond its centre. The first three parts stand for the reduced-order model, which
+says that the body moves at the model's velocity: a body that moves faster towards the region will
+get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
+fourth is for rows that read the model's own position: as h is convex with ‖∇h‖ ≤ 1, a body that is
+nearer has no less than that of h. A speed limit keeps d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
+largest eigenvalue of the velocity's covariance: a body that does not follow may overshoot, too, and
+one that follows needs little.
 
 The margin moves. The estimate's part grows at most at the rate
 

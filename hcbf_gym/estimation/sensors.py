@@ -13,6 +13,27 @@ DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
 """The oldest fix [s] that the estimator can still make use of."""
 
+LARGEST = {
+    "rate": 1e4,  # [Hz]
+    "noise": 100.0,  # [m]
+    "drift": 100.0,  # [m]
+    "drift_time": 1e6,  # [s]
+    "yaw": float(np.pi),  # [rad]
+    "tilt": float(np.pi),  # [rad]
+    "orientation_time": 1e6,  # [s]
+    "gyroscope": 10.0,  # [rad/s/√Hz]
+    "accelerometer": 100.0,  # [m/s²/√Hz]
+    "encoder": float(np.pi),  # [rad]
+    "slip": 100.0,  # [m/s]
+    "slip_time": 1e6,  # [s]
+    "delay": MAX_DELAY,
+    "contact": 0.5,
+}
+"""What a number may reach: more is a slip of the pen."""
+
+LEAST = 1e-6
+"""Of a number that must be positive, so that nothing divided by it leaves the finite numbers."""
+
 _POSITIVE = ("rate", "noise", "drift_time", "orientation_time", "slip_time", "slip", "tilt")
 
 
@@ -62,13 +83,9 @@ class Sensors:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            exclusive = field.name in _POSITIVE
-            number = finite_float(field.name, value, minimum=0.0, exclusive=exclusive)
+            least = LEAST if field.name in _POSITIVE else 0.0
+            number = finite_float(field.name, value, minimum=least, maximum=LARGEST[field.name])
             object.__setattr__(self, field.name, number)
-        if self.delay > MAX_DELAY:
-            raise InvalidInputError(
-                f"delay: got {self.delay} s, expected at most {MAX_DELAY} s for a position fix"
-            )
         if self.contact >= 0.5:
             raise InvalidInputError(
                 f"contact: got {self.contact}, expected a probability below 0.5"

@@ -110,7 +110,7 @@ class FilterCore(ABC):
         self._coverage[:] = given
 
     def _fit_alpha1(self, settings: FilterSettings) -> float:
-        """Scale α₁ down to what U can brake, say so, and return the factor: 1 where U can brake all.
+        """Scale α₁ down to what U can brake, and return the factor; say so where it is not 1.
 
         Raises:
             InvalidInputError: if U cannot brake in some direction at all.

@@ -55,7 +55,7 @@ def test_the_filter_asks_for_no_more_than_a_slippery_floor_carries():
 def test_a_torque_that_comes_late_widens_the_speed_limits_margin():
     def speed(delay):
         declared = Randomization(delay=(0.0, delay))
-        known = a1_plant.uncertainty_of(declared, "flat", "point", Box.symmetric(5.0), 1.0)
+        known = a1_plant.uncertainty_of(declared, "flat", 0.0, Box.symmetric(5.0), 1.0)
         return known.speed - a1_plant.UNCERTAINTY.speed - a1_plant.OFF_NOMINAL
 
     assert speed(0.001) == pytest.approx(0.0)
@@ -64,8 +64,8 @@ def test_a_torque_that_comes_late_widens_the_speed_limits_margin():
 
 def test_rough_ground_and_a_range_each_widen_the_margin_on_the_position():
     def distance(declared, terrain):
-        known = a1_plant.uncertainty_of(declared, terrain, "footprint", Box.symmetric(5.0), 1.0)
-        assert known.body == a1_plant.BODY_RADIUS
+        known = a1_plant.uncertainty_of(declared, terrain, 0.46, Box.symmetric(5.0), 1.0)
+        assert known.body == 0.46
         return known.distance - a1_plant.UNCERTAINTY.distance
 
     assert distance(Randomization(start_distance=(0.0, 0.3)), "flat") == 0.0
@@ -75,7 +75,7 @@ def test_rough_ground_and_a_range_each_widen_the_margin_on_the_position():
 
 def test_a_cap_above_the_usual_one_widens_the_margin_on_the_position_and_no_lower_one_does():
     def distance(v_max):
-        known = a1_plant.uncertainty_of(NOMINAL, "flat", "point", Box.symmetric(5.0), v_max)
+        known = a1_plant.uncertainty_of(NOMINAL, "flat", 0.0, Box.symmetric(5.0), v_max)
         return known.distance - a1_plant.UNCERTAINTY.distance
 
     assert distance(0.5) == distance(a1_plant.V_MAX) == 0.0
