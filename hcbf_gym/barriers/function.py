@@ -153,9 +153,7 @@ def _traced(
 
 
 @lru_cache(maxsize=32)
-def _compile_jet(
-    function: Callable[..., Any], shape: tuple[int, ...] | None
-) -> Callable[..., Any]:
+def _compile_jet(function: Callable[..., Any], shape: tuple[int, ...] | None) -> Callable[..., Any]:
     """Return (x, t, packed parameters) → the entries of a `Jet`."""
     jax = import_jax("barriers.Function")
 

@@ -219,11 +219,11 @@ def _rows_kernel(
 
     def kernel(x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
         t = jnp.asarray(t, dtype=x.dtype)
-        own = [parameters[end - f.packed.size : end] for f, end in zip(functions, ends, strict=True)]
+        own = [
+            parameters[end - f.packed.size : end] for f, end in zip(functions, ends, strict=True)
+        ]
         # the barriers keep XLA from fusing rows with each other, which costs time and compilation
-        rows = (
-            row(k, *barrier((x, t, margin[k], rate[k], own[k]))) for k in range(len(functions))
-        )
+        rows = (row(k, *barrier((x, t, margin[k], rate[k], own[k]))) for k in range(len(functions)))
         return [entry for entries in rows for entry in entries]
 
     return kernel

@@ -143,9 +143,7 @@ class GeneralRows:
             reaches = [found[k] for k in range(len(key))]
             priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
             zero, one = margins(key, 0.0), margins(key, 1.0)
-            self._latest = Prepared(
-                key, own, functions, rest, reaches, priority, zero, one - zero
-            )
+            self._latest = Prepared(key, own, functions, rest, reaches, priority, zero, one - zero)
         return self._latest
 
     def _functions(self, barriers: Sequence[Barrier]) -> FunctionRows | SeparateRows | None:

@@ -77,43 +77,32 @@ def links_of(model: ReducedOrderModel) -> Links:
 class LateInputs:
     """Finds barriers whose row misses an input that moves h by a later derivative.
 
-    Each way in which inputs reach a barrier is looked at once.
-
     Args:
         model: ẋ = f(x) + g(x)u.
-        allowed: whether a warning is enough.
     """
 
-    def __init__(self, model: ReducedOrderModel, allowed: bool) -> None:
-        self._model, self._allowed = model, allowed
-        self._links = links_of(model)
-        self._seen: set[bytes] = set()
+    def __init__(self, model: ReducedOrderModel) -> None:
+        self._model, self._links = model, links_of(model)
+        self._late: dict[bytes, bool] = {}
 
-    def check(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> None:
-        """Refuse such barriers, or warn of them in one warning.
+    def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
+        """Return a sentence for each such barrier.
 
         Args:
             barriers: m conditions.
             reaches: (m,) how inputs reach each of them.
-
-        Raises:
-            InvalidInputError: if there is one and late inputs are not allowed.
         """
         found = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()
-            if key in self._seen:
+            if self._late.get(key) is False:
                 continue
             degrees = self._links.degrees(reach.reads)
             late = np.flatnonzero((degrees > 0) & ~reach.inputs)
+            self._late[key] = bool(late.size)
             if late.size:
-                message = self._message(barrier, reach, late, degrees)
-                if not self._allowed:
-                    raise InvalidInputError(f"{message}; {REMEDY}")
-                found.append(message)
-            self._seen.add(key)
-        if found:
-            warnings.warn("; ".join(found) + ": allowed", stacklevel=5)
+                found.append(self._message(barrier, reach, late, degrees))
+        return found
 
     def _message(
         self, barrier: Barrier, reach: Reach, late: NDArray[np.int64], degrees: NDArray[np.int64]
@@ -140,7 +129,11 @@ def check_inputs(
     Raises:
         InvalidInputError: if there is such a barrier, or one that no input reaches.
     """
-    LateInputs(model, allowed).check(barriers, [reach_of(model, b) for b in barriers])
+    found = LateInputs(model).find(barriers, [reach_of(model, barrier) for barrier in barriers])
+    if found and not allowed:
+        raise InvalidInputError(f"{'; '.join(found)}; {REMEDY}")
+    if found:
+        warnings.warn(f"safety filter: {'; '.join(found)}: allowed", stacklevel=4)
 
 
 def reach_of(model: ReducedOrderModel, barrier: Barrier) -> Reach:

@@ -64,7 +64,7 @@ def first_reach(
     gradients = np.where(np.isfinite(gradients), np.abs(gradients), 0.0)
     reads = (gradients > VANISHED * gradients.max(axis=1, keepdims=True)).any(axis=0)
     degree = 0
-    for degree, looks in enumerate(along_inputs, 1):  # noqa: B007
+    for degree, looks in enumerate(along_inputs, 1):
         size = np.where(np.isfinite(looks), np.abs(looks), 0.0)
         inputs = (size > VANISHED).any(axis=0)
         if inputs.any():

@@ -1,5 +1,6 @@
 """What a filter believes of the estimate that it is handed, or why it believes nothing."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,9 +32,7 @@ class Sensed(NamedTuple):
     lag: Array | None
 
 
-def examine(
-    estimate: Estimate, n: int, last_time: float, max_age: float | None
-) -> Sensed | Reason:
+def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None) -> Sensed | Reason:
     """Return what can be believed of an estimate, or why nothing can.
 
     Args:
@@ -85,8 +84,8 @@ def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
 
 def real_number(value: Any) -> float | None:
     """Return `value` as a float if it is one finite real number, or an array of one; else None."""
-    if type(value) is float or type(value) is int:
-        return float(value) if abs(value) < np.inf else None
+    if type(value) is float:
+        return value if math.isfinite(value) else None
     number = real_numbers(value, ())
     number = real_numbers(value, (1,)) if number is None else number
     return None if number is None else float(number.item())

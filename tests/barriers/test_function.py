@@ -134,9 +134,7 @@ def test_64_bit_inside_and_the_users_precision_untouched():
 
 def test_a_function_that_no_input_reaches_is_refused():
     with pytest.raises(InvalidInputError, match="no input"):
-        RowsKernel(
-            SingleIntegrator(), [Function("clock", 1, lambda x, t: 1.0 - t)], ALPHA1, ALPHA2
-        )
+        RowsKernel(SingleIntegrator(), [Function("clock", 1, lambda x, t: 1.0 - t)], ALPHA1, ALPHA2)
 
 
 def test_a_degree_that_falls_at_some_state_is_refused_there():
