@@ -18,6 +18,10 @@ class InvalidInputError(HcbfError, ValueError):
     """An argument, a file or an array was refused before anything was changed."""
 
 
+class UnreachableError(InvalidInputError):
+    """No input of a model reaches a barrier by a derivative that could keep it."""
+
+
 class UnknownNameError(InvalidInputError):
     """A name is not among the registered ones; the message lists them."""
 
@@ -36,6 +40,10 @@ class RenderingError(HcbfError, RuntimeError):
 
 class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
+
+
+UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
+"""What reading an answer of a user's own code raises where it is none."""
 
 
 def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:

@@ -87,7 +87,7 @@ def traced(barrier: Barrier) -> Scalar:
         InvalidInputError: on other barriers.
     """
     if isinstance(barrier, Function):
-        return barrier.function
+        return barrier.of(barrier.packed)
     jnp = import_jax("compose").numpy
     if isinstance(barrier, SpeedLimit):
         v_max = barrier.v_max

@@ -1,5 +1,6 @@
 """From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
 
+import math
 import operator
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -8,17 +9,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
-from hcbf_gym.barriers.function import VANISHED, Function, FunctionRows
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
+from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.shapes import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
-
-_SAMPLES = 16
 
 
 class Prepared(NamedTuple):
@@ -27,8 +29,9 @@ class Prepared(NamedTuple):
     Attributes:
         barriers: m of them.
         own: places of those that are functions.
-        functions: the rows of these, compiled; None if there are none.
-        rest: place, barrier and relative degree of the others.
+        functions: what makes the rows of these; None if there are none.
+        rest: place and barrier of the others.
+        reaches: (m,) how inputs reach each of them.
         priority: (m,).
         least: (m,) what a row keeps by itself: a speed limit's margin.
         share: (m,) how much of a margin on the position a row keeps.
@@ -36,8 +39,9 @@ class Prepared(NamedTuple):
 
     barriers: tuple[Barrier, ...]
     own: list[int]
-    functions: FunctionRows | None
-    rest: list[tuple[int, Barrier, int]]
+    functions: FunctionRows | SeparateRows | None
+    rest: list[tuple[int, Barrier]]
+    reaches: list[Reach]
     priority: NDArray[np.int64]
     least: Array
     share: Array
@@ -57,10 +61,11 @@ class GeneralRows:
     .. math::
         a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
 
-    r is found by looking at sampled states, once for each class of barrier. It is the least order
-    at which *any* input appears: inputs that would appear later are not in the row, so that the
-    filter leaves them free. Where a row's L_g ψ vanishes at a state, its a is set to 0: no
-    input helps or harms there, and b > 0 then counts as a violation.
+    r is found by looking at sampled states, once for each class of barrier that reads the same
+    states. It is the least order at which *any* input appears: inputs that would appear later
+    are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where a
+    row's L_g ψ vanishes at a state, its a is set to 0: no input helps or harms there, and b > 0
+    then counts as a violation.
 
     Args:
         model: ẋ = f(x) + g(x)u.
@@ -68,17 +73,18 @@ class GeneralRows:
         alpha2: α₂, applied to the last ψ.
 
     Attributes:
-        conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter or a
-            function has no finite derivative, small where L_g ψ nearly vanishes, less than 1 at a
-            kink of a function.
+        conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
+            where L_g ψ nearly vanishes, less than 1 at a kink of a function.
+        functions: what was compiled for functions.
 
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
         self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
-        self._degrees: dict[type[Barrier], int] = {}
-        self._function_rows: dict[tuple[Barrier, ...], FunctionRows] = {}
+        self.functions = FunctionCache(model, alpha1, alpha2)
+        self._reaches: dict[tuple[type[Barrier], bytes], Reach] = {}
+        self._somewhere = samples(model)[0][0]
         self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
 
@@ -101,8 +107,8 @@ class GeneralRows:
             margin_rate: (m,) or one number, d margin/dt.
 
         Raises:
-            InvalidInputError: if no input reaches a barrier by the second derivative, or the model
-                has no velocity for a speed limit.
+            InvalidInputError: if no input reaches a barrier by the second derivative, the model has
+                no velocity for a speed limit, or a jet is not made of finite numbers.
         """
         prepared = self.prepare(barriers)
         kept = np.asarray(margin, dtype=np.float64)
@@ -130,24 +136,20 @@ class GeneralRows:
             or any(map(operator.is_not, latest, key))
         ):
             own = [k for k, barrier in enumerate(key) if isinstance(barrier, Function)]
-            rest = [
-                (k, barrier, self.relative_degree(barrier))
-                for k, barrier in enumerate(key)
-                if k not in own
-            ]
-            functions = self._compiled([key[k] for k in own]) if own else None
+            functions = self._functions([key[k] for k in own])
+            rest = [(k, barrier) for k, barrier in enumerate(key) if k not in own]
+            found = {} if functions is None else dict(zip(own, functions.reaches, strict=True))
+            found |= {k: self._reach(barrier) for k, barrier in rest}
+            reaches = [found[k] for k in range(len(key))]
             priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
             zero, one = margins(key, 0.0), margins(key, 1.0)
-            self._latest = Prepared(key, own, functions, rest, priority, zero, one - zero)
+            self._latest = Prepared(key, own, functions, rest, reaches, priority, zero, one - zero)
         return self._latest
 
-    def _compiled(self, functions: Sequence[Barrier]) -> FunctionRows:
-        """Return the rows of functions, compiled when these are first met together."""
-        key = tuple(functions)
-        if key not in self._function_rows:
-            found = [function for function in key if isinstance(function, Function)]
-            self._function_rows[key] = FunctionRows(self.model, found, self.alpha1, self.alpha2)
-        return self._function_rows[key]
+    def _functions(self, barriers: Sequence[Barrier]) -> FunctionRows | SeparateRows | None:
+        """Return what makes the rows of functions, if there are any."""
+        found = [barrier for barrier in barriers if isinstance(barrier, Function)]
+        return self.functions.rows(found) if found else None
 
     def _from_jets(
         self, prepared: Prepared, x: Array, t: float, margin: Array, margin_rate: Array
@@ -158,11 +160,11 @@ class GeneralRows:
         h, last = np.zeros(m), np.zeros(m)
         drift, inputs = self.model.f(x), self.model.g(x)
         kept, growing = margin.tolist(), margin_rate.tolist()
-        for k, barrier, degree in prepared.rest:
-            jet = barrier.jet(x, t)
+        for k, barrier in prepared.rest:
+            jet = _checked(barrier, barrier.jet(x, t), x.size)
             h[k] = jet.h
             psi, gradient, rate = jet.h - kept[k], jet.gradient, jet.rate - growing[k]
-            if degree == 2:
+            if prepared.reaches[k].degree == 2:
                 slope = self.alpha1.derivative(psi)
                 h_dot = float(gradient @ drift) + rate
                 rate = float(jet.gradient_rate @ drift) + jet.rate_rate + slope * rate
@@ -185,34 +187,91 @@ class GeneralRows:
             InvalidInputError: if none has appeared in the second derivative, or the barrier is a
                 speed limit and the model has no velocity.
         """
-        if isinstance(barrier, Function):
-            return int(self._compiled([barrier]).degrees[0])
-        if type(barrier) not in self._degrees:
-            self._degrees[type(barrier)] = self._find_degree(barrier)
-        return self._degrees[type(barrier)]
+        functions = self._functions([barrier])
+        reach = self._reach(barrier) if functions is None else functions.reaches[0]
+        return reach.degree
 
-    def _find_degree(self, barrier: Barrier) -> int:
-        model = self.model
-        if isinstance(barrier, SpeedLimit) and model.velocity_at != 2:
+    def _reach(self, barrier: Barrier) -> Reach:
+        """Return how inputs reach a barrier that gives jets; see `relative_degree`."""
+        if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
             raise InvalidInputError(
-                f"{barrier.name}: got a speed limit for {model}, expected a model with its velocity"
-                " in x[2:4]"
+                f"{barrier.name}: got a speed limit for {self.model}, expected a model with its "
+                "velocity in x[2:4]"
             )
-        states = np.random.default_rng(0).normal(size=(_SAMPLES, model.n))
-        for degree in (1, 2):
-            for x in states:
-                jet, inputs = barrier.jet(x, 0.0), model.g(x)
-                gradient = jet.gradient
-                if degree == 2:
-                    gradient = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ gradient
-                    gradient = gradient + jet.gradient_rate
-                size = np.linalg.norm(gradient) * np.linalg.norm(inputs)
-                if np.abs(gradient @ inputs).max() > VANISHED * size:
-                    return degree
+        jet = _checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
+        key = type(barrier), (jet.gradient != 0.0).tobytes()
+        if key not in self._reaches:
+            self._reaches[key] = reach_by_jets(barrier, self.model)
+        return self._reaches[key]
+
+
+def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
+    """Return barriers as a tuple.
+
+    Raises:
+        InvalidInputError: if they are no sequence of barriers, or their priorities are not the
+            integers from 1 without a gap.
+    """
+    if not isinstance(barriers, Sequence) or not all(isinstance(b, Barrier) for b in barriers):
         raise InvalidInputError(
-            f"{barrier.name}: got a barrier that no input of {model} reaches by its second "
-            "derivative, expected relative degree 1 or 2 (barriers.Function finds higher ones)"
+            f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "
+            "hcbf_gym.barriers.Barrier"
         )
+    priorities = {int(barrier.priority) for barrier in barriers}
+    if priorities != set(range(1, len(priorities) + 1)):
+        raise InvalidInputError(
+            f"barriers: got the priorities {sorted(priorities)}, expected the integers from 1 "
+            "without a gap"
+        )
+    return tuple(barriers)
+
+
+def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
+    """Return what a barrier says of h and its derivatives.
+
+    Args:
+        barrier: which said it.
+        jet: what it said.
+        n: the number of states.
+        finite: whether every number must be finite.
+
+    Raises:
+        InvalidInputError: if it is no jet of a function of n states, or not finite.
+    """
+    if isinstance(jet, Jet) and _is_plain(jet, n):
+        return jet
+    shapes = (), (n,), (n, n), (), (n,), ()
+    try:
+        fields = [np.asarray(field) for field in jet]
+        fits = len(fields) == len(shapes) and all(
+            field.shape == shape and field.dtype.kind in "fiu"
+            for field, shape in zip(fields, shapes, strict=False)
+        )
+    except (TypeError, ValueError):  # nothing to go through, or a ragged list
+        fits = False
+    if not fits:
+        raise InvalidInputError(
+            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers: h, "
+            f"∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
+        )
+    if finite and not all(np.isfinite(field).all() for field in fields):
+        raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
+    return Jet(*jet)
+
+
+def _is_plain(jet: Jet, n: int) -> bool:
+    """Tell in a few microseconds whether a jet is made of finite floats; False may be wrong."""
+    h, gradient, hessian, rate, gradient_rate, rate_rate = jet
+    arrays = gradient, hessian, gradient_rate
+    if not all(type(part) is np.ndarray and part.dtype == np.float64 for part in arrays):
+        return False
+    if not all(isinstance(part, float) for part in (h, rate, rate_rate)):
+        return False
+    if gradient.shape != (n,) or hessian.shape != (n, n) or gradient_rate.shape != (n,):
+        return False
+    sizes = np.vdot(gradient, gradient) + np.vdot(hessian, hessian)
+    sizes += np.vdot(gradient_rate, gradient_rate)
+    return math.isfinite(sizes + abs(h) + abs(rate) + abs(rate_rate))
 
 
 def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:

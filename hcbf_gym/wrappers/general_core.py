@@ -1,27 +1,52 @@
 """The filter of one plant of any model, with any barriers, inputs and solver."""
 
-from typing import Any
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.barriers.general import GeneralRows, check_barriers
+from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, SolverError, finite_array
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.programs import FilterStatus
+from hcbf_gym.programs import FilterResult, FilterStatus
+from hcbf_gym.programs.program import check_rows
+from hcbf_gym.wrappers.backup import Backup
+from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
 from hcbf_gym.wrappers.fused import is_unsafe
 from hcbf_gym.wrappers.monitor import Monitor
 
 
+class Conditions(NamedTuple):
+    """What the rows of one state are made of.
+
+    Attributes:
+        rows: (m,) of them.
+        margin: (m,) what each keeps between h and zero.
+        conditioning: (m,) see `GeneralRows`.
+        unsafe: whether a strict h is below zero, for the whole body where that is known.
+    """
+
+    rows: CbfRows
+    margin: Array
+    conditioning: Array
+    unsafe: bool
+
+
 class GeneralCore(FilterCore):
     """The filter of one plant: usual rows from jets, and a program of any number of inputs.
+
+    Whatever is not finite, misshaped or too old on the way from the plant to the rows makes it
+    brake, see `Backup`, for as long as that lasts; an alarm, if the plant or the user asks for
+    that, until the next reset.
 
     Args:
         plant: of the environment.
@@ -30,7 +55,8 @@ class GeneralCore(FilterCore):
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or guidance is asked for.
+        InvalidInputError: if an option is unknown or out of range, guidance is asked for, or the
+            plant's barriers are no barriers, or leave an input to the policy that moves them later.
     """
 
     def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings):
@@ -47,36 +73,134 @@ class GeneralCore(FilterCore):
         self.uncertainty = kept(plant, settings.margin, held=False)
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
         self._row_settings = RowSettings(self.alpha1, self.alpha2)
-        self._monitor = Monitor(plant.model, plant.period, input_set.radius)
+        self._late = LateInputs(plant.model)
+        self._allows_late, self._said_late = settings.allow_late_inputs, False
+        self._monitor = Monitor(plant.model, plant.period, input_set)
+        self._backup = Backup(plant, input_set)
+        self._last_time, self._alarm = -np.inf, Reason.NONE
+        self._m = 0
+        if not callable(plant.barriers):
+            late = self._check(plant.barriers)
+            if late:
+                raise InvalidInputError(late)
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the plant: a new episode has begun."""
         self._steps[:] = 0.0
+        self._last_time, self._alarm = -np.inf, Reason.NONE
         self._monitor.forget()
+        self._backup.forget()
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
-        """Look at the first state of a new episode, and return what the infos of a reset say."""
-        rows, kept = self._rows(barriers, estimate)
+        """Look at the first state of a new episode, and return what the infos of a reset say.
+
+        Raises:
+            InvalidInputError: if a barrier leaves an input to the policy that moves it later.
+        """
+        reason, sensed = self._sense(estimate)
+        found = None
+        if sensed is not None:
+            self._backup.know(sensed.model)
+            found = self._conditions(barriers, sensed, beginning=True)
+            if found is not None and isinstance(barriers, BarrierSet):
+                self._coverage = np.minimum(self._coverage, self.check_scene(barriers))
         zeros = np.zeros(self.input_set.n_u)
-        status = FilterStatus.UNSAFE if self._outside(rows, barriers) else FilterStatus.NOMINAL
-        slack = np.zeros(rows.b.size)
-        result = programs.FilterResult(zeros, slack, slack.copy(), status, 0)
-        return _report(zeros, result, kept, 0.0, False)
+        if found is None:
+            return self._brake(zeros, zeros, reason or Reason.BARRIERS)
+        if self._alarm and self.brakes_on_alarm:
+            return self._brake(zeros, zeros, self._alarm)
+        status = FilterStatus.UNSAFE if found.unsafe else FilterStatus.NOMINAL
+        slack = np.zeros(found.rows.b.size)
+        result = FilterResult(zeros, slack, slack.copy(), status, 0)
+        return self._report(zeros, result, found, self._alarm)
 
     def step(
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
-        """Filter u* (n_u,), and return u with the report of it."""
-        rows, kept = self._rows(barriers, estimate)
+        """Filter u* (n_u,), and return u with the report of it.
+
+        Raises:
+            InvalidInputError: if u* is not made of n_u finite numbers.
+        """
+        wanted = finite_array("action", u_nominal, (self.input_set.n_u,))
+        reason, sensed = self._sense(estimate)
+        if sensed is None:
+            self._backup.carry_on()
+            self._monitor.skip()
+        else:
+            self._last_time = self._last_time if sensed.time is None else sensed.time
+            self._backup.know(sensed.model)
+            self._raise(self._monitor.observe(sensed.x, sensed.model, sensed.covariance))
+        report = self._filter(wanted, barriers, sensed, reason)
         self._steps += 1.0
-        x = np.asarray(estimate.x, dtype=np.float64)
-        model_error = self._monitor.observe(x)
-        result = self.program(u_nominal, rows)
-        if self._outside(rows, barriers) and result.status < FilterStatus.UNSAFE:
+        u = report["u_safe"].copy()
+        self._backup.apply(u)
+        if sensed is not None:
+            self._monitor.expect(sensed.x, sensed.model, u)
+        return u, report
+
+    def _filter(
+        self, wanted: Array, barriers: Any, sensed: Belief | None, reason: Reason
+    ) -> dict[str, Any]:
+        """Return the report of one step: the program's answer, or the brake."""
+        if sensed is None:
+            return self._brake(wanted, self._backup.input(), reason)
+        if self._alarm and self.brakes_on_alarm:
+            return self._brake(wanted, self._backup.input(), self._alarm)
+        found = self._conditions(barriers, sensed, beginning=False)
+        if found is None:
+            return self._brake(wanted, self._backup.input(), Reason.BARRIERS)
+        result = self._solve(wanted, found.rows)
+        if result is None:
+            return self._brake(wanted, self._backup.input(), Reason.SOLVER)
+        if found.unsafe:
             result = result._replace(status=FilterStatus.UNSAFE)
-        self._monitor.expect(x, result.u)
-        self._announcer.say(self._monitor.alarm)
-        return result.u, _report(u_nominal, result, kept, model_error, self._stands(x, u_nominal))
+        return self._report(wanted, result, found, self._alarm, self._stands(sensed.x, wanted))
+
+    def _sense(self, estimate: Estimate) -> tuple[Reason, Belief | None]:
+        """Return what can be believed of an estimate, or the reason why nothing can."""
+        alarm = alarm_of(estimate)
+        if alarm is None:
+            return Reason.STATE, None
+        self._raise(alarm)
+        known = examine(estimate, self.plant.model.n, self._last_time, self.plant.max_age)
+        return (known, None) if isinstance(known, Reason) else (Reason.NONE, known)
+
+    def _raise(self, alarm: Reason) -> None:
+        """Latch the first alarm of an episode."""
+        if alarm and not self._alarm:
+            self._alarm = alarm
+            self._announcer.say(alarm)
+
+    def _conditions(self, barriers: Any, sensed: Belief, beginning: bool) -> Conditions | None:
+        """Return the rows of the present state; None where there are none to rely on.
+
+        Raises:
+            InvalidInputError: at the beginning of an episode, if a barrier leaves an input to the
+                policy that moves it later.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                late = self._check(barriers)
+                found = self._rows(barriers, sensed)
+            check_rows(found.rows, self.input_set.n_u)
+        except UNREADABLE:
+            return None
+        if late and beginning:
+            raise InvalidInputError(late)
+        if late:
+            self._say_once(late)
+            return None
+        return found
+
+    def _solve(self, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
+        """Return the program's answer; None where no solver has one that is finite."""
+        try:
+            result = self.program(u_nominal, rows)
+        except (SolverError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+        failed = result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all()
+        return None if failed else result
 
     def _stands(self, x: Array, u_nominal: Array) -> bool:
         """Tell whether the plant stands though u* asks it to move, where the model knows v."""
@@ -87,56 +211,89 @@ class GeneralCore(FilterCore):
             np.linalg.norm(x[at : at + 2]) < STANDING and np.linalg.norm(u_nominal) > ASKING
         )
 
-    def _rows(self, barriers: Any, estimate: Estimate) -> tuple[CbfRows, tuple[Array, Array]]:
-        """Return the rows (m,) of the present state, with their margins and conditioning."""
-        x, time = np.asarray(estimate.x, dtype=np.float64), float(np.ravel(self._time(estimate))[0])
+    def _check(self, barriers: Any) -> str:
+        """Refuse what is no list of barriers, and return what is late in it; "" for nothing.
+
+        Raises:
+            InvalidInputError: on other values, or if no input reaches a barrier.
+        """
         if isinstance(barriers, BarrierSet):
-            if self.plant.model != DoubleIntegrator():
+            if self.plant.model != DoubleIntegrator() or len(barriers.kind) != 1:
                 raise InvalidInputError(
-                    f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
-                    "barriers: a set makes rows of the planar double integrator alone"
+                    f"plant: got a BarrierSet of {len(barriers.kind)} scenes with "
+                    f"{self.plant.model}, expected a sequence of barriers: a set makes rows of the "
+                    "planar double integrator alone, and a plant has one scene"
                 )
-            nothing = np.zeros(4) if estimate.lag is None else estimate.lag
-            spread = np.zeros((4, 4)) if estimate.covariance is None else estimate.covariance
+            self._m, own = barriers.kind.shape[1], tuple(barriers.own.values())
+        else:
+            own = check_barriers(barriers)
+            self._m = len(own)
+        late = "; ".join(self._late.find(own, self._rows_of.prepare(own).reaches))
+        if late and self._allows_late:
+            self._say_once(f"{late}: allowed")
+            return ""
+        return f"{late}; {REMEDY}" if late else ""
+
+    def _say_once(self, message: str) -> None:
+        """Warn of inputs that come late, once for all of them."""
+        if not self._said_late:
+            self._said_late = True
+            warnings.warn(f"safety filter: {message}", stacklevel=5)
+
+    def _rows(self, barriers: Any, sensed: Belief) -> Conditions:
+        """Return the rows (m,) of the present state, with their margins and conditioning."""
+        x, time = sensed.x, sensed.time
+        if time is None:
+            time = float(self._steps[0]) * (self.plant.period or 0.0)
+        if isinstance(barriers, BarrierSet):
+            lag = np.zeros(4) if sensed.lag is None else sensed.lag
+            spread = np.zeros((4, 4)) if sensed.covariance is None else sensed.covariance
             now = x[None], np.array([time])
-            model = x if estimate.model is None else np.asarray(estimate.model)
-            state = model[None], nothing[None], spread[None]
-            margin, rate = derive_all(self.uncertainty, barriers, *now, *state)
+            margin, rate = derive_all(
+                self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
+            )
             batch = barriers.rows(*now, self._row_settings, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
-            return rows, (margin[0], np.ones(rows.b.size))
-        kept = self.uncertainty.distance + self.uncertainty.body
-        margin = self._rows_of.prepare(barriers).margins(kept)
-        return self._rows_of(barriers, x, time, margin), (margin, self._rows_of.conditioning)
+            seen = barriers.kind[0], rows.priority, rows.a, rows.h
+            unsafe = bool(is_unsafe(*seen, self.uncertainty.body))
+            return Conditions(rows, margin[0], np.ones(rows.b.size), unsafe)
+        distance = self.uncertainty.distance + self.uncertainty.body
+        margin = self._rows_of.prepare(barriers).margins(distance)
+        rows = self._rows_of(barriers, x, time, margin)
+        unsafe = bool((rows.h[rows.priority == 1] < 0.0).any())
+        return Conditions(rows, margin, self._rows_of.conditioning, unsafe)
 
-    def _outside(self, rows: CbfRows, barriers: Any) -> bool:
-        """Tell whether a strict h is below zero, for the whole body where that is known."""
-        if isinstance(barriers, BarrierSet):
-            now = barriers.kind[0], rows.priority, rows.a, rows.h
-            return bool(is_unsafe(*now, self.uncertainty.body))
-        return bool((rows.h[rows.priority == 1] < 0.0).any())
+    def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
+        """Return the report of a step in which the filter brakes, and say so once."""
+        self._announcer.say(reason)
+        nothing = np.zeros(self._m)
+        rows = CbfRows(np.zeros((self._m, u.size)), nothing, nothing, nothing.astype(np.int64))
+        result = FilterResult(u, nothing, nothing, FilterStatus.BACKUP, 0)
+        return self._report(u_nominal, result, Conditions(rows, nothing, nothing, False), reason)
 
-
-def _report(
-    u_nominal: Array,
-    result: programs.FilterResult,
-    kept: tuple[Array, Array],
-    model_error: float,
-    stands: bool,
-) -> dict[str, Any]:
-    """Return what ``info["safety_filter"]`` says of one call; `kept` as `_rows` returns it."""
-    margin, conditioning = kept
-    return {
-        "u_nominal": u_nominal.copy(),
-        "u_safe": result.u.copy(),
-        "slack": result.slack.copy(),
-        "delta": result.delta.copy(),
-        "margin": margin.copy(),
-        "conditioning": conditioning.copy(),
-        "intervention": np.sqrt((result.u - u_nominal) @ (result.u - u_nominal)),
-        "status": np.float64(result.status),
-        "fallbacks": np.float64(result.fallbacks),
-        "model_error": np.float64(model_error),
-        "reachable": np.float64(0.0),
-        "deadlock": np.float64(stands),
-    }
+    def _report(
+        self,
+        u_nominal: Array,
+        result: FilterResult,
+        found: Conditions,
+        reason: Reason,
+        stands: bool = False,
+    ) -> dict[str, Any]:
+        """Return what ``info["safety_filter"]`` says of one call."""
+        return {
+            "u_nominal": u_nominal.copy(),
+            "u_safe": result.u.copy(),
+            "slack": result.slack.copy(),
+            "delta": result.delta.copy(),
+            "margin": found.margin.copy(),
+            "conditioning": found.conditioning.copy(),
+            "intervention": np.sqrt((result.u - u_nominal) @ (result.u - u_nominal)),
+            "status": np.int64(result.status),
+            "reason": np.int64(reason),
+            "covered": self._coverage[0],
+            "alpha1_scale": self._scale[0],
+            "fallbacks": np.float64(result.fallbacks),
+            "model_error": np.float64(self._monitor.error),
+            "reachable": np.float64(0.0),
+            "deadlock": np.float64(stands),
+        }

@@ -16,10 +16,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.relative_degree import samples
+from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 WINDOW = 0.5
 """τ, over which squared errors are averaged [s]."""
@@ -33,6 +36,20 @@ LEAST_SAMPLES = 10
 """Telling samples since the reset before which no alarm is raised."""
 MOST = 0.5
 """Share of misses above which the alarm is raised."""
+
+STILL = 0.002
+"""Share of what the largest inputs change in τ below which a motion tells nothing."""
+OFF = 0.08
+"""Share of the motion from which on it is another one than the model's."""
+APART = 0.6
+"""By how much of T (ẋ' − ẋ) two ways to integrate differ: one half for Euler's, and rounding."""
+IN_A_ROW = 3
+"""Samples in a row at which the motion must be off."""
+CONFIDENCE = 3.0
+"""κ, standard deviations of the state that explain what is missed."""
+
+_ROUNDING = 1e-9
+_WRAPPED = 0.5  # how near to a whole turn a jump must be to be one [rad]
 
 ERROR, MISSED, SAMPLES = range(3)
 """Columns of what is remembered: E, the share of misses, and the samples that tell."""
@@ -61,43 +78,155 @@ def account(
 
 
 class Monitor:
-    """The same for one plant of any model.
+    r"""Whether one plant of any model does what was chosen, and moves as its state says.
+
+    Two channels. The *input*: Δu = g⁺(x' − step(x, u, T)) / T is accounted for as above.
+
+    The *motion*: what no input explains. With û = u + Δu, the input that seems to have arrived,
+    and Π = I − g g⁺, the part of the state that no input reaches within one period,
+
+    .. math::
+        r ← (1 − T/τ) r + Π (x' − \text{step}(x, û, T)), \qquad m ← (1 − T/τ) m + Π (x' − x),
+
+    and m' likewise for the step that the model expects. The alarm is raised where at `IN_A_ROW`
+    samples
+
+    .. math::
+        ‖r‖ > \text{REST} + \text{OFF} · \max(‖m‖, ‖m'‖) + c + κ \sqrt{\text{tr}(Π P Π)}.
+
+    REST is `STILL` of what the largest inputs change in τ, P the covariance of the state, and
+    c ← (1 − T/τ) c + .6 T ‖Π(ẋ' − ẋ)‖ what two ways to integrate over one period can be apart.
+    A state that an input drives at once and that drives no other, such as the position of a robot
+    that takes velocities, belongs to the motion, too.
 
     Args:
         model: ẋ = f(x) + g(x)u.
         period: T [s]; None means that nothing can be expected of the next state.
-        radius: the largest norm of an input.
+        input_set: U.
     """
 
-    def __init__(self, model: ReducedOrderModel, period: float | None, radius: float):
-        self._model, self._period, self._radius = model, period, radius
+    def __init__(self, model: ReducedOrderModel, period: float | None, input_set: InputSet):
+        self._model, self._period, self._radius = model, period, input_set.radius
+        largest = np.full(model.n_u, input_set.radius)
+        self._largest = (
+            np.maximum(-input_set.low, input_set.high) if isinstance(input_set, Box) else largest
+        )
+        self._steered = ~_driven_alone(model)
         self.memory = np.zeros(3)
-        self.alarm = Reason.NONE
-        self._expected: tuple[Array, Array, Array] | None = None
-        self._g = self._to_input = np.empty((0, 0))
+        self._inverses: list[tuple[Array, Array]] = []
+        self.forget()
 
     def forget(self) -> None:
         """Start a new episode."""
         self.memory[:] = 0.0
-        self.alarm = Reason.NONE
-        self._expected = None
+        self._last: tuple[Array, Array, Array] | None = None
+        self._sums = np.zeros((3, self._model.n))  # r, m and m'
+        self._change, self._in_a_row = 0.0, 0
 
-    def expect(self, x: Array, u: Array) -> None:
-        """Note what the model makes of the state x (n,) under the chosen input u (n_u,)."""
+    def skip(self) -> None:
+        """Expect nothing of the next state, as the present one is not known."""
+        self._last = None
+
+    def expect(self, x: Array, model: Array, u: Array) -> None:
+        """Note the states (n,) of the plant and of its model, and the input (n_u,) chosen now."""
         if self._period is not None:
-            after = self._model.step(x, u, self._period)
-            self._expected = after, self._model.g(x), u
+            self._last = x, model, u
 
-    def observe(self, x: Array) -> float:
-        """Account for the state x (n,) that came, and return the model error [unit of u]."""
-        if self._expected is None or self._period is None:
-            return float(np.sqrt(self.memory[ERROR]))
-        expected, g, u = self._expected
-        if not np.array_equal(g, self._g):  # of most models it is constant
-            self._g, self._to_input = g.copy(), np.linalg.pinv(g)
-        miss = self._to_input @ (x - expected) / self._period
-        rate = self._period / WINDOW
-        error, missed = account(self.memory, float(miss @ miss), float(u @ u), rate, self._radius)
-        if missed and self.alarm == Reason.NONE:
-            self.alarm = Reason.INPUT
-        return error
+    @property
+    def error(self) -> float:
+        """How far the plant's response is from the chosen input [unit of u]."""
+        return float(np.sqrt(self.memory[ERROR]))
+
+    def observe(self, x: Array, model: Array, covariance: Array | None) -> Reason:
+        """Account for what came of the last input, and return the alarm that this raises.
+
+        Args:
+            x: (n,) state of the plant.
+            model: (n,) the reduced-order model's own state; x where there is no other.
+            covariance: (n, n) of x; None where it is the truth.
+        """
+        if self._last is None or self._period is None:
+            return Reason.NONE
+        last, last_model, u = self._last
+        with np.errstate(all="ignore"):
+            spread = covariance if model is x else None
+            input_missed = self._input_missed(last_model, model, u, spread)
+            motion_missed = self._motion_missed(last, x, u, covariance)
+        if input_missed:
+            return Reason.INPUT
+        return Reason.MOTION if motion_missed else Reason.NONE
+
+    def _input_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
+        """Account for Δu, where the state's noise does not hide it; tell whether that alarms."""
+        period = self._period or 1.0
+        g = self._model.g(last)
+        to_input = self._inverse(g)
+        off = to_input @ _missed(x, self._model.step(last, u, period)) / period
+        error, chosen = float(off @ off), float(u @ u)
+        if not np.isfinite(error):
+            return False
+        if covariance is not None:
+            noise = 2.0 * CONFIDENCE**2 * np.trace(to_input @ covariance @ to_input.T)
+            chosen *= float(SHARE**2 * chosen > noise / period**2)
+        _, missed = account(self.memory, error, chosen, period / WINDOW, self._radius)
+        return bool(missed)
+
+    def _motion_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
+        """Account for what no input explains, and tell whether that alarms."""
+        model, period = self._model, self._period or 1.0
+        g = model.g(last)
+        steered = g * self._steered[:, None]
+        to_input = self._inverse(steered)
+        unreached = np.eye(model.n) - steered @ to_input
+        expected = model.step(last, u, period)
+        off = to_input @ _missed(x, expected) / period
+        arrived = u + np.clip(off, -2.0 * self._largest, 2.0 * self._largest)
+        if np.abs(arrived - u).max() > _ROUNDING * self._radius:
+            expected = model.step(last, arrived, period)
+        missed, meant = _missed(x, expected), expected - last
+        turned = model.f(x) + model.g(x) @ arrived - model.f(last) - g @ arrived
+        new = np.array([missed, meant + missed, meant]) @ unreached.T
+        change = float(np.linalg.norm(unreached @ turned))
+        if not np.isfinite(new).all() or not np.isfinite(change):
+            return False
+        fade = max(0.0, 1.0 - period / WINDOW)
+        self._sums = fade * self._sums + new
+        self._change = fade * self._change + APART * period * change
+        off, moved, expected_move = np.linalg.norm(self._sums, axis=1).tolist()
+        bound = STILL * WINDOW * float(np.linalg.norm(g * self._largest))
+        bound += OFF * max(moved, expected_move) + self._change + _ROUNDING * np.abs(x).max()
+        if covariance is not None:
+            bound += CONFIDENCE * np.sqrt(np.trace(unreached @ covariance @ unreached.T))
+        self._in_a_row = self._in_a_row + 1 if off > bound else 0
+        return self._in_a_row >= IN_A_ROW
+
+    def _inverse(self, g: Array) -> Array:
+        """Return g⁺ (n_u, n), computed anew only where g has changed: mostly it is constant."""
+        for known, inverse in self._inverses:
+            if np.array_equal(known, g):
+                return inverse
+        inverse: Array = np.linalg.pinv(g)
+        self._inverses = [(g.copy(), inverse), *self._inverses[:1]]
+        return inverse
+
+
+def _missed(x: Array, expected: Array) -> Array:
+    """Return x − expected (n,), without the whole turn of an angle that is wrapped."""
+    missed = x - expected
+    turn = 2.0 * np.pi * np.sign(missed)
+    return np.where(np.abs(missed - turn) < _WRAPPED, missed - turn, missed)
+
+
+def _driven_alone(model: ReducedOrderModel) -> Mask:
+    """Return (n,) which states an input drives at once, with no drift in them or from them."""
+    states, _ = samples(model)
+    driven = np.zeros(model.n, dtype=np.bool_)
+    drifts = np.zeros(model.n, dtype=np.bool_)
+    for x in states:
+        f = model.f(x)
+        driven |= (model.g(x) != 0.0).any(axis=1)
+        drifts |= f != 0.0
+        for k in range(model.n):
+            moved = x + 0.1 * (np.arange(model.n) == k)
+            drifts[k] |= bool((model.f(moved) != f).any())
+    return driven & ~drifts

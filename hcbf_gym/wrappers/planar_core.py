@@ -1,5 +1,6 @@
 """The filter of N planar double integrators: one compiled call a step."""
 
+import contextlib
 import operator
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,27 +8,33 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array
+from hcbf_gym.errors import (
+    UNREADABLE,
+    InvalidInputError,
+    UnreachableError,
+    check_options,
+    choose,
+    finite_array,
+)
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.programs.exact.program import filter_exactly
 from hcbf_gym.programs.planar.cascade import GRADED
 from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
 from hcbf_gym.wrappers import fused, senses
+from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
 
 _PER_PLANT = ("margin", "intervention", "fallbacks", "model_error", "reachable", "deadlock")
 _DOUBLE = np.dtype(np.float64)
-
-UNREADABLE = (InvalidInputError, ArithmeticError, AttributeError, IndexError, TypeError, ValueError)
-"""What reading a user's own barrier raises where its answer is none."""
 
 
 class PlanarCore(FilterCore):
@@ -90,8 +97,10 @@ class PlanarCore(FilterCore):
         self._parts_of_one: tuple[tuple[str, Any], ...] = ()
         self._scene = BarrierSet([()] * count)
         self._listed: tuple[Any, ...] = ()
+        self._checked: tuple[Any, ...] = ()
         if not callable(plant.barriers):
             self._read_barriers(plant.barriers)
+            self._check_inputs()
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
@@ -103,6 +112,8 @@ class PlanarCore(FilterCore):
         """Look at the first states of new episodes, and return what the infos of a reset say."""
         self._take(estimate)
         self._take_barriers(barriers)
+        with contextlib.suppress(UnreachableError):  # its rows brake
+            self._check_inputs()
         fresh = self._fresh
         told = self.check_scene(self._scene.of(fresh))
         self._coverage[fresh] = np.where(told == Coverage.OUTSIDE, told, self._coverage[fresh])
@@ -159,6 +170,18 @@ class PlanarCore(FilterCore):
         if said == fused.ASKS:
             self._finish(report, codes)
         return report["u_safe"], report
+
+    def _check_inputs(self) -> None:
+        """Refuse users' own barriers whose rows miss an input that moves them later.
+
+        Raises:
+            InvalidInputError: if there is one, and late inputs are not allowed.
+            UnreachableError: if no input reaches a barrier.
+        """
+        own = tuple(self._scene.own.values())
+        if not _same(own, self._checked):
+            check_inputs(self.plant.model, own, self.settings.allow_late_inputs)
+            self._checked = own
 
     def _find_ways(self, goal: Any, extent: Any) -> None:
         """Let guidance look at the scenes that begin."""
@@ -250,7 +273,8 @@ class PlanarCore(FilterCore):
         if estimate.time is None:
             self._t[:] = self._time(estimate)
         else:
-            sound &= _copy(self._t, estimate.time)
+            self._t[:] = -np.inf  # what is no time does not go on
+            _copy(self._t, estimate.time)
         if estimate.model is None:
             self._model[:] = self._x
         else:
@@ -270,17 +294,16 @@ class PlanarCore(FilterCore):
 
     def _alarms(self, fault: Any) -> Any:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
-        given = _numbers(fault)
-        if given is None or given.dtype.kind == "f" or given.shape not in ((), (self.count,)):
+        alarms = np.zeros(self.count)
+        if not _copy(alarms, fault) or not np.isin(alarms, KNOWN_FAULTS).all():
             return Reason.STATE
-        known = (given == 0) | (given >= FIRST_ALARM) & (given <= max(Reason))
-        return given if known.all() else Reason.STATE
+        return alarms
 
     def _check_age(self, age: Any) -> None:
         """Note which states are older than the plant allows."""
         ages, most = np.zeros(self.count), self.plant.max_age
         if not _copy(ages, age) or not (ages >= 0.0).all():
-            self._fault[:] = Reason.STATE
+            self._fault[:] = Reason.AGE
         elif most is not None:
             self._fault[ages > most] = Reason.AGE
 
@@ -377,24 +400,15 @@ def braking_input(plant: Plant, input_set: InputSet, x: Array) -> Array:
 
 
 def _copy(target: Array, value: Any) -> bool:
-    """Copy a value (N, …) of doubles, or of one plant without the N; tell whether it fits."""
+    """Copy a value (N, …), or of one plant without the N; tell whether it is made of numbers."""
+    shapes = (target.shape,) if len(target) != 1 else (target.shape, target.shape[1:])
     if type(value) is not np.ndarray or value.dtype is not _DOUBLE:
-        value = _numbers(value)
-        if value is None:
-            return False
-    if value.shape != target.shape and (len(target) != 1 or value.shape != target.shape[1:]):
+        found = (real_numbers(value, shape) for shape in shapes)
+        value = next((numbers for numbers in found if numbers is not None), None)
+    if value is None or value.shape not in shapes:
         return False
     target[...] = value
     return True
-
-
-def _numbers(value: Any) -> Any:
-    """Return a value as an array of real numbers, None where it is none."""
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError):
-        return None
-    return array if array.dtype.kind in "fiu" else None
 
 
 def _same(barriers: Any, listed: tuple[Any, ...]) -> bool:

@@ -85,6 +85,8 @@ def look(memory: np.record, plants: Sensed, i: int, period: float) -> int:
     x, t = plants.x[i], plants.t[i]
     if reason == 0 and not _is_sound(plants, i):
         reason = STATE
+    if reason == 0 and not np.isfinite(t):
+        reason = CLOCK
     if reason == 0 and memory.known and t <= memory.time and (period > 0.0 or t != 0.0):
         reason = CLOCK
     if reason == 0:
@@ -108,7 +110,7 @@ def look(memory: np.record, plants: Sensed, i: int, period: float) -> int:
 @njit(cache=True, error_model="numpy")
 def _is_sound(plants: Sensed, i: int) -> bool:
     """Tell whether all that is said of a plant is finite, and its covariance may be one."""
-    sound = np.isfinite(plants.t[i])
+    sound = True
     for k in range(4):
         sound &= np.isfinite(plants.x[i, k] + plants.model[i, k] + plants.lag[i, k])
     total, p = 0.0, plants.covariance[i]

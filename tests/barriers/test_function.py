@@ -29,7 +29,7 @@ jax = pytest.importorskip("jax", reason=remedy("jax"))
 jnp = jax.numpy
 
 from hcbf_gym.barriers import compose  # noqa: E402
-from hcbf_gym.barriers.function import FunctionRows  # noqa: E402
+from hcbf_gym.barriers.function_rows import RowsKernel  # noqa: E402
 
 ALPHA1, ALPHA2 = LogClassK(), LinearClassK(2.0)
 SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -135,9 +135,7 @@ def test_64_bit_inside_and_the_users_precision_untouched():
 
 def test_a_function_that_no_input_reaches_is_refused():
     with pytest.raises(InvalidInputError, match="no input"):
-        FunctionRows(
-            SingleIntegrator(), [Function("clock", 1, lambda x, t: 1.0 - t)], ALPHA1, ALPHA2
-        )
+        RowsKernel(SingleIntegrator(), [Function("clock", 1, lambda x, t: 1.0 - t)], ALPHA1, ALPHA2)
 
 
 def test_a_degree_that_falls_at_some_state_is_refused_there():
@@ -149,7 +147,7 @@ def test_a_degree_that_falls_at_some_state_is_refused_there():
         make([h], np.array([25.0, 0.0, 1.0, 0.0]))
 
 
-def test_vanishing_gradients_and_kinks_are_reported_and_not_amplified():
+def test_vanishing_gradients_and_kinks_are_reported_and_missing_ones_leave_no_row():
     parts = Disc("a", 1, center=(1.0, 0.0), radius=0.5), Disc("b", 1, center=(-1.0, 0.0))
     model, make = SingleIntegrator(), GeneralRows(SingleIntegrator(), ALPHA1, ALPHA2)
     kink = Function("nearest", 1, compose.minimum(*(Disc(d.name, 1, d.center, 0.5) for d in parts)))
@@ -158,9 +156,10 @@ def test_vanishing_gradients_and_kinks_are_reported_and_not_amplified():
     rows = make((kink, flat, sharp), np.zeros(model.n))
     assert make.conditioning[0] < 0.5
     np.testing.assert_array_equal(make.conditioning[1:], 0.0)
-    np.testing.assert_array_equal(rows.a[1:], 0.0)
-    assert np.isfinite(rows.b).all()
-    assert (rows.b[1:] > 0.0).all()  # inside, and no input helps: the program says VIOLATED
+    np.testing.assert_array_equal(rows.a[1], 0.0)
+    assert rows.b[1] > 0.0  # inside, and no input helps: the program says VIOLATED
+    assert np.isnan(rows.a[2]).all()  # there is no derivative: the filter has to brake
+    assert np.isnan(rows.b[2])
     make((kink, flat, sharp), np.array([0.4, 0.3]))
     assert (make.conditioning > 0.2).all()
 
@@ -207,7 +206,7 @@ def test_a_model_in_numpy_is_refused_under_a_function_of_degree_2():
         lambda x: np.array([x[1], np.sin(x[0])]), lambda x: np.array([[0.0], [1.0]]), n=2, n_u=1
     )
     with pytest.raises(InvalidInputError, match=r"expected jax\.numpy"):
-        FunctionRows(model, [Function("h", 1, lambda x, t: x[0])], ALPHA1, ALPHA2)
+        RowsKernel(model, [Function("h", 1, lambda x, t: x[0])], ALPHA1, ALPHA2)
 
 
 def test_a_missing_jax_is_named_before_work_starts(monkeypatch):

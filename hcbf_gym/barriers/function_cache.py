@@ -1,0 +1,100 @@
+"""Which rows of functions are compiled, and for how long that is kept."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.function_rows import FunctionRows, RowsKernel
+from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+Array = NDArray[np.float64]
+
+MOST = 8
+"""Tuples of functions that are compiled together."""
+
+
+class FunctionCache:
+    """Compiles the first `MOST` tuples of functions that it meets, and holds no others.
+
+    The functions of a later tuple that stand in one of these are compiled one by one: what a sensor
+    sees may change in number. Functions that are new again are evaluated without compiling,
+    which is slow, and a warning says once how to avoid it.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        alpha1: α₁.
+        alpha2: α₂.
+    """
+
+    def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
+        self._of = model, alpha1, alpha2
+        self.together: dict[tuple[Any, ...], RowsKernel] = {}
+        self.alone: dict[Any, RowsKernel] = {}
+        self._warned = False
+
+    def rows(self, functions: Sequence[Function]) -> "FunctionRows | SeparateRows":
+        """Return what makes the rows of m ≥ 1 functions.
+
+        Raises:
+            InvalidInputError: if no input reaches a function, or it cannot be differentiated.
+        """
+        model, alpha1, alpha2 = self._of
+        key = tuple(function.signature for function in functions)
+        if key not in self.together and len(self.together) < MOST:
+            self.together[key] = RowsKernel(model, functions, alpha1, alpha2)
+        if key in self.together:
+            return FunctionRows(self.together[key], functions)
+        return SeparateRows([FunctionRows(self._one(f), [f]) for f in functions])
+
+    def _one(self, function: Function) -> RowsKernel:
+        """Return the rows of one function of a tuple that is not compiled together."""
+        model, alpha1, alpha2 = self._of
+        known = self.alone.get(function.signature)
+        if known is not None:
+            return known
+        kept = any(function.signature in key for key in self.together)
+        kernel = RowsKernel(model, [function], alpha1, alpha2, compiled=kept)
+        if kept:
+            self.alone[function.signature] = kernel
+        elif not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{function.name}: got yet another function after {MOST} that were compiled; from "
+                "now on such rows are evaluated without compiling, a hundred times slower; "
+                "expected the same function object in every step: pass what changes as an "
+                "argument, barriers.Function(name, priority, h, parameters=p) with h(x, t, p)",
+                stacklevel=6,
+            )
+        return kernel
+
+
+class SeparateRows:
+    """The rows of m functions, each evaluated by itself.
+
+    Args:
+        parts: m of them.
+    """
+
+    def __init__(self, parts: Sequence[FunctionRows]) -> None:
+        self._parts = parts
+        self.reaches: list[Reach] = [part.reaches[0] for part in parts]
+
+    def __call__(
+        self, x: Array, t: Any, margin: Array, margin_rate: Array
+    ) -> tuple[CbfRows, Array]:
+        """Return the rows and their conditioning; see `FunctionRows`."""
+        each = [
+            part(x, t, margin[k : k + 1], margin_rate[k : k + 1])
+            for k, part in enumerate(self._parts)
+        ]
+        fields = zip(*(rows for rows, _ in each), strict=True)
+        axis = x.ndim - 1
+        rows = CbfRows(*(np.concatenate(field, axis) for field in fields))
+        return rows, np.concatenate([conditioning for _, conditioning in each], axis)

@@ -1,0 +1,267 @@
+"""The rows of users' functions, compiled together, by automatic differentiation."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.function import Function, Scalar
+from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samples
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.autodiff import compile64, import_jax, run64
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+Array = NDArray[np.float64]
+
+_PROBE = 1e-6  # how far to both sides a kink is looked for, relative to 1 + |x|
+_KINK = 1e-2  # least relative turn that counts as one; curvature and rounding stay below
+
+
+class RowsKernel:
+    r"""The rows of m functions for one model, whatever their parameters are.
+
+    With r the relative degree, :math:`ψ_0 = h − \text{margin}` and
+    :math:`ψ_k = L_f ψ_{k−1} + ∂ψ_{k−1}/∂t + α_1(ψ_{k−1})` for 0 < k < r, the row is
+    :math:`a = L_g ψ_{r−1}`, :math:`b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t`.
+
+    The relative degree is the least r at which L_g ψ differs from 0 at a sampled state. Every call
+    checks that no input appears earlier. Where L_g ψ vanishes at a state, a is 0; b then says
+    that the row is violated unless it holds whatever the input is. Where a derivative is not
+    finite, the row is not either.
+
+    Args:
+        model: ẋ = f(x) + g(x)u, with f and g in jax.numpy (the models of this package are).
+        functions: m ≥ 1 conditions.
+        alpha1: α₁, applied to every ψ but the last.
+        alpha2: α₂, applied to the last ψ.
+        compiled: whether JAX compiles the rows, which takes half a second; without it a call
+            takes some hundred times as long.
+
+    Raises:
+        InvalidInputError: if no input reaches a function, or f, g or h cannot be differentiated.
+
+    Attributes:
+        reaches: how inputs reach each of the functions.
+    """
+
+    def __init__(
+        self,
+        model: ReducedOrderModel,
+        functions: Sequence[Function],
+        alpha1: ClassK,
+        alpha2: ClassK,
+        compiled: bool = True,
+    ) -> None:
+        self.model = model
+        self.reaches = [reach_of_function(model, function) for function in functions]
+        alphas = _traced_class_k(alpha1), _traced_class_k(alpha2)
+        kernel = _rows_kernel(model, functions, self.reaches, alphas)
+        jax, wrap = import_jax("barriers.Function"), compile64 if compiled else run64
+        many = jax.vmap(kernel, (0, 0, None, None, None))
+        self.one = wrap(_packed(kernel, model.n, len(functions)))
+        self.many = wrap(lambda *inputs: jax.numpy.stack(many(*inputs)))
+
+
+class FunctionRows:
+    """The rows of m functions with their parameters.
+
+    Args:
+        kernel: made for functions of the same signatures.
+        functions: m ≥ 1 conditions.
+    """
+
+    def __init__(self, kernel: RowsKernel, functions: Sequence[Function]) -> None:
+        self._kernel, self._functions = kernel, tuple(functions)
+        self.reaches = kernel.reaches
+        self._parameters = np.concatenate([function.packed for function in functions])
+        self._priority = np.array([f.priority for f in self._functions], dtype=np.int64)
+
+    def __call__(
+        self, x: Array, t: Any, margin: Array, margin_rate: Array
+    ) -> tuple[CbfRows, Array]:
+        """Return the rows of one state x (n,), or of N states (N, n), and their conditioning.
+
+        Args:
+            x: (n,) or (N, n) states.
+            t: time [s]; (N,) for N states.
+            margin: (m,) what each row keeps between h and zero.
+            margin_rate: (m,) d margin/dt.
+
+        Returns:
+            The rows and (…, m) numbers from 0 to 1: 0 where a row does not depend on the input or
+            is not finite, less than 1 where L_g ψ is small or turns at a kink of h.
+
+        Raises:
+            InvalidInputError: if h is not finite, or an input appears below the relative degree.
+        """
+        m, n_u = len(self._functions), self._kernel.model.n_u
+        if x.ndim == 1:
+            inputs = np.concatenate((x, (t,), margin, margin_rate, self._parameters))
+            out = np.asarray(self._kernel.one(inputs))
+        else:
+            out = np.asarray(self._kernel.many(x, t, margin, margin_rate, self._parameters))
+            out = np.moveaxis(out.reshape(m, n_u + 5, len(x)), -1, 0)
+        a, b, h = out[..., :n_u], out[..., n_u], out[..., n_u + 1]
+        early = out[..., n_u + 4]
+        if not early.max() <= VANISHED:
+            self._refuse(h, early)
+        priority = self._priority
+        if x.ndim == 2:
+            priority = np.broadcast_to(priority, b.shape)
+        return CbfRows(a, b, h, priority, out[..., n_u + 2]), out[..., n_u + 3]
+
+    def _refuse(self, h: Array, early: Array) -> None:
+        """Raise the error that says which function is wrong."""
+        for k, function in enumerate(self._functions):
+            if not np.isfinite(h[..., k]).all():
+                raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
+            if (early[..., k] > VANISHED).any():
+                raise InvalidInputError(
+                    f"{function.name}: got an input in a derivative below the relative degree "
+                    f"{self.reaches[k].degree} of all sampled states, expected one degree "
+                    "everywhere"
+                )
+
+
+def reach_of_function(model: ReducedOrderModel, function: Function) -> Reach:
+    """Return how inputs reach a function, by any derivative.
+
+    Raises:
+        InvalidInputError: if none does.
+    """
+    jax, h = import_jax("barriers.Function"), function.traced
+    states, times = samples(model)
+
+    def at_samples(derivative: Callable[[Any, Any], Any]) -> Array:
+        return np.array(run64(jax.vmap(derivative))(states, times))
+
+    def levels() -> Iterator[Array]:
+        psi: Scalar = h
+        for _ in range(model.n):
+            yield at_samples(_along_inputs(model, psi)).T
+            psi = _lie(model, psi)
+
+    return first_reach(function, model, at_samples(jax.grad(h)), levels())
+
+
+def _lie(model: ReducedOrderModel, h: Scalar) -> Scalar:
+    """Return L_f h + ∂h/∂t."""
+    jax = import_jax("barriers.Function")
+    return lambda x, t: jax.jvp(h, (x, t), (model.f(x), 1.0))[1]
+
+
+def _along_inputs(model: ReducedOrderModel, h: Scalar) -> Callable[[Any, Any], list[Any]]:
+    """Return L_g h, n_u scalars."""
+    jax = import_jax("barriers.Function")
+
+    def lie(x: Any, t: Any) -> list[Any]:
+        inputs, zero = model.g(x), 0.0 * t
+        return [jax.jvp(h, (x, t), (inputs[:, j], zero))[1] for j in range(model.n_u)]
+
+    return lie
+
+
+def _traced_class_k(alpha: ClassK) -> Callable[[Any], Any]:
+    """Return α for JAX, with its slope at 0."""
+    jnp = import_jax("barriers.Function").numpy
+    kind, *numbers = alpha.parameters().tolist()
+    if kind == 0.0:
+        return lambda h: numbers[0] * h
+    phi1, phi2, phi3 = numbers
+
+    def logarithm(h: Any) -> Any:
+        sign = jnp.where(h >= 0.0, 1.0, -1.0)
+        return sign * phi1 * jnp.log1p(sign * h * (phi2 / phi3))
+
+    return logarithm
+
+
+def _rows_kernel(
+    model: ReducedOrderModel,
+    functions: Sequence[Function],
+    reaches: Sequence[Reach],
+    alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
+) -> Callable[..., Any]:
+    """Return (x, t, margin, rate, parameters) → (m, n_u + 5).
+
+    The entries of a row are a, b, h, α₂(ψ), conditioning, early inputs.
+
+    The last is nan where h is not finite, so that one comparison finds both.
+    """
+    jax = import_jax("barriers.Function")
+    jnp, barrier = jax.numpy, jax.lax.optimization_barrier
+    alpha1, alpha2 = alphas
+    ends = np.cumsum([function.packed.size for function in functions]).tolist()
+
+    def row(k: int, x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
+        value, scale = functions[k].of(parameters), reaches[k].size
+        psi: Scalar = lambda x, s: value(x, s) - margin - rate * (s - t)  # noqa: E731
+        early = jnp.zeros(())
+        for _ in range(reaches[k].degree - 1):
+            early = _largest(jnp, [early, *_along_inputs(model, psi)(x, t)])
+            psi = _next(model, psi, alpha1)
+        a, bound = _along_inputs(model, psi)(x, t), alpha2(psi(x, t))
+        b, size = -bound - _lie(model, psi)(x, t), _largest(jnp, a)
+        h, bend = value(x, t), _bend(jnp, value, x, t)
+        gone = size <= VANISHED * scale
+        conditioning = jnp.where(size < scale, size / scale, 1.0) * (1.0 - bend)
+        return [
+            *(jnp.where(gone, 0.0, entry) for entry in a),
+            b,
+            h,
+            bound,
+            jnp.where(gone | ~jnp.isfinite(size), 0.0, conditioning),
+            jnp.where(jnp.isfinite(h), early / scale, jnp.nan),
+        ]
+
+    def kernel(x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
+        t = jnp.asarray(t, dtype=x.dtype)
+        own = [
+            parameters[end - f.packed.size : end] for f, end in zip(functions, ends, strict=True)
+        ]
+        # the barriers keep XLA from fusing rows with each other, which costs time and compilation
+        rows = (row(k, *barrier((x, t, margin[k], rate[k], own[k]))) for k in range(len(functions)))
+        return [entry for entries in rows for entry in entries]
+
+    return kernel
+
+
+def _packed(kernel: Callable[..., Any], n: int, m: int) -> Callable[[Any], Any]:
+    """Return the kernel with one array in, and one out, (m, n_u + 5).
+
+    Every array that JAX takes costs several microseconds.
+    """
+    jnp = import_jax("barriers.Function").numpy
+
+    def packed(inputs: Any) -> Any:
+        x, t, margin, rate, parameters = jnp.split(inputs, (n, n + 1, n + 1 + m, n + 1 + 2 * m))
+        return jnp.stack(kernel(x, t[0], margin, rate, parameters)).reshape(m, -1)
+
+    return packed
+
+
+def _largest(jnp: Any, values: Sequence[Any]) -> Any:
+    """Return max |v_i|."""
+    largest, *others = (jnp.abs(value) for value in values)
+    for other in others:
+        largest = jnp.where(other > largest, other, largest)
+    return largest
+
+
+def _bend(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
+    """Return how much h turns within `_PROBE` of x: 0 where it is smooth, up to 1 at a kink."""
+    probe = _PROBE * (1.0 + jnp.abs(x)) * np.cos(np.arange(1.0, x.shape[0] + 1.0))
+    here = h(x, t)
+    ahead, behind = h(x + probe, t) - here, here - h(x - probe, t)
+    whole = jnp.abs(ahead) + jnp.abs(behind)
+    turned = jnp.abs(ahead - behind) / jnp.where(whole > 0.0, whole, 1.0)
+    return jnp.where(turned > _KINK, turned, 0.0)
+
+
+def _next(model: ReducedOrderModel, psi: Scalar, alpha: Callable[[Any], Any]) -> Scalar:
+    """Return ψ̇ along the drift, plus α(ψ)."""
+    rate = _lie(model, psi)
+    return lambda x, t: rate(x, t) + alpha(psi(x, t))

@@ -1,0 +1,147 @@
+r"""Inputs that reach a barrier too late to stand in its row.
+
+A row holds the inputs that enter the derivative of h which any input enters first. Where another
+input moves h by a later derivative, the filter leaves it to the policy, which may use it against
+the row: a car that may only be steered around a disc is driven into it by the gas pedal.
+
+Which inputs move h at all is a matter of which state drives which. ẋ_i depends on x_k where f_i or
+a g_ij changes with x_k at sampled states, and input j drives x_i where g_ij differs from 0 there.
+The number of links from an input to a state that h reads is the derivative that it enters first,
+unless terms cancel.
+"""
+
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.function_rows import reach_of_function
+from hcbf_gym.barriers.relative_degree import Mask, Reach, reach_by_jets, samples
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+_CHANGE = 0.1  # of a state, relative to 1 + |x|, to see what changes with it
+_ROUNDING = 1e-9  # relative change that counts as none
+
+REMEDY = (
+    "expected a condition that these inputs enter as early: one that reads a point ahead, or the "
+    "distance left after braking; a model whose early input is made a state (dynamic extension); "
+    "or allow_late_inputs=True, where the policy never uses them against the row"
+)
+
+
+class Links(NamedTuple):
+    """What drives what in a model.
+
+    Attributes:
+        states: (n, n) whether ẋ_i depends on x_k.
+        inputs: (n, n_u) whether input j drives x_i.
+    """
+
+    states: Mask
+    inputs: Mask
+
+    def degrees(self, reads: Mask) -> NDArray[np.int64]:
+        """Return (n_u,) by which derivative each input enters a function of the states `reads`.
+
+        0 stands for never.
+        """
+        degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
+        reached = reads
+        for degree in range(1, reads.size + 1):
+            degrees[(degrees == 0) & self.inputs[reached].any(axis=0)] = degree
+            reached = reached | self.states[reached].any(axis=0)
+        return degrees
+
+
+def links_of(model: ReducedOrderModel) -> Links:
+    """Return what drives what, as sampled states show it."""
+    n = model.n
+    states, inputs = np.zeros((n, n), dtype=np.bool_), np.zeros((n, model.n_u), dtype=np.bool_)
+    for x in samples(model)[0]:
+        f, g = model.f(x), model.g(x)
+        rounding = _ROUNDING * (1.0 + np.abs(f).max() + np.abs(g).max())
+        inputs |= np.abs(g) > rounding
+        for k in range(n):
+            moved = x.copy()
+            moved[k] += _CHANGE * (1.0 + abs(x[k]))
+            states[:, k] |= np.abs(model.f(moved) - f) > rounding
+            states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
+    return Links(states, inputs)
+
+
+class LateInputs:
+    """Finds barriers whose row misses an input that moves h by a later derivative.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+    """
+
+    def __init__(self, model: ReducedOrderModel) -> None:
+        self._model, self._links = model, links_of(model)
+        self._late: dict[bytes, bool] = {}
+
+    def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
+        """Return a sentence for each such barrier.
+
+        Args:
+            barriers: m conditions.
+            reaches: (m,) how inputs reach each of them.
+        """
+        found = []
+        for barrier, reach in zip(barriers, reaches, strict=True):
+            key = reach.reads.tobytes() + reach.inputs.tobytes()
+            if self._late.get(key) is False:
+                continue
+            degrees = self._links.degrees(reach.reads)
+            late = np.flatnonzero((degrees > 0) & ~reach.inputs)
+            self._late[key] = bool(late.size)
+            if late.size:
+                found.append(self._message(barrier, reach, late, degrees))
+        return found
+
+    def _message(
+        self, barrier: Barrier, reach: Reach, late: NDArray[np.int64], degrees: NDArray[np.int64]
+    ) -> str:
+        early = ", ".join(f"u[{j}]" for j in np.flatnonzero(reach.inputs))
+        later = ", ".join(f"u[{j}] by derivative {max(degrees[j], reach.degree + 1)}" for j in late)
+        return (
+            f"{barrier.name}: got a row that holds only {early}, which enters derivative "
+            f"{reach.degree} of h, and leaves other inputs of {self._model} that move h to the "
+            f"policy: {later}"
+        )
+
+
+def check_inputs(
+    model: ReducedOrderModel, barriers: Sequence[Barrier], allowed: bool = False
+) -> None:
+    """Refuse barriers with a row that misses an input which moves h by a later derivative.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        barriers: m conditions.
+        allowed: whether one warning is enough.
+
+    Raises:
+        InvalidInputError: if there is such a barrier, or one that no input reaches.
+    """
+    found = LateInputs(model).find(barriers, [reach_of(model, barrier) for barrier in barriers])
+    if found and not allowed:
+        raise InvalidInputError(f"{'; '.join(found)}; {REMEDY}")
+    if found:
+        warnings.warn(f"safety filter: {'; '.join(found)}: allowed", stacklevel=4)
+
+
+def reach_of(model: ReducedOrderModel, barrier: Barrier) -> Reach:
+    """Return how the inputs of a model reach a barrier.
+
+    Raises:
+        InvalidInputError: if none does.
+    """
+    if isinstance(barrier, Function):
+        return reach_of_function(model, barrier)
+    return reach_by_jets(barrier, model)

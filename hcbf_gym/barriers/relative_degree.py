@@ -1,0 +1,118 @@
+r"""Which derivative of h an input enters first, and which inputs enter it.
+
+The relative degree r is the least number of times that h must be differentiated along
+``ẋ = f(x) + g(x)u`` until an input appears: L_g ψ_{r−1} ≠ 0. It is found by looking at sampled
+states, where it differs from 0 at almost all of them or at none.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.errors import UNREADABLE, UnreachableError
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+VANISHED = 1e-9
+"""Below it, relative to its size at sampled states, L_g ψ counts as zero."""
+
+SAMPLES = 16
+
+
+class Reach(NamedTuple):
+    """How inputs reach a barrier.
+
+    Attributes:
+        degree: r, the derivative of h that an input enters first.
+        inputs: (n_u,) which inputs enter that derivative: those of the row.
+        reads: (n,) which states h depends on.
+        size: how large L_g ψ_{r−1} is, the median over sampled states.
+    """
+
+    degree: int
+    inputs: Mask
+    reads: Mask
+    size: float
+
+
+def samples(model: ReducedOrderModel) -> tuple[Array, Array]:
+    """Return the states (SAMPLES, n) and times (SAMPLES,) at which barriers are looked at."""
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(SAMPLES, model.n)), rng.uniform(0.0, 1.0, SAMPLES)
+
+
+def first_reach(
+    barrier: Barrier, model: ReducedOrderModel, gradients: Array, along_inputs: Iterable[Array]
+) -> Reach:
+    """Return the first derivative that an input enters.
+
+    Args:
+        barrier: whose h it is.
+        model: ẋ = f(x) + g(x)u.
+        gradients: (SAMPLES, n) ∇h.
+        along_inputs: L_g ψ (SAMPLES, n_u) of ψ = h, then of its derivatives; entries that are
+            not finite tell nothing.
+
+    Raises:
+        UnreachableError: if no input enters any of them.
+    """
+    gradients = np.where(np.isfinite(gradients), np.abs(gradients), 0.0)
+    reads = (gradients > VANISHED * gradients.max(axis=1, keepdims=True)).any(axis=0)
+    degree = 0
+    for degree, looks in enumerate(along_inputs, 1):
+        size = np.where(np.isfinite(looks), np.abs(looks), 0.0)
+        inputs = (size > VANISHED).any(axis=0)
+        if inputs.any():
+            largest = size.max(axis=1)
+            return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))
+    raise UnreachableError(
+        f"{barrier.name}: got a barrier whose first {degree} derivatives no input of {model} "
+        f"enters at any of {SAMPLES} sampled states, expected a relative degree up to {degree}"
+        + ("" if degree != 2 else " (barriers.Function finds higher ones)")
+    )
+
+
+def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
+    """Return how inputs reach a barrier that gives jets: by its first or second derivative.
+
+    L_g ψ is looked at relative to ‖∇ψ‖ ‖g‖, as jets come in any unit.
+
+    Raises:
+        UnreachableError: if no input enters them, or what the barrier returns is no jet.
+    """
+    try:
+        return _reach_by_jets(barrier, model)
+    except UnreachableError:
+        raise
+    except UNREADABLE as error:
+        raise UnreachableError(
+            f"{barrier.name}: got no jet of finite numbers ({error}), expected a barriers.Jet"
+        ) from error
+
+
+def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
+    states, times = samples(model)
+    jets = [barrier.jet(x, float(t)) for x, t in zip(states, times, strict=True)]
+    inputs = [model.g(x) for x in states]
+
+    def relative(gradient: Array, g: Array) -> Array:
+        size = np.linalg.norm(gradient) * np.linalg.norm(g)
+        return gradient @ g / size if size > 0.0 else np.zeros(model.n_u)
+
+    def second(k: int) -> Array:
+        x, jet = states[k], jets[k]
+        turned = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ jet.gradient
+        return relative(turned + jet.gradient_rate, inputs[k])
+
+    everywhere = range(len(states))
+    looks = (relative(jets[k].gradient, inputs[k]) for k in everywhere)
+    gradients = np.array([jet.gradient for jet in jets])
+    with np.errstate(all="ignore"):
+        first = np.array(list(looks))
+        levels = (first if d == 1 else np.array([second(k) for k in everywhere]) for d in (1, 2))
+        return first_reach(barrier, model, gradients, levels)

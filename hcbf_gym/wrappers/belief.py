@@ -1,0 +1,102 @@
+"""What a filter believes of the estimate that it is handed, or why it believes nothing."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Reason
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-9
+KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason >= FIRST_ALARM))
+"""What an `Estimate.fault` may be."""
+
+
+class Belief(NamedTuple):
+    """An `Estimate` whose every entry is made of finite numbers of the right shape.
+
+    Attributes:
+        x: (n,) state.
+        time: [s]; None where the filter counts.
+        covariance: (n, n) of x; None where x is the truth.
+        model: (n,) the reduced-order model's own state; x where there is no other.
+        lag: (n,) the body's state minus the model's; None where they are one.
+    """
+
+    x: Array
+    time: float | None
+    covariance: Array | None
+    model: Array
+    lag: Array | None
+
+
+def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None) -> Belief | Reason:
+    """Return what can be believed of an estimate, or why nothing can.
+
+    Args:
+        estimate: whatever a plant's reader returned.
+        n: the number of states.
+        last_time: of the estimate that was believed before; −∞ where there was none [s].
+        max_age: the greatest age that is believed; None for any [s].
+    """
+    x = real_numbers(estimate.x, (n,))
+    optional = {"covariance": (n, n), "model": (n,), "lag": (n,)}
+    given = {name: getattr(estimate, name) for name in optional}
+    parts = {
+        name: None if given[name] is None else real_numbers(given[name], shape)
+        for name, shape in optional.items()
+    }
+    bent = any(parts[name] is None and given[name] is not None for name in optional)
+    covariance = parts["covariance"]
+    if x is None or bent or not (covariance is None or _is_covariance(covariance)):
+        return Reason.STATE
+    if estimate.age is not None:
+        age = real_number(estimate.age)
+        if age is None or age < 0.0 or (max_age is not None and age > max_age):
+            return Reason.AGE
+    time = None if estimate.time is None else real_number(estimate.time)
+    if estimate.time is not None and (time is None or time <= last_time):
+        return Reason.CLOCK
+    model = x if parts["model"] is None else parts["model"]
+    return Belief(x, time, covariance, model, parts["lag"])
+
+
+def alarm_of(estimate: Estimate) -> Reason | None:
+    """Return the alarm that a plant raises by itself, NONE for none; None if it is no such code."""
+    if estimate.fault is None:
+        return Reason.NONE
+    fault = real_number(estimate.fault)
+    return None if fault is None or fault not in KNOWN_FAULTS else Reason(int(fault))
+
+
+def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
+    try:
+        array = np.asarray(value)
+    except Exception:  # whatever a foreign object raises when it is asked for its numbers
+        return None
+    if array.dtype.kind not in "fiu" or array.shape != shape:
+        return None
+    with np.errstate(all="ignore"):
+        numbers = array.astype(np.float64)
+    return numbers if np.isfinite(numbers).all() else None
+
+
+def real_number(value: Any) -> float | None:
+    """Return `value` as a float if it is one finite real number, or an array of one; else None."""
+    if type(value) is float:
+        return value if math.isfinite(value) else None
+    number = real_numbers(value, ())
+    number = real_numbers(value, (1,)) if number is None else number
+    return None if number is None else float(number.item())
+
+
+def _is_covariance(matrix: Array) -> bool:
+    """Tell whether no variance is negative, and no correlation above 1."""
+    variance = np.diag(matrix)
+    with np.errstate(all="ignore"):
+        most = np.sqrt(np.abs(variance[:, None])) * np.sqrt(np.abs(variance))
+        return bool((variance >= 0.0).all() and (np.abs(matrix) <= most * (1 + _ROUNDING)).all())
