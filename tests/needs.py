@@ -6,7 +6,13 @@ import shutil
 
 import pytest
 
-EXTRAS = {"jax": "jax", "cbfpy": "benchmark", "gymnasium_robotics": "examples"}
+EXTRAS = {
+    "jax": "jax",
+    "cbfpy": "benchmark",
+    "gymnasium_robotics": "examples",
+    "stable_baselines3": "rl",
+    "torch": "rl",
+}
 """module → the extra of this package that brings it."""
 
 

@@ -209,19 +209,13 @@ def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
     """Return barriers as a tuple.
 
     Raises:
-        InvalidInputError: if they are no sequence of barriers, or their priorities are not the
-            integers from 1 without a gap.
+        InvalidInputError: if they are no sequence of barriers.
     """
-    if not isinstance(barriers, Sequence) or not all(isinstance(b, Barrier) for b in barriers):
+    listed = isinstance(barriers, Sequence) and not isinstance(barriers, str)
+    if not listed or not all(isinstance(b, Barrier) for b in barriers):
         raise InvalidInputError(
             f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "
             "hcbf_gym.barriers.Barrier"
-        )
-    priorities = {int(barrier.priority) for barrier in barriers}
-    if priorities != set(range(1, len(priorities) + 1)):
-        raise InvalidInputError(
-            f"barriers: got the priorities {sorted(priorities)}, expected the integers from 1 "
-            "without a gap"
         )
     return tuple(barriers)
 

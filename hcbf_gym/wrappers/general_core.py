@@ -72,7 +72,7 @@ class GeneralCore(FilterCore):
         )
         self.uncertainty = kept(plant, settings.margin, held=False)
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
-        self._row_settings = RowSettings(self.alpha1, self.alpha2)
+        self._usual = RowSettings(self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._monitor = Monitor(plant.model, plant.period, input_set)
@@ -183,7 +183,7 @@ class GeneralCore(FilterCore):
             with np.errstate(all="ignore"):
                 late = self._check(barriers)
                 found = self._rows(barriers, sensed)
-            check_rows(found.rows, self.input_set.n_u)
+            check_rows(_without_gaps(found.rows), self.input_set.n_u)
         except UNREADABLE:
             return None
         if late and beginning:
@@ -196,11 +196,12 @@ class GeneralCore(FilterCore):
     def _solve(self, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
         """Return the program's answer; None where no solver has one that is finite."""
         try:
-            result = self.program(u_nominal, rows)
+            result = self.program(u_nominal, _without_gaps(rows))
         except (SolverError, ArithmeticError, np.linalg.LinAlgError):
             return None
         failed = result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all()
-        return None if failed else result
+        m = rows.b.size
+        return None if failed else result._replace(slack=result.slack[:m], delta=result.delta[:m])
 
     def _stands(self, x: Array, u_nominal: Array) -> bool:
         """Tell whether the plant stands though u* asks it to move, where the model knows v."""
@@ -252,7 +253,7 @@ class GeneralCore(FilterCore):
             margin, rate = derive_all(
                 self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
             )
-            batch = barriers.rows(*now, self._row_settings, margin, rate)
+            batch = barriers.rows(*now, self._usual, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             seen = barriers.kind[0], rows.priority, rows.a, rows.h
             unsafe = bool(is_unsafe(*seen, self.uncertainty.body))
@@ -297,3 +298,26 @@ class GeneralCore(FilterCore):
             "reachable": np.float64(0.0),
             "deadlock": np.float64(stands),
         }
+
+
+def _without_gaps(rows: CbfRows) -> CbfRows:
+    """Return rows whose ranks are 1, 2, …: what is not in sight leaves gaps in a list of barriers.
+
+    Where nothing strict is in sight, a last row of rank 1 asks for nothing.
+    """
+    ranks = np.unique(rows.priority)
+    if np.array_equal(ranks, np.arange(1, ranks.size + 1)):
+        return rows
+    lower = ranks[ranks > 1]
+    priority = np.where(rows.priority == 1, 1, 2 + np.searchsorted(lower, rows.priority))
+    rows = rows._replace(priority=priority)
+    if ranks[0] == 1:
+        return rows
+    psi = None if rows.alpha2_psi is None else np.append(rows.alpha2_psi, 0.0)
+    return CbfRows(
+        np.vstack([rows.a, np.zeros(rows.a.shape[1])]),
+        np.append(rows.b, -1.0),
+        np.append(rows.h, 1.0),
+        np.append(priority, 1),
+        psi,
+    )

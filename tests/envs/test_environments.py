@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common import env_checker as sb3_env_checker
+from needs import needs
 
 import hcbf_gym
 from hcbf_gym import policies, programs, scenarios, wrappers
@@ -65,9 +65,12 @@ def test_gymnasiums_checker_has_nothing_to_say(env_id, make):
     env.close()
 
 
+@needs("stable_baselines3")
 @pytest.mark.parametrize("env_id", ENV_IDS)
 @pytest.mark.parametrize("make", [gym.make, filtered], ids=["bare", "filtered"])
 def test_sb3s_checker_has_nothing_to_say(env_id, make):
+    from stable_baselines3.common import env_checker as sb3_env_checker
+
     env = make(env_id)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

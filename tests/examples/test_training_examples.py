@@ -9,6 +9,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from needs import needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -20,6 +21,7 @@ def load(name):
     return module
 
 
+@needs("stable_baselines3")
 @pytest.mark.physics
 def test_an_agent_learns_under_the_filter_and_walks_the_a1(capsys):
     source = (EXAMPLES / "agent_in_20_lines.py").read_text(encoding="utf-8")
@@ -35,12 +37,14 @@ def test_an_agent_learns_under_the_filter_and_walks_the_a1(capsys):
     assert "least h" in capsys.readouterr().out
 
 
+@needs("torch")
 def test_ppo_in_one_file_goes_the_guided_way():
     reports = list(load("cleanrl_ppo").train(4 * 8 * 64, "geodesic", n=8))
     assert [count for count, _ in reports] == [512, 1024, 1536, 2048]
     assert reports[-1][1] > 0.5  # whatever it learned: the filter leads
 
 
+@needs("stable_baselines3")
 @pytest.mark.filterwarnings("ignore:Training and eval env:UserWarning")
 def test_sb3s_callback_counts_successes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -6,6 +6,10 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from needs import remedy
+
+pytest.importorskip("stable_baselines3", reason=remedy("stable_baselines3"))
+
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.utils import set_random_seed

@@ -86,6 +86,14 @@ BAD = [
 ]
 
 
+def reason_of(bad):
+    """Which reason a bad estimate is braked for."""
+    estimate = bad if isinstance(bad, Estimate) else Estimate(bad)
+    if estimate.time is not None:
+        return Reason.CLOCK
+    return Reason.STATE if estimate.age is None else Reason.AGE
+
+
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: repr(bad)[:40])
 @pytest.mark.parametrize("after", [0, 1, 20])
 def test_a_state_that_is_none_brakes_until_a_good_one_comes(bad, after):
@@ -99,7 +107,7 @@ def test_a_state_that_is_none_brakes_until_a_good_one_comes(bad, after):
         before = np.linalg.norm(env.unwrapped.x[2:])
         report = quietly(env)
         assert report["status"] == FilterStatus.BACKUP
-        assert report["reason"] == Reason.STATE
+        assert report["reason"] == reason_of(bad)
         assert np.linalg.norm(env.unwrapped.x[2:]) <= max(0.0, before - 0.99 * 5.0 * PERIOD) + 1e-9
     assert np.linalg.norm(env.unwrapped.x[2:]) <= 1e-9  # it stands
     told.clear()

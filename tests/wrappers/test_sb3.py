@@ -3,6 +3,10 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from needs import remedy
+
+pytest.importorskip("stable_baselines3", reason=remedy("stable_baselines3"))
+
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
