@@ -134,7 +134,7 @@ def test_a_weak_robot_is_kept_out_of_a_disc(limit):
     env = gym.make("HCBF-Regions-v0", scenario=weak_scene(limit))
     with pytest.warns(UserWarning, match=r"alpha1 is scaled by 0\."):
         env = wrappers.SafetyFilter(env)
-    env.reset(seed=0)
+    _, info = env.reset(seed=0)
     for _ in range(400):
         _, _, _, _, info = env.step(np.array([5.0, 0.0]))
         assert info["min_h"][0] >= 0.0
