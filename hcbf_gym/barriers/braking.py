@@ -46,8 +46,8 @@ def weakest(input_set: InputSet) -> float:
 def asked(settings: RowSettings, fastest: float = np.inf) -> float:
     """Return the largest b of a strict row at a state with ψ ≥ 0, the deceleration it asks for.
 
-    The robot drives straight at the region. The rows of a held input take the worst turn of the
-    gradient, that around a polygon's corner.
+    The robot drives straight at the region. What the turn of the gradient takes of a held input
+    beside a polygon's corner, where the robot is slow, does not count.
 
     Args:
         settings: α₁, α₂ and the hold.
@@ -63,11 +63,8 @@ def asked(settings: RowSettings, fastest: float = np.inf) -> float:
     half = 0.5 * u_max * period**2
     end = kept - period * speed
     chord = np.array([alpha1.derivative(max(abs(e - half), abs(e + half))) for e in end])
-    reach = period * speed + half
-    mean = np.maximum(half, 0.5 * (kept + half + np.maximum(kept + half - reach, 0.0)))
-    turning = u_max**2 * period**3 / (16.0 * mean)
     promised = alpha1.values(end - half) + chord * half
-    rows = (speed + turning - promised) / (period + 0.5 * chord * period**2)
+    rows = (speed - promised) / (period + 0.5 * chord * period**2)
     return float(rows.max())
 
 

@@ -166,7 +166,7 @@ BOUNDS = (
         _payload_holds,
     ),
     _range("motor_strength", "0.8 to 1", 0.8, 1.0),
-    _range("delay", "0.002 to 0.008 s", 0.002, 0.008),
+    _range("delay", "0 to 0.008 s", 0.0, 0.008),
     _range("sensor_noise", "0 to 0.5", 0.0, 0.5),
     Bound(
         "disturbances",

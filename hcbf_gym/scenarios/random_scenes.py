@@ -30,7 +30,7 @@ GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
 counts as one region."""
 WIDE_GAP = 1.25
-"""The same of `random-wide` [m], where a robot of .45 m radius passes with room for margins."""
+"""The same of `random-wide` [m], where a robot of .46 m radius passes with room for margins."""
 CONFLICT_SHARE = 0.5
 """Share of scenes that start in a conflict, of `random` and `random-moving` alike."""
 START_CLEARANCE = 1.0

@@ -1,20 +1,27 @@
 """What the A1's controller and filter believe, from what the arguments declare."""
 
+import re
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import wrappers
+from hcbf_gym import scenarios, wrappers
+from hcbf_gym.barriers import Ellipse
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import a1_plant
 from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.robots import a1
 
 NOMINAL = Randomization()
 
 
 def inner(**options):
-    return gym.make("HCBF-A1Regions-v0", scenario="random", **options).unwrapped
+    return gym.make("HCBF-A1Regions-v0", **{"scenario": "random"} | options).unwrapped
 
 
 def test_the_nominal_plant_keeps_its_inputs_and_margins():
@@ -36,17 +43,16 @@ def test_no_input_asks_for_more_than_the_ground_carries(input_set):
 def test_the_least_friction_that_is_declared_is_what_counts():
     declared = Randomization(floor_friction=(0.4, 1.0))
     assert a1_plant.believed_friction(declared) == pytest.approx(0.3)
-    slippery = inner(randomization={"floor_friction": [0.4, 1.0]})
-    told = inner(randomization={"floor_friction": [0.4, 1.0]}, friction=0.6)
+    slippery = inner(randomization={"floor_friction": [0.4, 0.8]})
+    with pytest.warns(UserWarning, match=r"friction 0\.6 \(tested: at most three quarters"):
+        told = inner(randomization={"floor_friction": [0.4, 0.8]}, friction=0.6)
     assert slippery.plant.input_set.radius == pytest.approx(0.5 * Box.symmetric(5.0).radius, 1e-3)
     assert told.plant.input_set.radius == Box.symmetric(5.0).radius
     assert slippery.action_space == told.action_space
 
 
 def test_the_filter_asks_for_no_more_than_a_slippery_floor_carries():
-    env = wrappers.SafetyFilter(
-        gym.make("HCBF-A1Regions-v0", randomization={"floor_friction": 0.4}), program="lex-cbf-qp"
-    )
+    env = wrappers.SafetyFilter(inner(randomization={"floor_friction": 0.4}), program="lex-cbf-qp")
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.array([5.0, -5.0]))
     assert np.abs(info["safety_filter"]["u_safe"]).max() <= 0.3 * GRAVITY
@@ -80,3 +86,39 @@ def test_a_cap_above_the_usual_one_widens_the_margin_on_the_position_and_no_lowe
 
     assert distance(0.5) == distance(a1_plant.V_MAX) == 0.0
     assert distance(a1_plant.FASTEST) == pytest.approx(0.02)
+
+
+def test_the_body_s_circle_holds_what_is_fixed_to_the_trunk_and_the_stride(tmp_path):
+    def radius(**options):
+        return inner(body="footprint", **options).plant.uncertainty.body
+
+    assert 0.455 <= radius() <= 0.47
+    with pytest.warns(UserWarning, match="payload_position"):
+        loaded = radius(randomization={"payload": 1.0, "payload_position": [0.6, 0.0, 0.1]})
+    assert loaded > np.hypot(0.6 + 0.06, 0.05)
+    text = a1.XML_FILE.read_text(encoding="utf-8")
+    arm = '<geom name="arm" type="capsule" fromto="0.2 0 0.05 0.7 0 0.05" size="0.02" mass="0.1"/>'
+    trunk = re.search(r'<body name="trunk"[^>]*>', text)
+    assert trunk is not None
+    file = tmp_path / "arm.xml"
+    file.write_text(text.replace(trunk.group(), trunk.group() + arm), encoding="utf-8")
+    with pytest.warns(UserWarning, match="xml_file"):
+        assert radius(xml_file=str(file)) > 0.72
+
+
+def test_a_cap_that_the_margin_eats_is_refused():
+    scene = scenarios.make("random")
+    for v_max in (0.1, 0.36):
+        with pytest.raises(InvalidInputError, match=r"expected above 0\.36"):
+            gym.make("HCBF-A1Regions-v0", scenario=replace(scene, v_max=v_max))
+
+
+def test_the_body_near_a_long_ellipse_is_measured_with_the_steepness_of_h():
+    body = inner(scenario=scenarios.make("random"), body="footprint")
+    body.reset(seed=0)
+    reed = Ellipse("reed", 1, center=(0.0, 1.2), semi_axes=(4.0, 0.2), angle=np.pi / 2)
+    tip = BarrierSet([(replace(reed, center=(0.0, 4.6)),)])  # the robot stands .6 m before its tip
+    h = body.walker._footprint.h(body.data, tip, 0.0)
+    centre = tip.values(np.zeros((1, 4)), np.zeros(1))[0]
+    assert centre[0] < 0.05 < 0.6  # h of the centre is the metres shortened twentyfold
+    assert h[0] > 0.0

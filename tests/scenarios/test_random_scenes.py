@@ -2,13 +2,13 @@
 
 from collections import deque
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
-from hcbf_gym.envs.a1_plant import BODY_RADIUS
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import clutter, hall, random_scenes, traps
@@ -191,7 +191,8 @@ def test_a_trap_lies_on_the_straight_line_and_is_open_towards_the_start():
 
 
 def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
-    assert random_scenes.WIDE_GAP > 2.0 * BODY_RADIUS + 0.2
+    env = gym.make("HCBF-A1Regions-v0", scenario="random-wide", body="footprint").unwrapped
+    assert 2.0 * env.plant.uncertainty.body + 0.2 < random_scenes.WIDE_GAP
     for seed in SEEDS:
         near = random_scenes.draw(np.random.default_rng(seed))
         wide = random_scenes.draw(np.random.default_rng(seed), gap=random_scenes.WIDE_GAP)

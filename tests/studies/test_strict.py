@@ -6,7 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym.envs.a1_plant import BODY_RADIUS
 from hcbf_gym.studies.strict import attacks, lines, pushed
 from hcbf_gym.studies.strict.episodes import AttackedEpisode
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
@@ -76,7 +75,8 @@ def test_a_faster_scene_is_the_environment_s_own_but_for_its_cap():
 def test_the_least_h_of_the_body_is_that_of_all_steps_and_strict_regions_alone():
     options = {"body": "footprint", "max_episode_steps": 100}
     outcome = AttackedEpisode("nearest", "random", 0, env_options=options).run()
-    assert outcome.reach <= BODY_RADIUS
+    declared = gym.make("HCBF-A1Regions-v0", scenario="random", body="footprint").unwrapped
+    assert outcome.reach <= declared.plant.uncertainty.body
     assert 0.0 < outcome.least_h - outcome.least_body_h <= outcome.reach
     assert outcome.least_body_h > 0.0
     assert outcome.nees is None

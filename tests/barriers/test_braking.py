@@ -1,0 +1,148 @@
+"""Whether U can brake what the rows ask for, and what is said where it cannot."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import scenarios, wrappers
+from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, SpeedLimit, braking
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.input_sets import Ball, Box
+
+PERIOD = 0.02
+POND = Disc("pond", 1, (3.0, 0.0), 1.0)
+
+
+def held(alpha1, limit, gain=2.0):
+    return RowSettings(alpha1, LinearClassK(gain), PERIOD, Box.symmetric(limit).radius)
+
+
+def test_the_logarithm_asks_most_at_phi1_and_a_linear_function_the_more_the_faster():
+    paper = LogClassK()
+    assert braking.asked(RowSettings()) == pytest.approx(
+        paper.phi1**2 * paper.phi2 / (paper.phi3 * np.e)
+    )
+    linear = RowSettings(LinearClassK(3.0))
+    assert braking.asked(linear, fastest=0.8) == pytest.approx(3.0 * 0.8)
+
+
+def test_half_the_logarithm_asks_for_a_quarter():
+    half = RowSettings(LogClassK().scaled(0.5))
+    assert braking.asked(half) == pytest.approx(0.25 * braking.asked(RowSettings()))
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0, 20.0])
+@pytest.mark.parametrize("limit", [0.5, 5.0])
+def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negative(limit, gain):
+    settings = held(LogClassK(), limit, gain)
+    rng = np.random.default_rng(0)
+    n = 4000
+    scenes = BarrierSet([[HalfPlane("wall", 1, (1.0, 0.0), 0.0)]] * n)
+    x = np.zeros((n, 4))
+    x[:, 0] = 3.0 * rng.random(n) ** 2
+    x[:, 2] = -rng.random(n) * settings.alpha1.values(x[:, 0])  # ψ ≥ 0
+    rows = scenes.rows(x, np.zeros(n), settings)
+    assert (rows.b <= braking.asked(settings) + 1e-9).all()
+    on_edge = x.copy()
+    on_edge[:, 2] = -settings.alpha1.values(x[:, 0])  # ψ = 0: the bound is not idle
+    assert scenes.rows(on_edge, np.zeros(n), settings).b.max() > 0.97 * braking.asked(settings)
+
+
+@pytest.mark.parametrize(
+    "input_set", [Box.symmetric(0.5), Ball(1.0), Box([-0.7, -9.0], [9.0, 9.0])]
+)
+def test_a_weak_u_can_brake_what_the_scaled_function_asks_for(input_set):
+    settings = RowSettings(period=PERIOD, u_max=input_set.radius)
+    factor = braking.share(settings, input_set)
+    scaled = RowSettings(LogClassK().scaled(factor), period=PERIOD, u_max=input_set.radius)
+    assert 0.0 < factor < 1.0
+    able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
+    assert braking.asked(scaled) == pytest.approx(able, rel=1e-6)
+
+
+def test_a_strong_u_leaves_the_function_as_it_is():
+    assert braking.share(held(LogClassK(), 5.0), Box.symmetric(5.0)) == 1.0
+
+
+def test_straight_braking_stops_before_a_wedge_where_the_scene_is_not_warned_of():
+    rng = np.random.default_rng(1)
+    alpha1, able = LogClassK(), 2.0
+    fastest = 2.0 * able / alpha1.derivative(0.0)
+    for _ in range(300):
+        angle, speed = rng.uniform(0.02, 1.5), fastest * rng.random()
+        heading = rng.uniform(-angle, angle)
+        v = speed * np.array([np.cos(heading), np.sin(heading)])
+        normals = np.array([[-np.sin(angle), np.cos(angle)], [-np.sin(angle), -np.cos(angle)]])
+        approach = np.maximum(-normals @ v, 0.0)
+        h = np.array([alpha1.inverse(s) for s in approach])  # ψ = 0 for both
+        stopped = h + normals @ v * speed / (2.0 * able)
+        assert (stopped >= -1e-12).all()
+
+
+def found(barriers, alpha1=None, limit=5.0, margin=0.0):
+    alpha1 = LogClassK() if alpha1 is None else alpha1
+    scenes = BarrierSet([barriers])
+    return [s.what for s in braking.shortcomings(scenes, alpha1, Box.symmetric(limit), margin)]
+
+
+def test_what_a_scene_asks_beyond_u_and_its_speed_limit_is_found():
+    cap, moving = SpeedLimit("cap", 1, 0.5), Disc("boat", 1, (3.0, 0.0), 1.0, (-0.3, 0.0))
+    assert found([POND, cap]) == []
+    assert found([moving, cap]) == []
+    assert found([moving, cap], margin=0.18) == ["flight"]
+    assert found([POND, SpeedLimit("cap", 1, 0.38)], margin=0.18) == ["slowness"]
+    assert found([POND, Disc("lake", 1, (-3.0, 0.0), 1.0), SpeedLimit("cap", 1, 1.0)], limit=2.0)
+    assert found([Ellipse("reed", 1, semi_axes=(3.0, 0.2)), SpeedLimit("cap", 1, 1.0)], limit=2.0)
+    assert found([POND, SpeedLimit("cap", 1, 1.0)], limit=2.1) == []
+    assert found([POND], LinearClassK(2.0)) == ["speed"]
+    assert found([POND, SpeedLimit("cap", 1, 1.0)], LinearClassK(4.0)) == []
+    assert found([POND, SpeedLimit("cap", 1, 1.0)], LinearClassK(5.0)) == ["braking"]
+
+
+@pytest.mark.parametrize("name", scenarios.names())
+def test_no_scene_of_this_package_asks_for_too_much(name):
+    for seed in range(20):
+        scene = scenarios.make(name, np.random.default_rng(seed))
+        cap = 1.5 if scene.v_max is None else scene.v_max
+        assert found([*scene.barriers, SpeedLimit("cap", 1, cap)], margin=0.18) == []
+
+
+def test_a_margin_that_leaves_nothing_of_a_speed_limit_is_refused():
+    scenes = BarrierSet([[POND, SpeedLimit("cap", 1, 0.36)]])
+    with pytest.raises(InvalidInputError, match=r"got 0\.36 m/s, expected above 0\.36"):
+        scenes.check(RowSettings(), 0.18)
+    scenes.check(RowSettings(), 0.17)
+
+
+def weak_scene(limit):
+    return {
+        "name": "weak",
+        "barriers": [
+            {"kind": "disc", "name": "a", "priority": 1, "center": [1.5, 0.0], "radius": 0.7}
+        ],
+        "reference": {"kind": "point", "goal": [3.0, 0.0]},
+        "task": "reach",
+        "input_set": {"kind": "box", "low": [-limit] * 2, "high": [limit] * 2},
+    }
+
+
+@pytest.mark.parametrize("limit", [0.5, 0.7, 1.0, 2.0])
+def test_a_weak_robot_is_kept_out_of_a_disc(limit):
+    env = gym.make("HCBF-Regions-v0", scenario=weak_scene(limit))
+    with pytest.warns(UserWarning, match=r"alpha1 is scaled by 0\."):
+        env = wrappers.SafetyFilter(env)
+    _, info = env.reset(seed=0)
+    for _ in range(400):
+        _, _, _, _, info = env.step(np.array([5.0, 0.0]))
+        assert info["min_h"][0] >= 0.0
+        assert info["safety_filter"]["status"] <= 1
+    assert info["h"][0] < 0.2  # it got near
+
+
+def test_a_set_without_a_braking_input_is_refused():
+    scene = weak_scene(1.0) | {"input_set": {"kind": "box", "low": [0.0, -1.0], "high": [1.0, 1.0]}}
+    with pytest.raises(InvalidInputError, match="no braking input"):
+        wrappers.SafetyFilter(gym.make("HCBF-Regions-v0", scenario=scene))

@@ -1,0 +1,116 @@
+"""What is covered: one list, the page that shows it, and the warnings that follow from it."""
+
+import re
+import warnings
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import scenarios
+from hcbf_gym.envs import coverage
+from hcbf_gym.models.plant import Coverage, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.studies.strict import lines
+from hcbf_gym.wrappers.filter_core import FilterSettings
+
+PAGE = Path(__file__).parents[2] / "docs" / "guarantees.md"
+
+
+def made(**options):
+    """Return the environment and the sentences that it warned with."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        env = gym.make("HCBF-A1Regions-v0", **{"scenario": "random"} | options).unwrapped
+    return env, [str(one.message) for one in said]
+
+
+OUTSIDE = {
+    "feedback": {"feedback": "measured"},
+    "timestep": {"timestep": 0.01},
+    "gait": {"gait": "stand"},
+    "friction": {"friction": 2.0},
+    "floor_friction": {"randomization": {"floor_friction": 0.15}},
+    "payload ": {"randomization": {"payload": 6.0}},
+    "payload_position": {"randomization": {"payload": 1.0, "payload_position": [0.2, 0.15, 0.1]}},
+    "motor_strength": {"randomization": {"motor_strength": 0.7}},
+    "delay": {"randomization": {"delay": 0.012}},
+    "sensor_noise": {"randomization": {"sensor_noise": 1.5}},
+    "disturbances": {"disturbances": {"kind": "random", "interval": 2.0, "impulse": [0.0, 6.0]}},
+    "estimation": {"estimation": {"noise": 0.2}},
+    "obstacles": {"scenario": "paper-experiment"},
+    "v_max": {"terrain": "rough", "scenario": "paper-simulation"},
+    "together": {"terrain": "rough", "estimation": "lidar"},
+}
+
+
+@pytest.mark.parametrize("argument", OUTSIDE)
+def test_an_argument_outside_its_bound_is_named_once_with_the_bound(argument):
+    env, said = made(**OUTSIDE[argument])
+    assert env.covered == Coverage.OUTSIDE
+    assert len(said) == 1
+    assert re.search(rf"(: |; ){argument}", said[0])
+    assert "(tested: " in said[0]
+
+
+@pytest.mark.parametrize("line", [line for line in lines.LINES if line.v_max is None], ids=str)
+def test_what_the_strict_suite_tests_is_covered(line):
+    for scenario in line.scenarios:
+        env, said = made(scenario=scenario, **dict(line.env_options or {}))
+        assert not said
+        assert env.covered == Coverage.COVERED
+        assert env.plant.covered(env, None, {}) == Coverage.COVERED
+
+
+def test_the_family_of_the_scene_follows_the_episode():
+    env, _ = made()
+    env.reset(seed=0, options={"start": (0.1, 0.0)})
+    assert env.covered == Coverage.SCENE
+    env.reset(seed=0)
+    assert env.covered == Coverage.COVERED
+    env.change_scene(env.scenario)
+    assert env.covered == Coverage.SCENE
+    assert made(scenario="paper-simulation")[0].covered == Coverage.SCENE
+    assert made(scenario=scenarios.make("random").to_dict())[0].covered == Coverage.SCENE
+
+
+def test_the_native_batch_says_it_of_each_environment():
+    env = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random").unwrapped
+    env.reset(seed=0)
+    assert (env.covered == Coverage.COVERED).all()
+    mask = np.array([False, True, False])
+    env.reset(options={"reset_mask": mask, "start": (0.1, 0.0)})
+    np.testing.assert_array_equal(env.covered, np.where(mask, Coverage.SCENE, Coverage.COVERED))
+
+
+def settings(**given):
+    asked = {"rows": "held", "margin": None, "options": {}} | given
+    return FilterSettings("lex-cbf-qp", guidance=None, solver=None, on_alarm=None,
+                          allow_late_inputs=False, **asked)  # fmt: skip
+
+
+def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():
+    a1 = made()[0].plant
+    exact = gym.make("HCBF-Regions-v0", scenario="random").unwrapped.plant
+    assert coverage.of_filter(settings(), a1) == []
+    gentle = settings(options={"alpha1": {"kind": "log", "phi1": 0.8}, "alpha2": 1.0})
+    assert coverage.of_filter(gentle, a1) == []
+    for asked in (
+        settings(rows="usual"),
+        settings(margin=0.01),
+        settings(options={"alpha2": 20.0}),
+        settings(options={"alpha1": 2.0}),
+    ):
+        assert len(coverage.of_filter(asked, a1)) == 1
+    assert coverage.of_filter(settings(margin=0.0), exact) == []
+    assert coverage.of_filter(settings(rows="usual"), exact)
+    foreign = Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4))
+    assert coverage.of_filter(settings(rows="usual"), foreign) == []
+
+
+def test_the_page_shows_the_list():
+    page = PAGE.read_text(encoding="utf-8")
+    begin, end = "<!-- coverage: envs/coverage.py -->", "<!-- end of coverage -->"
+    shown = page[page.index(begin) + len(begin) : page.index(end)].strip()
+    assert shown == coverage.table()

@@ -1,0 +1,75 @@
+"""What counts as a number, wherever coordinates are given."""
+
+import numpy as np
+import pytest
+
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.estimation.sensors import Sensors
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.scenarios import BoxObstacle
+
+NO_NUMBERS = (
+    ["1.0", "0.0"],
+    [True, False],
+    [0.0, True],
+    [1.0 + 0.0j, 0.0],
+    [None, 1.0],
+    [10**400, 1],
+    [[1.0], 0.0],
+    np.array([True, False]),
+    np.array(["1.0", "0.0"]),
+    np.array([1.0j, 0.0]),
+    "10",
+    b"10",
+    {"x": 1.0, "y": 0.0},
+)
+
+
+@pytest.mark.parametrize("bent", NO_NUMBERS, ids=repr)
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda p: finite_array("p", p, (2,)),
+        lambda p: HalfPlane("a", 1, normal=p),
+        lambda p: Disc("a", 1, center=p),
+        lambda p: Disc("a", 1, velocity=p),
+        lambda p: Ellipse("a", 1, semi_axes=p),
+        lambda p: ConvexPolygon("a", 1, vertices=(p, (1.0, 0.0), (0.0, 1.0))),
+        lambda p: Box([-1.0, -1.0], p),
+        lambda p: BoxObstacle("a", center=p, size=(1.0, 1.0, 1.0)),
+        lambda p: scenarios.from_dict(scenarios.make("random").to_dict() | {"start": p}),
+        lambda p: scenarios.from_dict(
+            scenarios.make("random").to_dict() | {"reference": {"kind": "point", "goal": p}}
+        ),
+    ],
+    ids=lambda take: "",
+)
+def test_what_is_no_real_number_is_no_coordinate(take, bent):
+    with pytest.raises(InvalidInputError):
+        take(bent)
+
+
+@pytest.mark.parametrize("bent", ["1.0", True, 1.0 + 0.0j, None, [1.0]])
+def test_a_radius_is_a_real_number(bent):
+    with pytest.raises(InvalidInputError):
+        Disc("a", 1, radius=bent)
+
+
+@pytest.mark.parametrize("given", [(1, 0), [1.0, np.float32(0.0)], np.array([1, 0])])
+def test_integers_and_arrays_are_coordinates(given):
+    assert Disc("a", 1, center=given).center == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("name", list(Sensors.__dataclass_fields__))
+@pytest.mark.parametrize("bent", [1e160, np.inf, np.nan, -1.0, "1", True])
+def test_sensors_beyond_what_can_be_computed_with_are_refused(name, bent):
+    with pytest.raises(InvalidInputError):
+        Sensors(**{name: bent})
+
+
+@pytest.mark.parametrize("name", ["rate", "noise", "slip", "tilt", "drift_time"])
+def test_a_sensor_s_number_that_is_divided_by_is_not_next_to_nothing(name):
+    with pytest.raises(InvalidInputError):
+        Sensors(**{name: 1e-300})
