@@ -256,7 +256,7 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
         )
     if finite and not all(np.isfinite(field).all() for field in fields):
         raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-    return Jet(*jet)
+    return Jet._make(jet)
 
 
 def _is_plain(jet: Jet, n: int) -> bool:

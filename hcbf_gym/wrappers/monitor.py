@@ -220,7 +220,7 @@ class Monitor:
         for known, inverse in self._inverses:
             if np.array_equal(known, g):
                 return inverse
-        inverse: Array = np.linalg.pinv(g)
+        inverse = np.linalg.pinv(g).astype(np.float64)
         self._inverses = [(g.copy(), inverse), *self._inverses[:1]]
         return inverse
 

@@ -81,6 +81,12 @@ def filtered(barriers=(ISLAND,), model=POINT, world=None, **plant):
     return env, reader, world
 
 
+def steps(env, count, action=PUSH):
+    """The last info of several steps."""
+    infos = [env.step(action)[-1] for _ in range(count)]
+    return infos[-1]
+
+
 def said(info):
     report = info["safety_filter"]
     return FilterStatus(report["status"]), Reason(report["reason"])
@@ -117,8 +123,7 @@ def test_without_sensors_the_plant_stops_by_its_model_and_stands():
     env, reader, world = moving()
     reader.says = [None] * 40
     with pytest.warns(UserWarning, match="not finite"):
-        for _ in range(40):
-            *_, info = env.step(PUSH)
+        info = steps(env, 40)
     np.testing.assert_allclose(world.x[2:], 0.0, atol=1e-3)
     np.testing.assert_allclose(world.applied[-1], 0.0, atol=1e-2)
     stopped = world.x[0]
@@ -295,12 +300,9 @@ def test_an_alarm_of_the_plant_lasts_until_the_reset(on_alarm):
 def test_a_plant_that_does_not_do_what_it_is_told_is_an_alarm():
     env, _, world = filtered(on_alarm="brake")
     env.reset(seed=0)
-    world.model = models.ControlAffine(
-        lambda x: POINT.f(x), lambda x: 0.2 * POINT.g(x), n=4, n_u=2
-    )
+    world.model = models.ControlAffine(lambda x: POINT.f(x), lambda x: 0.2 * POINT.g(x), n=4, n_u=2)
     with pytest.warns(UserWarning, match="does not apply what the filter chose"):
-        for _ in range(30):
-            *_, info = env.step(PUSH)
+        info = steps(env, 30)
     assert said(info) == (FilterStatus.BACKUP, Reason.INPUT)
 
 

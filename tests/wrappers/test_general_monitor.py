@@ -37,9 +37,7 @@ def quadrotor():
         push = np.array([[-np.sin(x[2]), 0.0], [np.cos(x[2]), 0.0], [0.0, 50.0]])
         return np.vstack([zero, push])
 
-    return ControlAffine(
-        lambda x: np.array([*x[3:], 0.0, -9.81, 0.0]), g, n=6, n_u=2
-    )
+    return ControlAffine(lambda x: np.array([*x[3:], 0.0, -9.81, 0.0]), g, n=6, n_u=2)
 
 
 PLANTS = {
