@@ -248,7 +248,7 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
             for field, shape in zip(fields, shapes, strict=False)
         )
     except (TypeError, ValueError):  # nothing to go through, or a ragged list
-        fits = False
+        fields, fits = [], False
     if not fits:
         raise InvalidInputError(
             f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers: h, "

@@ -157,7 +157,7 @@ def test_what_comes_into_sight_later_brakes_and_says_what_is_late():
     env.reset(seed=0)
     env.step(np.array([1.0, 0.0]))
     seen.append(DISC)
-    with pytest.warns(UserWarning) as said:
+    with pytest.warns(UserWarning, match="safety filter") as said:
         *_, info = env.step(np.array([1.0, 0.0]))
     assert any("u[0] by derivative 2" in str(warning.message) for warning in said)
     assert info["safety_filter"]["status"] == 5

@@ -264,7 +264,7 @@ def test_barriers_that_are_none_brake_at_a_reset_and_in_a_step(bent):
     assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
 
 
-@pytest.mark.parametrize("bent", [b for b in BENT_BARRIERS[:9]], ids=repr)
+@pytest.mark.parametrize("bent", BENT_BARRIERS[:9], ids=repr)
 def test_what_does_not_change_is_refused_at_construction(bent):
     with pytest.raises(InvalidInputError, match="expected"):
         filtered(barriers=bent)
