@@ -73,7 +73,7 @@ class Function(Barrier):
         return hash((self.name, self.priority, self.signature))
 
     @property
-    def signature(self) -> tuple[Any, ...]:
+    def signature(self) -> tuple[Callable[..., Any], tuple[int, ...] | None]:
         """What is compiled for: the function and the shape of its parameters."""
         return self.function, None if self.parameters is None else np.shape(self.parameters)
 

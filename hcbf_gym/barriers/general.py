@@ -242,7 +242,7 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
             for field, shape in zip(fields, shapes, strict=False)
         )
     except (TypeError, ValueError):  # nothing to go through, or a ragged list
-        fits = False
+        fields, fits = [], False
     if not fits:
         raise InvalidInputError(
             f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers: h, "
@@ -250,7 +250,7 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
         )
     if finite and not all(np.isfinite(field).all() for field in fields):
         raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-    return Jet(*jet)
+    return Jet._make(jet)
 
 
 def _is_plain(jet: Jet, n: int) -> bool:

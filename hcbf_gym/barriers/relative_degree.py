@@ -66,7 +66,7 @@ def first_reach(
     degree = 0
     for degree, looks in enumerate(along_inputs, 1):
         size = np.where(np.isfinite(looks), np.abs(looks), 0.0)
-        inputs = (size > VANISHED).any(axis=0)
+        inputs = np.asarray((size > VANISHED).any(axis=0))
         if inputs.any():
             largest = size.max(axis=1)
             return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))

@@ -32,6 +32,11 @@ class Belief(NamedTuple):
     model: Array
     lag: Array | None
 
+    @property
+    def body(self) -> Array:
+        """(n,) the body's own state: rows may read its position with the model's velocity."""
+        return self.x if self.lag is None else self.model + self.lag
+
 
 def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None) -> Belief | Reason:
     """Return what can be believed of an estimate, or why nothing can.

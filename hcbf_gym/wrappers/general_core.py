@@ -130,13 +130,13 @@ class GeneralCore(FilterCore):
         else:
             self._last_time = self._last_time if sensed.time is None else sensed.time
             self._backup.know(sensed.model)
-            self._raise(self._monitor.observe(sensed.x, sensed.model, sensed.covariance))
+            self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
         report = self._filter(wanted, barriers, sensed, reason)
         self._steps += 1.0
         u = report["u_safe"].copy()
         self._backup.apply(u)
         if sensed is not None:
-            self._monitor.expect(sensed.x, sensed.model, u)
+            self._monitor.expect(sensed.body, sensed.model, u)
         return u, report
 
     def _filter(

@@ -141,7 +141,7 @@ class Monitor:
         """Account for what came of the last input, and return the alarm that this raises.
 
         Args:
-            x: (n,) state of the plant.
+            x: (n,) state of the body.
             model: (n,) the reduced-order model's own state; x where there is no other.
             covariance: (n, n) of x; None where it is the truth.
         """
@@ -150,11 +150,11 @@ class Monitor:
         last, last_model, u = self._last
         with np.errstate(all="ignore"):
             spread = covariance if model is x else None
-            input_missed = self._input_missed(last_model, model, u, spread)
-            motion_missed = self._motion_missed(last, x, u, covariance)
-        if input_missed:
+            input_alarm = self._input_missed(last_model, model, u, spread)
+            motion_alarm = self._motion_missed(last, x, u, covariance)
+        if input_alarm:
             return Reason.INPUT
-        return Reason.MOTION if motion_missed else Reason.NONE
+        return Reason.MOTION if motion_alarm else Reason.NONE
 
     def _input_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
         """Account for Δu, where the state's noise does not hide it; tell whether that alarms."""
@@ -192,12 +192,12 @@ class Monitor:
         fade = max(0.0, 1.0 - period / WINDOW)
         self._sums = fade * self._sums + new
         self._change = fade * self._change + APART * period * change
-        off, moved, expected_move = np.linalg.norm(self._sums, axis=1).tolist()
+        strayed, moved, expected_move = np.linalg.norm(self._sums, axis=1).tolist()
         bound = STILL * WINDOW * float(np.linalg.norm(g * self._largest))
         bound += OFF * max(moved, expected_move) + self._change + _ROUNDING * np.abs(x).max()
         if covariance is not None:
             bound += CONFIDENCE * np.sqrt(np.trace(unreached @ covariance @ unreached.T))
-        self._in_a_row = self._in_a_row + 1 if off > bound else 0
+        self._in_a_row = self._in_a_row + 1 if strayed > bound else 0
         return self._in_a_row >= IN_A_ROW
 
     def _inverse(self, g: Array) -> Array:
@@ -205,7 +205,7 @@ class Monitor:
         for known, inverse in self._inverses:
             if np.array_equal(known, g):
                 return inverse
-        inverse: Array = np.linalg.pinv(g)
+        inverse = np.linalg.pinv(g).astype(np.float64)
         self._inverses = [(g.copy(), inverse), *self._inverses[:1]]
         return inverse
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from needs import needs
 
+from hcbf_gym.programs import FilterStatus
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -158,5 +160,7 @@ def test_the_report_says_where_no_input_matters_to_a_function():
     _, info = env.reset()
     assert (info["safety_filter"]["conditioning"] > 0.1).all()
     at_the_centre = (1.0 - unicycle.AHEAD, 0.0, 0.0)  # there the distance has no slope
-    _, info = env.reset(options={"start": at_the_centre})
+    with pytest.warns(UserWarning, match="not finite"):
+        _, info = env.reset(options={"start": at_the_centre})
     assert info["safety_filter"]["conditioning"][0] == 0.0
+    assert info["safety_filter"]["status"] == FilterStatus.BACKUP

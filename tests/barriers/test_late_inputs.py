@@ -1,0 +1,175 @@
+"""An input that moves h but enters too late for the row is named before anything runs."""
+
+from dataclasses import dataclass
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import hcbf_gym
+from hcbf_gym import models, wrappers
+from hcbf_gym.barriers import Barrier, Disc, Function, HalfPlane, Jet
+from hcbf_gym.barriers.late_inputs import check_inputs, links_of
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models import ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
+
+DISC, WALL = Disc("disc", 1, center=(3.0, 0.0)), HalfPlane("wall", 1, (-1.0, 0.0), -2.0)
+
+
+def quadrotor(np=np):
+    """Planar: x, z, tilt and their rates; thrust and torque."""
+
+    def g(x):
+        zero, one = 0.0 * x[0], 0.0 * x[0] + 1.0
+        columns = [[zero] * 3 + [-np.sin(x[2]), np.cos(x[2]), zero], [zero] * 5 + [9.0 * one]]
+        return np.stack([np.stack(column) for column in columns], axis=1)
+
+    return ControlAffine(
+        lambda x: np.stack([x[3], x[4], x[5], 0.0 * x[0], 0.0 * x[0] - 9.81, 0.0 * x[0]]),
+        g,
+        n=6,
+        n_u=2,
+    )
+
+
+def followed():
+    """A point with a velocity for an input, and an agent that moves at a constant one."""
+    return ControlAffine(
+        lambda x: np.array([0.0, 0.0, x[4], x[5], 0.0, 0.0]), lambda x: np.eye(6, 2), n=6, n_u=2
+    )
+
+
+@dataclass(frozen=True)
+class Linear(Barrier):
+    """h = c·x + 1, of any states."""
+
+    slope: tuple[float, ...] = ()
+
+    def jet(self, x, t=0.0):
+        zero = np.zeros(x.size)
+        return Jet(1.0 + np.dot(self.slope, x), np.array(self.slope), np.diag(zero), 0.0, zero, 0.0)
+
+
+@dataclass(frozen=True)
+class Apart(Barrier):
+    """A metre away from the agent in x[2:4]."""
+
+    def jet(self, x, t=0.0):
+        to, n = x[:2] - x[2:4], np.zeros(6)
+        distance = np.linalg.norm(to)
+        n[:4] = np.concatenate([to, -to]) / distance
+        return Jet(distance - 1.0, n, np.zeros((6, 6)), 0.0, np.zeros(6), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "barrier", "late"),
+    [
+        (KinematicBicycle(), DISC, r"u\[1\].*derivative 1.*u\[0\] by derivative 2"),
+        (Unicycle(), DISC, r"u\[0\].*derivative 1.*u\[1\] by derivative 2"),
+        (quadrotor(), WALL, r"u\[0\].*derivative 2.*u\[1\] by derivative 4"),
+        (DoubleIntegrator(), Linear("mixed", 1, (0.0, 1.0, -1.0, 0.0)), r"u\[1\] by derivative 2"),
+    ],
+    ids=["bicycle", "unicycle", "quadrotor", "own barrier of a point"],
+)
+def test_it_is_refused_with_the_input_its_derivative_and_the_remedy(model, barrier, late):
+    with pytest.raises(InvalidInputError, match=rf"{late}.*a point ahead.*allow_late_inputs"):
+        check_inputs(model, [barrier])
+    with pytest.warns(UserWarning, match=late) as said:
+        check_inputs(model, [barrier], allowed=True)
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "barrier"),
+    [
+        (DoubleIntegrator(), HalfPlane("wall", 1, (1.0, 0.0))),
+        (DoubleIntegrator(drag=0.3), DISC),
+        (DoubleIntegrator(3), Linear("ceiling", 1, (0.0, 0.0, -1.0, 0.0, 0.0, 0.0))),
+        (models.SingleIntegrator(6), Linear("first joints", 1, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0))),
+        (followed(), Apart("agent", 1)),
+        (KinematicBicycle(), Linear("speed", 1, (0.0, 0.0, 0.0, -1.0))),
+        (Unicycle(), Linear("heading", 1, (0.0, 0.0, 1.0))),
+    ],
+    ids=lambda value: getattr(value, "name", type(value).__name__),
+)
+def test_a_row_that_holds_every_input_that_matters_is_not_refused(model, barrier):
+    check_inputs(model, [barrier])
+
+
+def test_functions_are_looked_at_by_their_derivatives():
+    jnp = pytest.importorskip("jax").numpy
+
+    def ahead(x, t):
+        return jnp.hypot(x[0] + 0.2 * jnp.cos(x[2]) - 3.0, x[1] + 0.2 * jnp.sin(x[2])) - 1.0
+
+    def brakes(x, t):
+        return jnp.hypot(x[0] - 3.0, x[1]) - 1.0 - 0.1 * x[3] ** 2
+
+    check_inputs(Unicycle(), [Function("ahead", 1, ahead)])
+    check_inputs(KinematicBicycle(), [Function("brakes", 1, brakes)])
+    axle = Function("axle", 1, lambda x, t: jnp.hypot(x[0] - 3.0, x[1]) - 1.0)
+    for model, last in ((Unicycle(), "2"), (KinematicBicycle(), "2")):
+        with pytest.raises(InvalidInputError, match=f"by derivative {last}"):
+            check_inputs(model, [axle])
+    wall = Function("wall", 1, lambda x, t: 2.0 - x[0])
+    with pytest.raises(InvalidInputError, match=r"u\[1\] by derivative 4"):
+        check_inputs(quadrotor(jnp), [wall])
+
+
+def test_links_are_those_of_the_equations():
+    links = links_of(KinematicBicycle())
+    np.testing.assert_array_equal(np.flatnonzero(links.states[0]), [2, 3])
+    np.testing.assert_array_equal(links.inputs, [[0, 1], [0, 1], [0, 1], [1, 0]])
+
+
+class Car(gym.Env):
+    action_space = gym.spaces.Box(np.array([-3.0, -0.5]), np.array([3.0, 0.5]), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
+    model = KinematicBicycle()
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.array([0.0, 0.1, 0.0, 1.0])
+        return self.x.copy(), {}
+
+    def step(self, action):
+        self.x = self.model.step(self.x, action, 0.05)
+        return self.x.copy(), 0.0, False, False, {}
+
+
+def plant(barriers):
+    state = lambda env, observation, info: env.x  # noqa: E731
+    return hcbf_gym.Plant(model=Car.model, barriers=barriers, state=state, period=0.05)
+
+
+def test_the_filter_refuses_at_construction_or_at_the_first_reset():
+    with pytest.raises(InvalidInputError, match=r"u\[0\] by derivative 2"):
+        wrappers.SafetyFilter(Car(), plant=plant([DISC]))
+    read = plant(lambda env, observation, info: [DISC])
+    env = wrappers.SafetyFilter(Car(), plant=read)
+    with pytest.raises(InvalidInputError, match=r"u\[0\] by derivative 2"):
+        env.reset(seed=0)
+
+
+def test_what_comes_into_sight_later_brakes_and_says_what_is_late():
+    seen = []
+    env = wrappers.SafetyFilter(Car(), plant=plant(lambda env, observation, info: list(seen)))
+    env.reset(seed=0)
+    env.step(np.array([1.0, 0.0]))
+    seen.append(DISC)
+    with pytest.warns(UserWarning, match="safety filter") as said:
+        *_, info = env.step(np.array([1.0, 0.0]))
+    assert any("u[0] by derivative 2" in str(warning.message) for warning in said)
+    assert info["safety_filter"]["status"] == 5
+    for _ in range(20):
+        env.step(np.array([3.0, 0.5]))
+    assert abs(env.unwrapped.x[3]) < 1e-6
+
+
+def test_allowed_it_is_one_warning_and_the_row_of_the_other_inputs():
+    with pytest.warns(UserWarning, match="allowed") as said:
+        env = wrappers.SafetyFilter(Car(), plant=plant([DISC]), allow_late_inputs=True)
+    assert len(said) == 1
+    env.reset(seed=0)
+    *_, info = env.step(np.array([1.0, 0.0]))
+    assert info["safety_filter"]["reason"] == 0

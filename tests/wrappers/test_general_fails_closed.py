@@ -1,0 +1,384 @@
+"""Nothing unknown passes the filter of any model: it brakes, says why, and goes on."""
+
+from dataclasses import dataclass
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hcbf_gym
+from hcbf_gym import models, wrappers
+from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.programs import FilterStatus
+
+T = 0.05
+POINT = models.DoubleIntegrator(drag=0.1)
+ISLAND = Disc("island", 1, center=(3.0, 0.0), radius=1.0)
+PUSH = np.array([2.0, 0.0])
+BENT = [
+    None,
+    "north",
+    True,
+    object(),
+    np.nan,
+    1.0,
+    [0.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, np.nan],
+    [0.0, np.inf, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 1j],
+    [[0.0, 0.0, 0.0, 0.0]],
+    [0.0, [1.0], 0.0, 0.0],
+    [None] * 4,
+    [True] * 4,
+    ["0"] * 4,
+]
+
+
+class World(gym.Env):
+    """A plant that is its model, whose reader says what the test wants."""
+
+    def __init__(self, model=POINT, limit=2.0):
+        self.model = model
+        self.action_space = gym.spaces.Box(-limit, limit, (model.n_u,), dtype=np.float64)
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), dtype=np.float64)
+        self.applied = []
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.zeros(self.model.n)
+        return self.x.copy(), {}
+
+    def step(self, action):
+        self.applied.append(np.array(action))
+        self.x = self.model.step(self.x, action, T)
+        return self.x.copy(), 0.0, False, False, {}
+
+
+class Reader:
+    """Says the truth, or for one call whatever `says` holds."""
+
+    def __init__(self):
+        self.says = []
+
+    def __call__(self, env, observation, info):
+        return self.says.pop(0) if self.says else env.x.copy()
+
+
+def filtered(barriers=(ISLAND,), model=POINT, world=None, **plant):
+    reader = Reader()
+    fields = {"period": T, **plant}
+    world = World(model) if world is None else world
+    env = wrappers.SafetyFilter(
+        world,
+        "lex-cbf-qp",
+        plant=hcbf_gym.Plant(model=model, barriers=barriers, state=reader, **fields),
+        solver="daqp",
+    )
+    return env, reader, world
+
+
+def steps(env, count, action=PUSH):
+    """The last info of several steps."""
+    infos = [env.step(action)[-1] for _ in range(count)]
+    return infos[-1]
+
+
+def said(info):
+    report = info["safety_filter"]
+    return FilterStatus(report["status"]), Reason(report["reason"])
+
+
+def moving(**arguments):
+    """A plant on its way at some speed."""
+    env, reader, world = filtered(**arguments)
+    env.reset(seed=0)
+    for _ in range(10):
+        env.step(PUSH)
+    return env, reader, world
+
+
+@pytest.mark.parametrize("bent", BENT, ids=repr)
+def test_a_state_that_is_none_brakes_at_once_and_the_filter_goes_on_after_it(bent):
+    env, reader, world = moving()
+    speed = world.x[2]
+    reader.says = [bent]
+    with pytest.warns(UserWarning, match="the filter brakes until that ends"):
+        *_, info = env.step(PUSH)
+    assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+    assert world.applied[-1][0] == -2.0
+    assert world.x[2] < speed
+    *_, info = env.step(PUSH)
+    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    np.testing.assert_array_equal(world.applied[-1], PUSH)
+    reader.says = [bent]
+    *_, info = env.step(PUSH)  # the warning came once
+    assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+
+
+def test_without_sensors_the_plant_stops_by_its_model_and_stands():
+    env, reader, world = moving()
+    reader.says = [None] * 40
+    with pytest.warns(UserWarning, match="not finite"):
+        info = steps(env, 40)
+    np.testing.assert_allclose(world.x[2:], 0.0, atol=1e-3)
+    np.testing.assert_allclose(world.applied[-1], 0.0, atol=1e-2)
+    stopped = world.x[0]
+    assert stopped < 2.0
+    assert info["safety_filter"]["slack"].shape == (1,)
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"covariance": np.full((4, 4), np.nan)}, Reason.STATE),
+        ({"covariance": np.eye(3)}, Reason.STATE),
+        ({"covariance": -np.eye(4)}, Reason.STATE),
+        ({"covariance": np.eye(4) + 2.0}, Reason.NONE),
+        ({"covariance": np.eye(4) + 2.0 * (1 - np.eye(4))}, Reason.STATE),
+        ({"covariance": "wide"}, Reason.STATE),
+        ({"lag": np.full(4, np.inf)}, Reason.STATE),
+        ({"lag": np.zeros(2)}, Reason.STATE),
+        ({"model": [0.0, 0.0, 0.0, None]}, Reason.STATE),
+        ({"age": 0.1}, Reason.NONE),
+        ({"age": 0.11}, Reason.AGE),
+        ({"age": -0.01}, Reason.AGE),
+        ({"age": np.nan}, Reason.AGE),
+        ({"age": "old"}, Reason.AGE),
+        ({"time": np.nan}, Reason.CLOCK),
+        ({"time": [1.0, 2.0]}, Reason.CLOCK),
+        ({"time": None}, Reason.NONE),
+        ({"fault": 3}, Reason.STATE),
+        ({"fault": 1000}, Reason.STATE),
+        ({"fault": None}, Reason.STATE),
+        ({"fault": np.nan}, Reason.STATE),
+    ],
+    ids=repr,
+)
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_every_part_of_an_estimate_is_looked_at_as_it_is_at_a_reset(fields, reason):
+    env, reader, world = moving(max_age=0.1)
+    reader.says = [Estimate(world.x.copy())._replace(**fields)]
+    *_, info = env.step(PUSH)
+    braked = FilterStatus.BACKUP if reason else FilterStatus.NOMINAL
+    assert said(info) == (braked, reason)
+    reader.says = [Estimate(np.zeros(4))._replace(**fields)]
+    _, info = env.reset(seed=0)
+    assert said(info) == (braked, reason)
+
+
+def test_a_clock_that_stands_brakes_until_it_goes_on():
+    env, reader, world = filtered()
+    times = [0.0, 0.0, 0.05, 0.05, 0.02, 0.1]  # the first two are of the reset and its first step
+    reasons = []
+    for k, time in enumerate(times):
+        reader.says = [Estimate(np.zeros(4) if k == 0 else world.x.copy(), time)]
+        if k == 0:
+            _, info = env.reset(seed=0)
+        elif k == 3:
+            with pytest.warns(UserWarning, match="time of the state does not go on"):
+                *_, info = env.step(PUSH)
+        else:
+            *_, info = env.step(PUSH)
+        reasons.append(said(info)[1])
+    assert reasons == [0, 0, 0, Reason.CLOCK, Reason.CLOCK, 0]
+
+
+def test_a_plant_says_how_it_brakes_and_nonsense_from_it_is_the_input_nearest_0():
+    for brake, period, expected in (
+        ([-1.0, 0.5], T, (-1.0, 0.5)),
+        (lambda x: [-9.0, x[1]], T, (-2.0, 0.0)),
+        (lambda x: [np.nan, 0.0], T, (0.0, 0.0)),
+        (lambda x: None, T, (0.0, 0.0)),
+        ([-1.0, 0.5], None, (-1.0, 0.5)),
+        (None, None, (0.0, 0.0)),
+    ):
+        env, reader, world = moving(brake=brake, period=period)
+        reader.says = [None]
+        with pytest.warns(UserWarning, match="brakes"):
+            env.step(PUSH)
+        np.testing.assert_allclose(world.applied[-1], expected, atol=1e-12)
+
+
+def test_before_the_first_good_state_it_applies_what_the_plant_declared_or_nothing():
+    for brake, expected in (([-1.0, 0.0], -1.0), (None, 0.0), (lambda x: [-1.0, 0.0], 0.0)):
+        env, reader, world = filtered(brake=brake)
+        reader.says = [None, None]
+        with pytest.warns(UserWarning, match="brakes"):
+            _, info = env.reset(seed=0)
+        assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+        env.step(PUSH)
+        assert world.applied[-1][0] == expected
+
+
+@dataclass(frozen=True)
+class Own(Barrier):
+    """A user's own barrier, which says whatever it is told to."""
+
+    says: object = None
+
+    def jet(self, x, t=0.0):
+        good = Jet(5.0 - x[0], np.array([-1.0, 0, 0, 0]), np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
+        return good if self.says is None else self.says(good)
+
+
+BENT_BARRIERS = [
+    None,
+    "wall",
+    7,
+    ["wall"],
+    [None],
+    [Disc],
+    HalfPlane("wall", 1),
+    [HalfPlane("wall", 2)],
+    {"wall": 1},
+    [Own("own", 1, lambda jet: jet._replace(h=np.nan))],
+    [Own("own", 1, lambda jet: jet._replace(h=None))],
+    [Own("own", 1, lambda jet: jet._replace(gradient=np.full(4, np.nan)))],
+    [Own("own", 1, lambda jet: jet._replace(gradient=np.ones(3)))],
+    [Own("own", 1, lambda jet: jet._replace(hessian=np.full((4, 4), np.inf)))],
+    [Own("own", 1, lambda jet: jet._replace(rate=1e308, h=1e308))],
+    [Own("own", 1, lambda jet: None)],
+    [Own("own", 1, lambda jet: 3.0)],
+]
+
+
+@pytest.mark.parametrize("bent", BENT_BARRIERS, ids=repr)
+def test_barriers_that_are_none_brake_at_a_reset_and_in_a_step(bent):
+    given = [[ISLAND]]
+    env, _, world = filtered(barriers=lambda env, observation, info: given[0])
+    env.reset(seed=0)
+    env.step(PUSH)
+    given[0] = bent
+    with pytest.warns(UserWarning, match="not finite or not barriers"):
+        *_, info = env.step(PUSH)
+    assert said(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    assert world.applied[-1][0] < 0.0
+    _, info = env.reset(seed=0)
+    assert said(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    given[0] = [ISLAND]
+    *_, info = env.step(PUSH)
+    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+
+
+@pytest.mark.parametrize("bent", BENT_BARRIERS[:9], ids=repr)
+def test_what_does_not_change_is_refused_at_construction(bent):
+    with pytest.raises(InvalidInputError, match="expected"):
+        filtered(barriers=bent)
+
+
+@pytest.mark.parametrize("solver", ["daqp", None])
+def test_an_empty_list_is_nothing_to_keep(solver):
+    env, _, world = filtered(barriers=lambda env, observation, info: [])
+    for policy in (PUSH, 3.0 * PUSH):
+        _, info = env.reset(seed=0)
+        assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+        *_, info = env.step(policy)
+        np.testing.assert_allclose(world.applied[-1], PUSH)
+        assert info["safety_filter"]["slack"].shape == (0,)
+
+
+@pytest.mark.parametrize("on_alarm", ["warn", "brake"])
+def test_an_alarm_of_the_plant_lasts_until_the_reset(on_alarm):
+    env, reader, world = moving(on_alarm=on_alarm)
+    reader.says = [Estimate(world.x.copy(), fault=np.int64(Reason.SLIP))]
+    with pytest.warns(UserWarning, match="until the next reset"):
+        env.step(PUSH)
+    for _ in range(20):
+        *_, info = env.step(0.1 * PUSH)
+        status, reason = said(info)
+        assert reason == Reason.SLIP
+        assert (status == FilterStatus.BACKUP) == (on_alarm == "brake")
+    assert (abs(world.x[2]) < 1e-2) == (on_alarm == "brake")
+    _, info = env.reset(seed=0)
+    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+
+
+def test_a_plant_that_does_not_do_what_it_is_told_is_an_alarm():
+    env, _, world = filtered(on_alarm="brake")
+    env.reset(seed=0)
+    world.model = models.ControlAffine(lambda x: POINT.f(x), lambda x: 0.2 * POINT.g(x), n=4, n_u=2)
+    with pytest.warns(UserWarning, match="does not apply what the filter chose"):
+        info = steps(env, 30)
+    assert said(info) == (FilterStatus.BACKUP, Reason.INPUT)
+
+
+def test_a_report_has_the_same_keys_and_types_whatever_happens():
+    env, reader, _ = filtered()
+    _, first = env.reset(seed=0)
+    *_, second = env.step(PUSH)
+    reader.says = [None]
+    with pytest.warns(UserWarning, match="brakes"):
+        *_, third = env.step(PUSH)
+    for info in (second, third):
+        for key, value in first["safety_filter"].items():
+            other = info["safety_filter"][key]
+            assert (other.shape, other.dtype) == (value.shape, value.dtype), key
+    for code in ("status", "reason", "covered"):
+        assert third["safety_filter"][code].dtype == np.int64
+
+
+def test_an_unknown_period_is_no_error_with_a_solver_by_name():
+    env, reader, world = filtered(model=models.DoubleIntegrator(), period=None)
+    env.reset(seed=0)
+    *_, info = env.step(PUSH)
+    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    reader.says = [None]
+    with pytest.warns(UserWarning, match="brakes"):
+        env.step(PUSH)
+    np.testing.assert_array_equal(world.applied[-1], 0.0)
+
+
+@pytest.mark.parametrize("name", ["HCBF-Regions-v0", "HCBF-A1Regions-v0"])
+def test_this_packages_environments_raise_no_alarm_with_a_solver_by_name(name):
+    env = gym.make(name, scenario="random")
+    env = wrappers.SafetyFilter(env, "lex-cbf-qp", solver="daqp")
+    for seed in range(2):
+        _, info = env.reset(seed=seed)
+        for k in range(150):
+            action = 2.0 * np.array([np.cos(0.05 * k), np.sin(0.08 * k)])
+            *_, over, _, info = env.step(action.astype(np.float32))
+            assert info["safety_filter"]["reason"] == 0
+            if over:
+                break
+
+
+bent_numbers = st.one_of(
+    st.none(), st.booleans(), st.text(max_size=3), st.floats(), st.integers(), st.complex_numbers()
+)
+anything = st.recursive(bent_numbers, lambda inner: st.lists(inner, max_size=5), max_leaves=8)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(anything, min_size=1, max_size=3), st.sampled_from(Estimate._fields))
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_nothing_that_is_not_finite_is_ever_nominal(values, field):
+    env, reader, world = moving(max_age=0.1)
+    for value in values:
+        reader.says = [Estimate(world.x.copy())._replace(**{field: value})]
+        *_, info = env.step(PUSH)
+        status, reason = said(info)
+        assert np.isfinite(world.applied[-1]).all()
+        assert (status == FilterStatus.BACKUP) == (Reason.NONE < reason < Reason.INPUT)
+        if field == "x":
+            fits = isinstance(value, list) and len(value) == 4
+            numbers = (bool, int, float)  # NumPy makes one kind of a list that mixes them
+            good = fits and all(type(v) in numbers and np.isfinite(v) for v in value)
+            assert good or reason == Reason.STATE
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.sampled_from(Jet._fields), anything)
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_no_jet_that_is_bent_becomes_a_row(field, value):
+    own = Own("own", 1, lambda jet: jet._replace(**{field: value}))
+    env, _, world = filtered(barriers=lambda env, observation, info: [own])
+    env.reset(seed=0)
+    *_, info = env.step(PUSH)
+    assert np.isfinite(world.applied[-1]).all()
+    status, reason = said(info)
+    if field in ("gradient", "hessian", "gradient_rate"):
+        assert (status, reason) == (FilterStatus.BACKUP, Reason.BARRIERS)
