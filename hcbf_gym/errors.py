@@ -46,6 +46,14 @@ UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, 
 """What reading an answer of a user's own code raises where it is none."""
 
 
+class CoverageWarning(UserWarning):
+    """Rank 1 is not promised for these arguments: they leave what was tested."""
+
+
+class SafetyWarning(UserWarning):
+    """The filter brakes, or has noticed that the plant is not the one that was declared."""
+
+
 def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:
     """Return ``choices[name]``.
 

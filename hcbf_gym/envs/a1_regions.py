@@ -27,7 +27,7 @@ from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.watch import Watch
@@ -201,6 +201,7 @@ class A1RegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: igno
             warnings.warn(
                 "HCBF-A1Regions-v0: rank 1 is not promised (covered = 0), as the arguments leave "
                 f"what was tested: {'; '.join(self._outside)}",
+                CoverageWarning,
                 stacklevel=3,
             )
 

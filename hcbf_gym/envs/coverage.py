@@ -247,6 +247,11 @@ class Asked(Protocol):
         ...
 
     @property
+    def solver(self) -> str | None:
+        """Return its name; None for the compiled programs."""
+        ...
+
+    @property
     def options(self) -> dict[str, Any]:
         """Return α₁, α₂ and the program's own."""
         ...
@@ -265,6 +270,8 @@ def of_filter(asked: Asked, plant: Plant) -> list[str]:
     if isinstance(plant.covered, int) and plant.covered == Coverage.OUTSIDE:
         return []
     said = [] if asked.rows == "held" else [f"rows {asked.rows!r} (tested: 'held')"]
+    if asked.solver is not None:
+        said.append(f"solver {asked.solver!r}, which makes usual rows (tested: None)")
     if plant.uncertainty == EXACT:
         return said
     if asked.margin is not None:

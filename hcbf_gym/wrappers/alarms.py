@@ -2,6 +2,7 @@
 
 import warnings
 
+from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
 SAYS = {
@@ -49,4 +50,5 @@ class Announcer:
         else:
             what = "the filter goes on, and promises nothing until the next reset"
         many = "" if count == 1 else f" of {count} plants"
-        warnings.warn(f"safety filter{many}: {SAYS[Reason(reason)]}; {what}", stacklevel=5)
+        message = f"safety filter{many}: {SAYS[Reason(reason)]}; {what}"
+        warnings.warn(message, SafetyWarning, stacklevel=5)

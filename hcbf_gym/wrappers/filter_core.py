@@ -12,7 +12,7 @@ from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_float
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, check_options, choose, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -163,7 +163,7 @@ class FilterCore(ABC):
                 covered[one.scenes] = Coverage.OUTSIDE
             if one.what not in self._said:
                 self._said.add(one.what)
-                warnings.warn(f"safety filter: {one.says}", stacklevel=5)
+                warnings.warn(f"safety filter: {one.says}", CoverageWarning, stacklevel=5)
         return covered
 
     @abstractmethod

@@ -14,7 +14,7 @@ from hcbf_gym import programs
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import CoverageWarning, InvalidInputError
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -277,6 +277,7 @@ def _limits(settings: FilterSettings, plant: Plant) -> list[str]:
     if outside:
         warnings.warn(
             f"safety filter: the promise was not tested with {', '.join(outside)}: covered is 0",
+            CoverageWarning,
             stacklevel=3,
         )
     return outside
