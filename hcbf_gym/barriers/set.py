@@ -17,7 +17,7 @@ from hcbf_gym.errors import InvalidInputError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_WRITERS: dict[type[Barrier], Callable[[Any, Array], int]] = {
+_WRITERS: dict[type, Callable[[Any, Array], int]] = {
     HalfPlane: lambda b, c: layout.half_plane(c, b.normal, b.offset),
     Disc: lambda b, c: layout.disc(c, b.velocity, b.center, b.radius),
     Ellipse: lambda b, c: layout.ellipse(c, b.velocity, b.center, b.semi_axes, b.angle),

@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 SUMMED = ("cost", "fallbacks")
 """Infos that a held decision sums over its steps, beside the reward's terms."""
 LEAST = ("min_h",)
-GREATEST = ("status", "slack", "model_error", "obstacle_force")
+GREATEST = ("status", "reason", "slack", "model_error", "obstacle_force")
 AVERAGED = ("u_safe", "intervention", "deadlock")
 
 
@@ -25,8 +25,8 @@ class HoldAction(gym.Wrapper, RecordConstructorArgs):
     """Holds each action for several steps of the environment, or until the episode ends.
 
     Rewards, their terms in the infos and `cost` are summed; `min_h` is the least; of the filter's
-    report, `status`, `slack` and `model_error` are the greatest, `u_safe`, `intervention` and
-    `deadlock` the mean, `fallbacks` the sum. All else is what the last step says. Put it outside
+    report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`, `intervention`
+    and `deadlock` the mean, `fallbacks` the sum. All else is what the last step says. Put it outside
     the filter, which then looks at every step.
 
     Args:

@@ -54,7 +54,7 @@ class Cell(NamedTuple):
 
     def settings(self) -> FilterSettings:
         """Return the same filter without guidance, made at its core."""
-        return FilterSettings(self.program, "held", None, None, None, self.options)
+        return FilterSettings(self.program, "held", None, None, None, None, False, self.options)
 
 
 ARRIVAL = (
