@@ -19,9 +19,8 @@ from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Coverage, Estimate, Plant
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario, hall
 
 Array = NDArray[np.float64]
@@ -87,10 +86,11 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._scenes: list[hall.Layout | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
+        self._covered = np.full(num_envs, coverage.of_scene(scenario, {}), dtype=np.int64)
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self._started = False
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
-        self._view: TopDownView | None = None
+        self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(len(self.scenario.barriers))
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -121,7 +121,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     @property
     def covered(self) -> NDArray[np.int64]:
         """(N,) whether the promise was tested in the families of scenes of these episodes."""
-        return np.where(self._given, Coverage.SCENE, coverage.of_scene(self._source.source, {}))
+        return self._covered.copy()
 
     @property
     def estimate(self) -> Estimate:
@@ -217,6 +217,8 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         if self.render_mode is None:
             return None
         if self._view is None:
+            from hcbf_gym.envs.top_down import TopDownView  # matplotlib, only where one looks
+
             self._view = TopDownView(FRAME)
         trace = np.array(self._trace)
         return tuple(
@@ -258,6 +260,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
 
     def _draw_scenes(self, mask: Mask, given: Mapping[str, Any]) -> None:
         """Put the next scenes into the masked environments: those asked for, or their own."""
+        self._covered[mask] = coverage.of_scene(self._source.source, given)
         if given and not self._source.random and not self._given.any():
             self._batch.separate()
         for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):

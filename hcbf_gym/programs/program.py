@@ -123,9 +123,7 @@ def explain(rows: CbfRows) -> NoReturn:
 
 @njit(cache=True)
 def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bool:
-    """Tell whether the rows of one state are finite, with priorities without a gap from 2 on.
-
-    There may be no row of rank 1: nothing strict is in sight.
+    """Tell whether the rows of one state are finite, with priorities 1, 2, … without a gap.
 
     Args:
         a: (m, n_u) gradients.
@@ -135,13 +133,13 @@ def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bo
     """
     levels = 0
     for k in range(b.size):
-        if not (np.isfinite(b[k]) and np.isfinite(h[k]) and 1 <= priority[k] <= b.size + 1):
+        if not (np.isfinite(b[k]) and np.isfinite(h[k]) and 1 <= priority[k] <= b.size):
             return False
         for j in range(a.shape[1]):
             if not np.isfinite(a[k, j]):
                 return False
         levels = max(levels, priority[k])
-    for level in range(2, levels + 1):
+    for level in range(1, levels + 1):
         present = False
         for k in range(b.size):
             present |= priority[k] == level

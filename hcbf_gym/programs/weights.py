@@ -80,7 +80,8 @@ def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:
         if (array < 0.0).any():
             raise InvalidInputError(f"{name}: got {array.min()}, expected numbers >= 0.0")
         return array, True
-    is_list = columns is None and isinstance(value, Sequence | np.ndarray) and np.ndim(value)
+    is_list = columns is None and isinstance(value, Sequence | np.ndarray)
+    is_list = is_list and not (isinstance(value, np.ndarray) and value.ndim == 0)
     entries = list(value) if is_list else [value]
     if not entries:
         raise InvalidInputError(f"{name}: got an empty list, expected at least one weight")

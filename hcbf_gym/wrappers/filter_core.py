@@ -96,6 +96,7 @@ class FilterCore(ABC):
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._announcer = Announcer(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
+        self._fresh: Mask = np.ones(count, dtype=np.bool_)
         self._scale: Array = np.full(count, self.alpha1_scale)
 
     def cover(self, coverage: Any) -> None:
@@ -107,10 +108,19 @@ class FilterCore(ABC):
         given = np.asarray(coverage)
         if given.shape not in ((), (self.count,)) or not np.isin(given, list(Coverage)).all():
             raise InvalidInputError(f"covered: got {coverage!r}, expected one of {list(Coverage)}")
-        self._coverage[:] = given
+        self._coverage[self._fresh] = np.broadcast_to(given, self.count)[self._fresh]
+
+    def _doubt(self, scenes: Integers) -> None:
+        """Cover no episode that begins in a scene where rank 1 cannot be promised.
+
+        Args:
+            scenes: a `Coverage` of each such episode's scene, as `check_scene` returns it.
+        """
+        known = self._coverage[self._fresh]
+        self._coverage[self._fresh] = np.where(scenes == Coverage.OUTSIDE, scenes, known)
 
     def _fit_alpha1(self, settings: FilterSettings) -> float:
-        """Scale α₁ down to what U can brake, and return the factor; say so where it is not 1.
+        """Scale α₁ down to what U can brake, and return the factor, which reports repeat.
 
         Raises:
             InvalidInputError: if U cannot brake in some direction at all.
@@ -126,12 +136,6 @@ class FilterCore(ABC):
         rows = self._row_settings(settings)
         factor = braking.share(rows, self.input_set)
         if factor < 1.0:
-            warnings.warn(
-                f"safety filter: alpha1 asks for up to {braking.asked(rows):.3g} m/s² of braking, "
-                f"and the inputs have {able:.3g} in their weakest direction, a tenth of it in "
-                f"reserve; alpha1 is scaled by {factor:.3g}",
-                stacklevel=5,
-            )
             self.alpha1 = self.alpha1.scaled(factor)
         return factor
 

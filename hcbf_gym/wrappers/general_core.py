@@ -103,7 +103,7 @@ class GeneralCore(FilterCore):
             self._backup.know(sensed.model)
             found = self._conditions(barriers, sensed, beginning=True)
             if found is not None and isinstance(barriers, BarrierSet):
-                self._coverage = np.minimum(self._coverage, self.check_scene(barriers))
+                self._doubt(self.check_scene(barriers))
         zeros = np.zeros(self.input_set.n_u)
         if found is None:
             return self._brake(zeros, zeros, reason or Reason.BARRIERS)

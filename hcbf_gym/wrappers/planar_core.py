@@ -25,7 +25,7 @@ from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs.exact.program import filter_exactly
 from hcbf_gym.programs.planar.cascade import GRADED
 from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
@@ -91,7 +91,6 @@ class PlanarCore(FilterCore):
         self._sensed = senses.Sensed(
             self._x, self._t, self._model, self._lag, self._covariance, self._fault
         )
-        self._fresh: Mask = np.ones(count, dtype=np.bool_)
         self._work: Any = ()
         self._size = 0
         self._parts_of_one: tuple[tuple[str, Any], ...] = ()
@@ -114,9 +113,7 @@ class PlanarCore(FilterCore):
         self._take_barriers(barriers)
         with contextlib.suppress(UnreachableError):  # its rows brake
             self._check_inputs()
-        fresh = self._fresh
-        told = self.check_scene(self._scene.of(fresh))
-        self._coverage[fresh] = np.where(told == Coverage.OUTSIDE, told, self._coverage[fresh])
+        self._doubt(self.check_scene(self._scene.of(self._fresh)))
         if self._way is not None:
             self._find_ways(goal, extent)
         self._fresh[:] = False

@@ -132,13 +132,13 @@ def weak_scene(limit):
 @pytest.mark.parametrize("limit", [0.5, 0.7, 1.0, 2.0])
 def test_a_weak_robot_is_kept_out_of_a_disc(limit):
     env = gym.make("HCBF-Regions-v0", scenario=weak_scene(limit))
-    with pytest.warns(UserWarning, match=r"alpha1 is scaled by 0\."):
-        env = wrappers.SafetyFilter(env)
+    env = wrappers.SafetyFilter(env)
     _, info = env.reset(seed=0)
     for _ in range(400):
         _, _, _, _, info = env.step(np.array([5.0, 0.0]))
         assert info["min_h"][0] >= 0.0
         assert info["safety_filter"]["status"] <= 1
+        assert 0.0 < info["safety_filter"]["alpha1_scale"] < 1.0
     assert info["h"][0] < 0.2  # it got near
 
 

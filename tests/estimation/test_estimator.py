@@ -136,7 +136,7 @@ def test_the_heading_error_has_the_spread_that_was_asked_for(legs, walk):
         ({"rates": 1.0}, "unknown field"),
         ({"rate": 0.0}, "rate: got 0.0"),
         ({"noise": float("nan")}, "noise"),
-        ({"delay": 5.0}, "delay: got 5.0 s"),
+        ({"delay": 5.0}, "delay: got 5.0"),
         ({"contact": 0.7}, "contact: got 0.7"),
         ([1.0], "mapping"),
     ],

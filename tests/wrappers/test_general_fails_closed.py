@@ -159,7 +159,7 @@ def test_without_sensors_the_plant_stops_by_its_model_and_stands():
         ({"time": None}, Reason.NONE),
         ({"fault": 3}, Reason.STATE),
         ({"fault": 1000}, Reason.STATE),
-        ({"fault": None}, Reason.STATE),
+        ({"fault": None}, Reason.NONE),
         ({"fault": np.nan}, Reason.STATE),
     ],
     ids=repr,
