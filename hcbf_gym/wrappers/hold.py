@@ -25,9 +25,9 @@ class HoldAction(gym.Wrapper, RecordConstructorArgs):
     """Holds each action for several steps of the environment, or until the episode ends.
 
     Rewards, their terms in the infos and `cost` are summed; `min_h` is the least; of the filter's
-    report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`, `intervention`
-    and `deadlock` the mean, `fallbacks` the sum. All else is what the last step says. Put it outside
-    the filter, which then looks at every step.
+    report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`,
+    `intervention` and `deadlock` the mean, `fallbacks` the sum. All else is what the last step
+    says. Put it outside the filter, which then looks at every step.
 
     Args:
         env: any environment, filtered or not.
