@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from hcbf_gym import programs
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.scenarios import Scenario
+from hcbf_gym.wrappers.alarms import SAYS
 
 Array = NDArray[np.float64]
 
@@ -78,7 +80,11 @@ def by_rank(values: Array, priority: NDArray[np.int64], pick: Any) -> dict[int, 
 
 
 def sentence(
-    status: str, slack: Mapping[int, float], h: Mapping[int, float], intervention: float
+    status: str,
+    slack: Mapping[int, float],
+    h: Mapping[int, float],
+    intervention: float,
+    reason: int = Reason.NONE,
 ) -> str:
     """Return what is going on.
 
@@ -87,6 +93,7 @@ def sentence(
         slack: rank → what it pays [m/s²].
         h: rank → its least h [m].
         intervention: ‖u − u*‖ [m/s²].
+        reason: a `Reason`, why the filter brakes.
     """
     inside = [rank for rank, value in h.items() if value < 0.0]
     paying = {rank: value for rank, value in slack.items() if value > 0.0}
@@ -100,7 +107,8 @@ def sentence(
     if status == FilterStatus.UNSAFE.name:
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
-        return "No solver answered: the robot brakes."
+        lasts = "; a restart ends that" if reason >= FIRST_ALARM else ""
+        return f"The filter brakes{lasts}: {SAYS[Reason(reason)].partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
         return f"No input keeps rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
     held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing, report
 from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.settings import Arrangement, Human, Settings, arrange
@@ -262,10 +263,11 @@ class Session:
         h = self._heights()
         ranked = partial(report.by_rank, priority=priority[regions])
         slack = ranked(np.zeros(int(regions.sum())), pick=np.max)
-        status, gap, details = report.UNFILTERED, 0.0, {}
+        status, gap, reason, details = report.UNFILTERED, 0.0, int(Reason.NONE), {}
         if said is not None:
             slack = report.by_rank(said["slack"][:m], priority, np.max)
             status, gap = FilterStatus(int(said["status"])).name, float(said["intervention"])
+            reason = int(said["reason"])
             details = {
                 "margin": float(said["margin"][regions].max(initial=0.0)),
                 "model error": float(said["model_error"]),
@@ -291,7 +293,7 @@ class Session:
             speed_margin=None if regions.all() else float(h[~regions].min()),
             intervention=gap,
             status=status,
-            sentence=report.sentence(status, slack, by_rank_h, gap),
+            sentence=report.sentence(status, slack, by_rank_h, gap, reason),
             conflict=self._conflict,
             details=details,
             settings=self.settings,

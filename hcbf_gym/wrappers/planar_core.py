@@ -135,13 +135,11 @@ class PlanarCore(FilterCore):
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
         self._take(estimate)
         self._take_barriers(barriers)
-        if estimate.time is None:
-            self._steps += 1.0
         scene, wanted = self._scene, u_nominal[None] if self._alone else u_nominal
         work = self._space(scene.kind.shape[1])
         codes = np.empty((2, self.count), dtype=np.int64)
         given = bool(scene.own)
-        if given:
+        if given and np.isfinite(wanted).all():
             self._make_rows(scene, work, codes[fused.REASON])
         flat = np.empty(self._size)
         said = fused.filter_plants(
@@ -163,6 +161,8 @@ class PlanarCore(FilterCore):
                 f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
                 f"expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
+        if estimate.time is None:
+            self._steps += 1.0
         report = self._report(u_nominal, flat, codes)
         if said == fused.ASKS:
             self._finish(report, codes)

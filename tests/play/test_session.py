@@ -7,6 +7,7 @@ import pytest
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing
 from hcbf_gym.play.report import sentence
 from hcbf_gym.play.session import Session
@@ -201,6 +202,13 @@ def test_the_clock_sets_the_pace_and_commands_come_from_any_thread(session):
     thread.join(5.0)
     assert not thread.is_alive()
     assert 0.1 < slow < 0.75
+
+
+def test_a_sentence_says_why_the_filter_brakes():
+    assert sentence("BACKUP", {}, {1: 0.3}, 0.5, Reason.STATE) == (
+        "The filter brakes: the state is not finite, or of another shape than the model's."
+    )
+    assert "restart" in sentence("BACKUP", {}, {1: 0.3}, 0.5, Reason.LAG)
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,23 @@ def test_a_time_that_does_not_go_on_brakes():
     assert said == [0, 0, Reason.CLOCK, Reason.CLOCK, 0]
 
 
+class Own(barriers.PlanarBarrier):
+    """A user's own wall."""
+
+    def planar_jet(self, q):
+        return q[1] + 3.0, np.array([0.0, 1.0]), np.zeros((2, 2))
+
+
+def test_an_action_that_is_refused_is_no_step():
+    env = filtered(lambda x: Estimate(x, time=env.unwrapped.clock), listed=(Own("own", 1),))
+    env.unwrapped.clock = 0.0
+    env.reset(seed=0)
+    for _ in range(3):
+        with pytest.raises(InvalidInputError, match="finite"):
+            env.step(np.array([np.nan, 0.0]))
+    assert quietly(env)["reason"] == 0
+
+
 def test_the_brake_of_the_plant_replaces_the_models():
     told = []
     env = filtered(lambda x: None if told else x, brake=lambda x: [-1.0, 7.0])
