@@ -6,8 +6,9 @@ import warnings
 
 import numpy as np
 import pytest
+from needs import remedy
 
-jax = pytest.importorskip("jax")
+jax = pytest.importorskip("jax", reason=remedy("jax"))
 jnp = jax.numpy
 
 from hcbf_gym.barriers import Function, LinearClassK, function_cache  # noqa: E402

@@ -108,6 +108,17 @@ class Visit:
             assert time.monotonic() < end, f"waited for {what}: {self.readings()}"
             time.sleep(0.1)
 
+    def settled(self, field):
+        """Return a field's value once it has stayed the same for a while."""
+        seen = []
+
+        def stays():
+            seen.append(field.input_value())
+            return len(seen) >= 10 and len(set(seen[-10:])) == 1
+
+        self.until(stays, "a field to settle")
+        return seen[-1]
+
     def until_said(self, name, text):
         self.until(lambda: text in self.says(name), f"{name} to say {text!r}")
 
@@ -280,7 +291,7 @@ def test_what_cannot_be_done_is_said_in_the_page(browser, tmp_path, album):
         visit.choose("region", "h3 region 1")
         size = visit.field("size [m]").first
         visit.until(lambda: not size.is_disabled(), "the region's size")
-        before = size.input_value()
+        before = visit.settled(size)
         size.fill("0")
         size.press("Enter")
         visit.until_said("message", "expected a number > 0")
