@@ -1,0 +1,329 @@
+"""Whether the A1's filter notices plants that nobody declared, and lets declared ones walk.
+
+``python -m benchmarks.plants undeclared`` runs one part on all cores, a line of JSON an episode in
+``results/plants/``, and prints a table. A run that was interrupted goes on where it stopped.
+"""
+
+import functools
+import json
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import joblib
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from hcbf_gym import wrappers
+from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.studies.strict import attacks, lines
+
+FAMILIES = ("random", "random-moving")
+HOSTILE = tuple(attacks.ATTACKS)
+AIMED = ("edge", "corner", "nearest", "bang-bang")
+FIRST_SEED = 5_000_000
+SECONDS = 20.0
+STOOD = 75
+"""Steps at rest after which an episode that the filter has braked is over."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode.
+
+    Args:
+        group: the line of the table that it belongs to.
+        policy: an attack's or a policy's name.
+        scenario: a family of random scenes.
+        seed: of the environment and the attack.
+        change: what becomes of the plant, ("floor" | "delay" | "motors" | "mass", number).
+        when: from which time on [s].
+        env_options: further arguments of the environment.
+        filter_options: arguments of `SafetyFilter`.
+        env: the environment's id.
+        v_max: another cap on the speed than the scene's own [m/s].
+        seconds: how long it is.
+        stops: whether it ends with the first alarm.
+    """
+
+    group: str
+    policy: str
+    scenario: str
+    seed: int
+    change: tuple[str, float] | None = None
+    when: float = 0.0
+    env_options: dict[str, Any] = field(default_factory=dict)
+    filter_options: dict[str, Any] = field(default_factory=dict)
+    env: str = "HCBF-A1Regions-v0"
+    v_max: float | None = None
+    seconds: float = SECONDS
+    stops: bool = False
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    def run(self) -> dict[str, Any]:
+        """Run it, and return what it showed."""
+        warnings.simplefilter("ignore")
+        scene: Any = self.scenario
+        options = None
+        if self.v_max is not None:
+            scene = lines.faster(self.scenario, 0, self.v_max)
+            drawn = lines.faster(self.scenario, self.seed, self.v_max)
+            options = {"scenario": drawn}
+        arguments = scene, self.env_options, self.filter_options
+        env = _environment(self.env, json.dumps(arguments, sort_keys=True))
+        observation, info = env.reset(seed=self.seed, options=options)
+        inner: Any = env.unwrapped
+        heavy = _masses(inner)
+        try:
+            return self._drive(env, observation, info)
+        finally:
+            for array, value in heavy:
+                array[:] = value
+
+    def _drive(self, env: gym.Env, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
+        inner: Any = env.unwrapped
+        hostile = self.policy in attacks.ATTACKS
+        attack = attacks.make(self.policy, self.seed) if hostile else None
+        policy = None if hostile else make_policy(self.policy, env)
+        strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
+        position = [k for k in strict if inner.barriers[k].reads_position]
+        speed = [k for k in strict if not inner.barriers[k].reads_position]
+        least, changed, ended, stood, alarm = [], self.change is None, False, 0, None
+        counts, reason, where_changed, fastest = np.zeros(len(FilterStatus), int), 0, False, np.inf
+        while not ended and inner.time < self.seconds - 1e-9:
+            if not changed and inner.time >= self.when - 1e-9:
+                _change(inner.simulation, *self.change)  # type: ignore[misc]
+                changed = True
+            if attack is not None:
+                u = attack.wants(attacks.look(env))
+            else:
+                assert policy is not None
+                u = np.asarray(policy(observation, info), dtype=np.float64)
+            observation, _, terminated, truncated, info = env.step(u)
+            report = info["safety_filter"]
+            least.append(float(info["min_h"][position].min()))
+            fastest = min(fastest, float(info["min_h"][speed].min(initial=np.inf)))
+            counts[int(report["status"])] += 1
+            where_changed = where_changed or bool(report["intervention"] > 1e-3)
+            if report["reason"] and alarm is None:
+                alarm, reason = float(inner.time), int(report["reason"])
+            braked = report["status"] == FilterStatus.BACKUP
+            stood = stood + 1 if braked and np.abs(inner.estimate.x[2:]).max() < 1e-6 else 0
+            ended = terminated or truncated or stood > STOOD or (self.stops and alarm is not None)
+        entered = np.flatnonzero(np.array(least) < 0.0)
+        return {
+            "alarm": alarm,
+            "reason": reason,
+            "entered": 0.02 * float(entered[0] + 1) if len(entered) else None,
+            "least_h": min(least),
+            "least_speed_h": fastest,
+            "changed": where_changed,
+            "fell": bool(info.get("fallen", 0.0)),
+            "reached": bool(terminated) and not info.get("fallen", 0.0),
+            "covered": int(info["safety_filter"]["covered"]),
+            "status": counts.tolist(),
+        }
+
+
+@functools.lru_cache(maxsize=3)
+def _environment(env_id: str, arguments: str) -> gym.Env:
+    """Return a filtered environment, made once for all episodes with these arguments."""
+    scene, env_options, filter_options = json.loads(arguments)
+    env = gym.make(env_id, scenario=scene, **env_options)
+    return wrappers.SafetyFilter(env, **({"program": "lex-cbf-qp"} | filter_options))
+
+
+def _masses(inner: Any) -> list[tuple[Any, Any]]:
+    """Return the arrays that "mass" changes, with what stands in them now."""
+    if not hasattr(inner, "simulation"):
+        return []
+    model = inner.simulation.model
+    arrays = model.body_mass, model.body_inertia, model.body_subtreemass
+    return [(array, array.copy()) for array in arrays]
+
+
+def _change(simulation: Any, what: str, number: float) -> None:
+    """Make another plant of a running one, behind everybody's back."""
+    if what == "floor":
+        simulation.model.geom_friction[simulation._feet, 0] = number
+    elif what == "delay":
+        waiting = simulation._delayed
+        for _ in range(round(number / simulation.model.opt.timestep) - len(waiting)):
+            waiting.appendleft(waiting[0].copy())
+    elif what == "motors":
+        simulation.conditions = simulation.conditions._replace(motor_strength=number)
+    else:
+        for array, value in _masses(type("Of", (), {"simulation": simulation})):
+            array[:] = number * value
+
+
+def _group(
+    name: str,
+    count: int,
+    policies: tuple[str, ...],
+    first: int,
+    families: tuple[str, ...] = FAMILIES,
+    **rest: Any,
+) -> Iterator[Episode]:
+    """Yield a line's episodes, its policies and families in turn."""
+    for k in range(count):
+        family = families[k % len(families)]
+        policy = policies[(k // len(families)) % len(policies)]
+        yield Episode(name, policy, family, FIRST_SEED + first + k, **rest)
+
+
+def _randomized(**ranges: Any) -> dict[str, Any]:
+    return {"randomization": ranges}
+
+
+DECLARED: dict[str, dict[str, Any]] = {
+    "nominal": {},
+    "footprint": {"body": "footprint"},
+    "feedback rom": {"feedback": "rom"},
+    "timestep .001": {"timestep": 0.001},
+    "timestep .005": {"timestep": 0.005},
+    "friction .3": {"friction": 0.3},
+    "friction .45": {"friction": 0.45},
+    "rough ground": {"terrain": "rough"},
+    "floor .4": _randomized(floor_friction=0.4),
+    "floor .5 to .7": _randomized(floor_friction=[0.5, 0.7]),
+    "payload to 4 kg": _randomized(payload=[0.0, 4.0]),
+    "payload 4 kg, farthest": lines.PLANTS["payload 4 kg, off-centre"],
+    "motors .8": _randomized(motor_strength=0.8),
+    "motors .8 to 1": _randomized(motor_strength=[0.8, 1.0]),
+    "delay 8 ms": _randomized(delay=0.008),
+    "delay to 8 ms": _randomized(delay=[0.0, 0.008]),
+    "noise .5": _randomized(sensor_noise=0.5),
+    "noise to .5": _randomized(sensor_noise=[0.0, 0.5]),
+    "all at once": lines.PLANTS["all at once"],
+    "pushes of 2 N·s": {"disturbances": {"kind": "random", "interval": 2.0, "impulse": [2.0, 2.0]}},
+    "motion capture": {"estimation": "motion-capture"},
+    "LiDAR": {"estimation": "lidar"},
+    "UWB": {"estimation": "uwb"},
+    "fix of 2 cm": {"estimation": {}},
+}
+"""Plants that are declared and covered."""
+
+UNDECLARED = {
+    "floor .4": ("floor", 0.4),
+    "8 ms late": ("delay", 0.008),
+    "16 ms late": ("delay", 0.016),
+}
+
+
+def episodes(part: str) -> list[Episode]:
+    """Return the episodes of a part: undeclared, heavy, declared, nominal or reduced."""
+    found: list[Episode] = []
+    if part == "undeclared":
+        for v_max in (None, 1.5):
+            for n, (name, change) in enumerate(UNDECLARED.items()):
+                for when in (0.0, 4.0):
+                    for mode in ("brake", "warn"):  # on the same seeds
+                        cap = "" if v_max is None else f", cap {v_max}"
+                        found += _group(
+                            f"{name} from {when:g} s{cap}, {mode}", 50, AIMED, 10_000 * n,
+                            change=change, when=when, v_max=v_max,
+                            filter_options={"on_alarm": mode},
+                        )  # fmt: skip
+    elif part == "heavy":
+        for n, change in enumerate((("motors", 0.8), ("mass", 1.2))):
+            for when in (0.0, 4.0):
+                found += _group(
+                    f"{change[0]} × {change[1]} from {when:g} s", 50, AIMED, 100_000 + 10_000 * n,
+                    change=change, when=when, seconds=when + 2.5, stops=True,
+                )  # fmt: skip
+    elif part == "declared":
+        for n, (name, options) in enumerate(DECLARED.items()):
+            found += _group(name, 50, HOSTILE, 200_000 + 1_000 * n, env_options=options)
+        for n, v_max in enumerate((0.5, 1.5, 1.7)):
+            for k, name in enumerate(("nominal", "footprint")):
+                found += _group(
+                    f"{name}, cap {v_max}", 24, HOSTILE, 300_000 + 1_000 * (2 * n + k),
+                    env_options=DECLARED[name], v_max=v_max,
+                )  # fmt: skip
+    elif part == "nominal":
+        found += _group("hostile", 200, HOSTILE, 400_000)
+        found += _group("PD", 100, ("pd",), 50_000 - FIRST_SEED, ("random",))
+        found += _group(
+            "PD, guided", 100, ("pd",), 420_000, ("random",),
+            filter_options={"guidance": "geodesic"},
+        )  # fmt: skip
+    elif part == "reduced":
+        found += _group("hostile", 200, HOSTILE, 500_000, env="HCBF-Regions-v0")
+        found += _group("PD", 100, ("pd",), 510_000, env="HCBF-Regions-v0")
+    return found
+
+
+def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
+    """Return what each line of a part showed."""
+    header = (
+        "", "episodes", "entered", "of these warned before", "alarmed", "within 2 s", "least h [m]",
+        "speed limit passed", "falls", "goals", "median least h where u changed [m]", "covered",
+        "reasons",
+    )  # fmt: skip
+    shown = Table(*header, title=part)
+    for name, told in outcomes.items():
+        entered = [o for o in told if o["entered"] is not None]
+        alarmed = [o for o in told if o["alarm"] is not None]
+        before = [o for o in entered if o["alarm"] is not None and o["alarm"] <= o["entered"]]
+        late = [o["alarm"] - o["when"] for o in alarmed]
+        changed = [o["least_h"] for o in told if o["changed"]]
+        reasons = Counter(Reason(o["reason"]).name for o in alarmed)
+        shown.add_row(
+            name, str(len(told)), str(len(entered)), str(len(before)), str(len(alarmed)),
+            str(sum(seconds <= 2.0 for seconds in late)),
+            f"{min(o['least_h'] for o in told):+.3f}",
+            str(sum(o["least_speed_h"] < 0.0 for o in told)),
+            str(sum(o["fell"] for o in told)), str(sum(o["reached"] for o in told)),
+            f"{np.median(changed):+.4f}" if changed else "",
+            ", ".join(map(str, sorted({o["covered"] for o in told}))),
+            ", ".join(f"{reason} {count}" for reason, count in reasons.items()),
+        )  # fmt: skip
+    return shown
+
+
+def main(part: str, most: int = 1_000_000, jobs: int = -1) -> None:
+    """Run a part of the evidence.
+
+    Args:
+        part: undeclared, heavy, declared, nominal or reduced.
+        most: episodes of it that are run at most.
+        jobs: processes; -1 for all cores.
+    """
+    asked = episodes(part)[:most]
+    path = Path("results/plants") / f"{part}.jsonl"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    known: dict[str, dict[str, Any]] = {}
+    if path.exists():
+        entries = (json.loads(line) for line in path.read_text("utf-8").splitlines())
+        known = {entry["episode"]: entry["outcome"] for entry in entries}
+    missing = [episode for episode in asked if episode.key not in known]
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    runs: Any = parallel(joblib.delayed(episode.run)() for episode in missing)
+    with path.open("a", encoding="utf-8") as file:
+        for episode, outcome in zip(missing, track(runs, part, len(missing)), strict=True):
+            known[episode.key] = outcome
+            file.write(json.dumps({"episode": episode.key, "outcome": outcome}) + "\n")
+            file.flush()
+    outcomes: dict[str, list[dict[str, Any]]] = {}
+    for episode in asked:
+        told = known[episode.key] | {"when": episode.when}
+        outcomes.setdefault(episode.group, []).append(told)
+    Console().print(table(part, outcomes))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
