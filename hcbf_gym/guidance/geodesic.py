@@ -181,12 +181,11 @@ class Geodesic:
                     corners[n],
                 )  # fmt: skip
         else:
-            given = np.asarray(extent, dtype=np.float64)
-            shape = (count, 2, 2) if given.ndim == 3 else (2, 2)
+            shape = (count, 2, 2) if _dimensions(extent) == 3 else (2, 2)
             corners[:] = finite_array("extent", extent, shape)
             if (corners[:, 0] >= corners[:, 1]).any():
                 raise InvalidInputError(
-                    f"extent: got {given.tolist()}, expected ((x_min, y_min), (x_max, y_max))"
+                    f"extent: got {corners.tolist()}, expected ((x_min, y_min), (x_max, y_max))"
                 )
         geometry = self.geometry.copy()
         for n in np.flatnonzero(mask):
@@ -247,10 +246,16 @@ def _points(name: str, value: ArrayLike | None, count: int) -> Array:
             f'{name}: got None, expected (2,) [m]; guidance "geodesic" needs a {name}, '
             '"local" does not'
         )
-    given = np.asarray(value)
-    return np.broadcast_to(
-        finite_array(name, value, (count, 2) if given.ndim == 2 else (2,)), (count, 2)
-    ).copy()
+    shape = (count, 2) if _dimensions(value) == 2 else (2,)
+    return np.broadcast_to(finite_array(name, value, shape), (count, 2)).copy()
+
+
+def _dimensions(value: ArrayLike) -> int:
+    """Return how many dimensions a value has; 0 where it is no array."""
+    try:
+        return np.ndim(value)
+    except ValueError:  # a ragged list
+        return 0
 
 
 def _check(mask: Mask, scenes: BarrierSet, goal: Array, start: Array, geometry: Array) -> None:

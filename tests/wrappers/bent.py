@@ -3,6 +3,7 @@
 ``python -m tests.wrappers.bent 20000`` prints how many were refused, braked and filtered.
 """
 
+import os
 import sys
 import warnings
 from collections import Counter
@@ -288,6 +289,7 @@ def main(count: int) -> None:
         settings(
             max_examples=max(1, round(share * count)),
             deadline=None,
+            derandomize=bool(os.environ.get("CI")),
             database=None,
             phases=[Phase.generate, Phase.shrink],
             suppress_health_check=list(HealthCheck),
