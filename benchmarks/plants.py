@@ -295,7 +295,7 @@ def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
     return shown
 
 
-def main(part: str, most: int = 1_000_000, jobs: int = -1) -> None:
+def main(part: tyro.conf.Positional[str], most: int = 1_000_000, jobs: int = -1) -> None:
     """Run a part of the evidence.
 
     Args:
