@@ -140,6 +140,22 @@ def finite_array(
     return array
 
 
+def as_array(name: str, value: Any) -> NDArray[Any]:
+    """Return `value` as an array of whatever it holds.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything.
+
+    Raises:
+        InvalidInputError: on ragged lists, and on objects that do not tell their entries.
+    """
+    try:
+        return np.asarray(value)
+    except Exception as error:  # whatever a foreign object raises when it is asked for its entries
+        raise InvalidInputError(f"{name}: got {value!r}, expected an array") from error
+
+
 def _is_real(value: Any) -> bool:
     """Tell whether a value holds neither text nor truth values nor complex numbers."""
     if isinstance(value, list | tuple):

@@ -11,6 +11,9 @@ settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("dev", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
+SKIPPED = "hcbf/skipped"
+"""Where pytest's cache has the ids of what the last run skipped."""
+
 
 def pytest_addoption(parser):
     parser.addoption(
@@ -18,12 +21,45 @@ def pytest_addoption(parser):
         metavar="FILE",
         help="fail if a test is skipped that FILE does not list, a line each: 'id | reason'",
     )
+    parser.addoption(
+        "--skipped-before",
+        action="store_true",
+        help="run the tests alone that the last run skipped, whole files included",
+    )
 
 
 def pytest_configure(config):
-    file = config.getoption("only_skips")
-    if file and not hasattr(config, "workerinput"):  # the workers of xdist report to this process
-        config.pluginmanager.register(OnlySkips(Path(file)))
+    if hasattr(config, "workerinput"):  # the workers of xdist report to the one process that stays
+        return
+    config.pluginmanager.register(Skipped(config))
+    if config.getoption("only_skips"):
+        config.pluginmanager.register(OnlySkips(Path(config.getoption("only_skips"))))
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("skipped_before"):
+        before = set(config.cache.get(SKIPPED, []))
+        chosen = [i for i in items if {i.nodeid, i.nodeid.partition("::")[0]} & before]
+        config.hook.pytest_deselected(items=[i for i in items if i not in chosen])
+        items[:] = chosen
+
+
+class Skipped:
+    """Keeps which tests and whole files a run skipped, for `--skipped-before`."""
+
+    def __init__(self, config):
+        self.cache = getattr(config, "cache", None)
+        self.ids = set()
+
+    def pytest_runtest_logreport(self, report):
+        if report.skipped:
+            self.ids.add(report.nodeid)
+
+    pytest_collectreport = pytest_runtest_logreport  # a whole file
+
+    def pytest_sessionfinish(self):
+        if self.cache is not None:
+            self.cache.set(SKIPPED, sorted(self.ids))
 
 
 class OnlySkips:

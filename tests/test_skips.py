@@ -32,7 +32,7 @@ def run(folder, listed, tests, *options):
     (folder / "conftest.py").write_text(Path(__file__).with_name("conftest.py").read_text("utf-8"))
     (folder / "test_some.py").write_text(tests)
     (folder / "listed").write_text(f"# id | reason\n{listed}\n")
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options]
+    command = [sys.executable, "-m", "pytest", *options]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "COV"))}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.returncode, done.stdout
@@ -51,6 +51,18 @@ def test_any_other_skip_fails_the_run_and_is_named(tmp_path, other, workers):
     code, said = run(tmp_path, *OTHERS[other], "-n", workers, "--only-skips", "listed")
     assert code == pytest.ExitCode.TESTS_FAILED, said
     assert "not on the list" in said
+
+
+@pytest.mark.parametrize("workers", ["0", "2"])
+def test_what_was_skipped_before_can_be_run_alone(tmp_path, workers):
+    (tmp_path / "test_file.py").write_text("import pytest\npytest.importorskip('no_such_module')\n")
+    run(tmp_path, "", TESTS, "-n", workers)
+    (tmp_path / "test_file.py").write_text("def test_of_a_file():\n    pass\n")
+    unskipped = TESTS.replace('@pytest.mark.skip(reason="no moon tonight")', "")
+    options = "-n", workers, "--skipped-before", "--only-skips", "listed"
+    code, said = run(tmp_path, "", unskipped, *options)
+    assert code == pytest.ExitCode.OK, said
+    assert "2 passed" in said
 
 
 def test_without_a_list_anything_may_be_skipped(tmp_path):

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import check_name
-from hcbf_gym.errors import InvalidInputError, choose, finite_array
+from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
 from hcbf_gym.models.constants import FARTHEST
 
 Array = NDArray[np.float64]
@@ -57,12 +57,12 @@ class Shapes:
         check_name(name, priority)
         self.name, self.priority = name, int(priority)
         self.kind, write = choose("shape", shape, _SHAPES)
-        given = np.asarray(values)
+        given = as_array(f"{name}: values", values)
         if given.size == 0:
             given = np.zeros((0, 3, 2) if self.kind == layout.CONVEX_POLYGON else (0, 3))
         self.parameters = np.zeros((len(given) if given.ndim else 0, layout.WIDTH))
         write(f"{name}: {shape}", given, self.parameters)
-        wanted = (2,) if np.ndim(velocity) == 1 else (len(self), 2)
+        wanted = (2,) if as_array(f"{name}: velocity", velocity).ndim == 1 else (len(self), 2)
         moving = finite_array(f"{name}: velocity", velocity, wanted, largest=FARTHEST)
         self.parameters[:, [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
         self.parameters.flags.writeable = False

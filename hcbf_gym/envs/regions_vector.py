@@ -19,7 +19,7 @@ from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario, hall
 
@@ -240,7 +240,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             self._trace.append(self._batch.x[:, :2].copy())
 
     def _check_mask(self, mask: Any) -> Mask:
-        mask = np.asarray(mask)
+        mask = as_array("reset_mask", mask)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise InvalidInputError(
                 f"reset_mask: got shape {mask.shape} of {mask.dtype}, "

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.compilation import borrowed
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
 
@@ -170,10 +170,7 @@ def check_action(action: Any, shape: tuple[int, ...]) -> Array:
         InvalidInputError: if it is no array of real numbers, has another shape, or an entry is NaN
             or infinite.
     """
-    try:
-        array = np.asarray(action)
-    except ValueError as error:  # a ragged list
-        raise InvalidInputError(f"action: got {action!r}, expected shape {shape}") from error
+    array = as_array("action", action)
     if array.dtype.kind not in "fiu":
         raise InvalidInputError(f"action: got {action!r}, expected an array of real numbers")
     array = array.astype(np.float64, copy=False)

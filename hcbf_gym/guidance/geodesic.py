@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
@@ -194,9 +194,9 @@ class Geodesic:
 
     def _clearances(self, scenes: BarrierSet, clearance: ArrayLike) -> Array:
         """Return (N, m) what each edge keeps."""
-        given = np.asarray(clearance, dtype=np.float64)
+        given = as_array("clearance", clearance)
         if given.ndim == 0:
-            kept = scenes.keeps_margin * finite_float("clearance", float(given), minimum=0.0)
+            kept = scenes.keeps_margin * finite_float("clearance", given.item(), minimum=0.0)
         else:
             kept = finite_array("clearance", given, scenes.kind.shape)
         return np.maximum(kept, scenes.keeps_margin * LEAST_CLEARANCE)

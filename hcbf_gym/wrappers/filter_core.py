@@ -12,7 +12,14 @@ from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, check_options, choose, finite_float
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    as_array,
+    check_options,
+    choose,
+    finite_float,
+)
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -105,8 +112,9 @@ class FilterCore(ABC):
         Raises:
             InvalidInputError: if it is none.
         """
-        given = np.asarray(coverage)
-        if given.shape not in ((), (self.count,)) or not np.isin(given, list(Coverage)).all():
+        given = as_array("covered", coverage)
+        known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
+        if not known or given.shape not in ((), (self.count,)):
             raise InvalidInputError(f"covered: got {coverage!r}, expected one of {list(Coverage)}")
         self._coverage[self._fresh] = np.broadcast_to(given, self.count)[self._fresh]
 

@@ -17,6 +17,7 @@ from hcbf_gym.errors import (
     UNREADABLE,
     InvalidInputError,
     UnreachableError,
+    as_array,
     check_options,
     choose,
     finite_array,
@@ -390,7 +391,7 @@ def braking_input(plant: Plant, input_set: InputSet, x: Array) -> Array:
     """Return the input of U nearest to the plant's own braking input at the state x (n,)."""
     try:
         asked = plant.brake(x) if callable(plant.brake) else plant.brake
-        wanted = finite_array("plant: brake", np.asarray(asked), (input_set.n_u,))
+        wanted = finite_array("plant: brake", as_array("plant: brake", asked), (input_set.n_u,))
     except InvalidInputError:
         wanted = np.zeros(input_set.n_u)
     return input_set.project(wanted)

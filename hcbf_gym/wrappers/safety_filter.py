@@ -14,7 +14,7 @@ from hcbf_gym import programs
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.errors import CoverageWarning, InvalidInputError
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, as_array
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -235,7 +235,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
-            mask = np.asarray(options["reset_mask"])
+            mask = as_array("reset_mask", options["reset_mask"])
         self._reporter.at_reset(info, self._begin(mask), options)
         return observation, info
 
@@ -289,10 +289,7 @@ def _input(action: Any, shape: tuple[int, ...]) -> Array:
     Raises:
         InvalidInputError: if it is not an array of real numbers of that shape.
     """
-    try:
-        given = np.asarray(action)
-    except ValueError as error:  # a ragged list
-        raise InvalidInputError(f"action: got {action!r}, expected shape {shape}") from error
+    given = as_array("action", action)
     if given.dtype.kind not in "fiu":
         raise InvalidInputError(f"action: got {action!r}, expected {shape} real numbers")
     u = given.astype(np.float64)
