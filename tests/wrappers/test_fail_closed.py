@@ -39,9 +39,12 @@ class Point(gym.Env):
         return self.x.copy(), 0.0, False, False, {}
 
 
+FILTER_ARGUMENTS = ("guidance", "program", "solver")
+
+
 def filtered(state=lambda x: x, listed=(DISC,), **options):
     """Return the filtered point; `state` makes what the filter is told of the true state."""
-    of_filter = {key: options.pop(key) for key in ("guidance", "program") if key in options}
+    of_filter = {key: options.pop(key) for key in FILTER_ARGUMENTS if key in options}
     plant = hcbf_gym.Plant(
         model=models.DoubleIntegrator(),
         barriers=lambda env, observation, info: listed() if callable(listed) else listed,
@@ -322,6 +325,24 @@ def test_noise_that_is_declared_is_no_alarm():
     env.reset(seed=0)
     reasons = {int(quietly(env, next(held))["reason"]) for _ in range(900)}
     assert Reason.MOTION not in reasons
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+@pytest.mark.parametrize("reason", [Reason.SLIP, Reason.LAG, Reason.LIFT, Reason.INPUT])
+def test_after_an_alarm_the_rows_still_hold(reason, solver):
+    comes = barriers.Disc("comes", 1, center=(2.0, 0.0), radius=0.5, velocity=(-0.3, 0.05))
+    fault = [0]
+    env = filtered(
+        lambda x: Estimate(x, fault=fault[0]), listed=(comes,), on_alarm="brake", solver=solver
+    )
+    env.reset(seed=0)
+    quietly(env)
+    fault[0] = int(reason)
+    for step in range(400):
+        report = quietly(env)
+        assert report["status"] == FilterStatus.BACKUP
+        assert comes.h(env.unwrapped.x, PERIOD * (step + 2)) >= 0.0
+    assert np.linalg.norm(env.unwrapped.x[:2]) > 0.1, "it stood where the disc passed"
 
 
 @pytest.mark.parametrize("on_alarm", ["warn", "brake"])
