@@ -45,7 +45,7 @@ def test_what_is_listed_may_be_skipped(tmp_path, workers):
     assert "1 passed, 1 skipped" in said
 
 
-@pytest.mark.parametrize(("other", "workers"), zip(OTHERS, ["0", "2", "2", "0"], strict=True))
+@pytest.mark.parametrize(("other", "workers"), list(zip(OTHERS, ["0", "2", "2", "0"], strict=True)))
 def test_any_other_skip_fails_the_run_and_is_named(tmp_path, other, workers):
     code, said = run(tmp_path, *OTHERS[other], "-n", workers, "--only-skips", "listed")
     assert code == pytest.ExitCode.TESTS_FAILED, said
