@@ -399,6 +399,15 @@ def test_shapes_that_are_none_are_refused(shape, values):
         barriers.Shapes("many", 1, shape, values)
 
 
+@pytest.mark.parametrize("shape", ["disc", "half-plane", "convex-polygon"])
+def test_no_shape_in_sight_is_an_entry_of_length_0(shape):
+    nothing = barriers.Shapes("many", 1, shape, [])
+    assert len(nothing) == 0
+    env = filtered(listed=(nothing,))
+    env.reset(seed=0)
+    np.testing.assert_array_equal(quietly(env)["u_safe"], AHEAD)
+
+
 def test_the_native_batch_brakes_the_plants_that_are_not_known_and_no_other(monkeypatch):
     envs = gym.make_vec("HCBF-Regions-v0", num_envs=4, scenario="random")
     envs = wrappers.VectorSafetyFilter(envs)
