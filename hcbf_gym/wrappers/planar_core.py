@@ -366,9 +366,7 @@ class PlanarCore(FilterCore):
             reason[i] = senses.look(self._memory[i], self._sensed, i, self.plant.period or 0.0)
         m = scene.kind.shape[1]
         priority[:, :m] = scene.priority
-        margin[0], margin[1] = derive_all(
-            self.uncertainty, scene, *self._sensed[:-1]
-        )
+        margin[0], margin[1] = derive_all(self.uncertainty, scene, *self._sensed[:-1])
         try:
             rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
         except UNREADABLE:
