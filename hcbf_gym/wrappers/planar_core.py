@@ -17,10 +17,8 @@ from hcbf_gym.errors import (
     UNREADABLE,
     InvalidInputError,
     UnreachableError,
-    as_array,
     check_options,
     choose,
-    finite_array,
 )
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
@@ -228,6 +226,7 @@ class PlanarCore(FilterCore):
             for i in np.flatnonzero(codes[fused.STATUS] == programs.FilterStatus.BACKUP):
                 at = ... if self._alone else i
                 report["u_safe"][at] = u = self._users_brake(int(i))
+                report["slack"][at] = report["delta"][at] = 0.0
                 gap = np.linalg.norm(u - np.atleast_2d(report["u_nominal"])[i])
                 self._write(report, "intervention", int(i), gap)
                 self._memory[i]["input"] = u
@@ -235,8 +234,12 @@ class PlanarCore(FilterCore):
             self._announcer.say(reason, int((codes[fused.REASON] == reason).sum()))
 
     def _users_brake(self, i: int) -> Array:
-        """Return the input of U nearest to the plant's own braking input of plant `i`."""
-        return braking_input(self.plant, self.input_set, self._x[i])
+        """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
+        asked: Any = self.plant.brake
+        if callable(asked):
+            asked = asked(self._x[i].copy()) if self._memory[i]["known"] else None
+        wanted = real_numbers(asked, (2,))
+        return self.input_set.project(np.zeros(2) if wanted is None else wanted)
 
     def _solve_exactly(self, i: int, report: dict[str, Any]) -> None:
         """Answer for one state in rational arithmetic."""
@@ -305,12 +308,11 @@ class PlanarCore(FilterCore):
         return alarms
 
     def _check_age(self, age: Any) -> None:
-        """Note which states are older than the plant allows."""
-        ages, most = np.zeros(self.count), self.plant.max_age
-        if not _copy(ages, age) or not (ages >= 0.0).all():
-            self._blame(Reason.AGE)
-        elif most is not None:
-            self._blame(Reason.AGE, ages > most)
+        """Note which states are older than the plant allows, or of no age at all."""
+        ages = np.full(self.count, np.nan)
+        _copy(ages, age)
+        most = np.inf if self.plant.max_age is None else self.plant.max_age
+        self._blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= most)))
 
     def _take_barriers(self, barriers: Any) -> None:
         """Note the barriers as they are now; where they are none, the plants are not believed."""
@@ -390,16 +392,6 @@ def _guidance(choice: Any, count: int) -> tuple[Geodesic | Local | None, int]:
     kinds = {"geodesic": Geodesic, "local": Local}
     kind = choose("guidance", options.get("kind", "geodesic"), kinds)
     return kind(count), int(options.get("through", 0))
-
-
-def braking_input(plant: Plant, input_set: InputSet, x: Array) -> Array:
-    """Return the input of U nearest to the plant's own braking input at the state x (n,)."""
-    try:
-        asked = plant.brake(x) if callable(plant.brake) else plant.brake
-        wanted = finite_array("plant: brake", as_array("plant: brake", asked), (input_set.n_u,))
-    except InvalidInputError:
-        wanted = np.zeros(input_set.n_u)
-    return input_set.project(wanted)
 
 
 def _copy(target: Array, value: Any) -> bool:

@@ -84,6 +84,8 @@ BAD = [
     Estimate(np.zeros(4), model=np.zeros(2)),
     Estimate(np.zeros(4), age=np.nan),
     Estimate(np.zeros(4), age=-1.0),
+    Estimate(np.zeros(4), age=np.inf),
+    Estimate(np.zeros(4), age=np.array([np.inf])),
     Estimate(np.zeros(4), fault=3),
     Estimate(np.zeros(4), fault="slip"),
 ]
@@ -187,6 +189,28 @@ def test_the_brake_of_the_plant_replaces_the_models():
     with pytest.warns(UserWarning, match="not finite"):
         env.reset(seed=0)
     np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
+
+
+def test_the_users_brake_is_asked_with_a_state_that_is_known_and_may_change_its_copy():
+    asked = []
+
+    def brake(x):
+        asked.append(x.copy())
+        x[:] = np.nan
+        return np.array([-1.0, 0.0])
+
+    told = [None]
+    env = filtered(lambda x: told[0], brake=brake, on_alarm="brake")
+    with pytest.warns(UserWarning, match="not finite"):
+        env.reset(seed=0)
+    np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
+    assert not asked
+    told[0] = Estimate(np.array([0.0, 0.0, 0.5, 0.0]), time=1.0, fault=int(Reason.SLIP))
+    report = quietly(env)
+    np.testing.assert_array_equal(report["u_safe"], [-1.0, 0.0])
+    np.testing.assert_array_equal(asked, [told[0].x])
+    assert report["status"] == FilterStatus.BACKUP
+    assert not report["slack"].any()
 
 
 def test_a_list_that_is_changed_in_place_is_seen():
