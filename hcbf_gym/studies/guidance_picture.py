@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance, scenarios
 from hcbf_gym.barriers import BarrierSet
-from hcbf_gym.envs import palette
+from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from hcbf_gym import programs
-from hcbf_gym.envs.palette import PRIORITY_COLORS, PROGRAM_COLORS
+from hcbf_gym.drawing.palette import PRIORITY_COLORS, PROGRAM_COLORS
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.programs import CbfRows
 

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from hcbf_gym import scenarios
-from hcbf_gym.envs import palette
-from hcbf_gym.envs.scene_artist import SceneArtist
+from hcbf_gym.drawing import palette
+from hcbf_gym.drawing.scene_artist import SceneArtist
 
 # How dichromats see linear RGB: Machado, Oliveira and Fernandes, IEEE TVCG 15(6), 2009, table 1.
 SEEN_BY = {

@@ -7,7 +7,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Ellipse as EllipsePatch
 
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
-from hcbf_gym.envs import palette
+from hcbf_gym.drawing import palette
 from hcbf_gym.scenarios import Scenario
 
 _FAR = 100.0

@@ -5,8 +5,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hcbf_gym.envs import palette
-from hcbf_gym.envs.scene_plot import draw_scene
+from hcbf_gym.drawing import palette
+from hcbf_gym.drawing.scene_plot import draw_scene
 from hcbf_gym.scenarios import Scenario
 
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.envs.scene_artist import SceneArtist
+from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.errors import RenderingError
 from hcbf_gym.scenarios import Scenario
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
-from hcbf_gym.envs import palette
+from hcbf_gym.drawing import palette
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
