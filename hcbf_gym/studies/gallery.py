@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from hcbf_gym import policies, wrappers
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import choose
-from hcbf_gym.studies.strict import attacks
+from hcbf_gym.evaluation import attacks
 
 STEPS = 10
 """Control steps between two pictures."""
@@ -37,7 +37,7 @@ class Loop(NamedTuple):
     Attributes:
         scenario: its name.
         seed: of the environment and of the attack.
-        policy: "pd", or the name of an attack of `studies.strict.attacks`.
+        policy: "pd", or the name of an attack of `evaluation.attacks`.
         seconds: how long it lasts at most [s].
         filter_options: arguments of `SafetyFilter`; None for no filter.
         env_options: further arguments of the environment.

@@ -6,8 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym.studies.strict import attacks, lines, pushed
-from hcbf_gym.studies.strict.episodes import AttackedEpisode
+from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.attacked import AttackedEpisode
+from hcbf_gym.studies.strict import lines, pushed
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
 
 

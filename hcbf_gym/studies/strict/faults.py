@@ -9,8 +9,8 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.studies.strict.episodes import AttackedEpisode
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.a1_plant import FASTEST, V_MAX
+from hcbf_gym.evaluation.attacked import AttackedEpisode
+from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.policies import learned
-from hcbf_gym.studies.strict.attacks import ATTACKS
-from hcbf_gym.studies.strict.episodes import AttackedEpisode
 
 FIRST_SEED = {"random": 50_000, "random-moving": 60_000, "random-wide": 70_000}
 """Of each family: with the same seed the first two have the same strict regions."""

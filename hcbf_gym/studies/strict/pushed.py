@@ -8,11 +8,11 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import wrappers
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, make_policy
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import learned
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.studies.strict import attacks
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
 
 PROGRAMS = ("r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")

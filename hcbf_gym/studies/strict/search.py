@@ -6,8 +6,8 @@ import numpy as np
 from rich.progress import track
 
 from hcbf_gym.errors import require
-from hcbf_gym.studies.strict.attacks import PARAMETERS
-from hcbf_gym.studies.strict.episodes import AttackedEpisode, Outcome
+from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
+from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
 
 SEED = 7

@@ -12,10 +12,10 @@ import numpy as np
 
 import hcbf_gym
 from hcbf_gym.compilation import sources_hash
+from hcbf_gym.evaluation.attacked import Outcome
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.studies.strict import pushed, search
-from hcbf_gym.studies.strict.episodes import Outcome
 from hcbf_gym.studies.strict.lines import LINES
 from hcbf_gym.studies.strict.outcomes import OutcomeFile
 

@@ -1,4 +1,16 @@
-"""Policies that try to push the robot into a strict region with the full input."""
+"""Policies that try to push the robot into a strict region with the full input.
+
+One of your own is a class and a name in `ATTACKS`, by which `attacked.AttackedEpisode` runs it.
+
+>>> class Spiral(Attack):
+...     def wants(self, s: Surroundings) -> Array:
+...         turn = np.array([np.cos(3.0 * s.time), np.sin(3.0 * s.time)])
+...         return full(0.5 * turn - s.normal[0])
+>>> one = np.array([[1.0, 0.0]])
+>>> s = Surroundings(np.zeros(2), np.zeros(2), np.array([0.3]), one, 0.0)
+>>> Spiral(np.random.default_rng(0)).wants(s)
+array([-5.,  0.])
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -7,11 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import choose
+from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.locomotion.gait import GAITS
 
 Array = NDArray[np.float64]
 
+FULL = 5.0
+"""The limit of each input [m/s²]; the filter cuts what its own U does not hold."""
 GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
@@ -23,8 +37,8 @@ class Surroundings:
     Attributes:
         position: (2,) of the trunk [m].
         velocity: (2,) of the trunk [m/s].
-        h: (k,) of the strict barriers on the position, nearest first [m].
-        normal: (k, 2) their unit gradients.
+        h: (k,) of the strict barriers on the position, nearest first [m]; at least one.
+        normal: (k, 2) their unit gradients, away from the regions.
         time: [s].
     """
 
@@ -34,21 +48,35 @@ class Surroundings:
     normal: Array
     time: float
 
+    @property
+    def second(self) -> Array:
+        """(2,) the second nearest's unit gradient; zero where there is but one barrier."""
+        return self.normal[1] if len(self.normal) > 1 else np.zeros(2)
+
 
 def look(env: Any) -> Surroundings:
-    """Return what an attacker sees of an environment of this package."""
+    """Return what an attacker sees of an environment of this package.
+
+    Raises:
+        InvalidInputError: if no strict barrier of its scene reads the position.
+    """
     inner = env.unwrapped
     x, t = inner.truth[None], np.array([inner.time])
     h, sensed = inner.barrier_set.sense(x, t)
     strict = np.flatnonzero(inner.barrier_set.keeps_margin[0] > 0.0)
+    if not strict.size:
+        raise InvalidInputError(
+            f"attack: scene {inner.scenario.name!r} has no strict barrier on the position, "
+            "expected at least one"
+        )
     order = strict[np.argsort(h[0, strict])]
     return Surroundings(x[0, :2], x[0, 2:], h[0, order], sensed[0, order, 1:3], float(inner.time))
 
 
-def full(direction: Array, limit: float = 5.0) -> Array:
-    """Return the greatest input of the box |u_i| ≤ limit along a direction (2,)."""
+def full(direction: Array) -> Array:
+    """Return the greatest input of the box |u_i| ≤ `FULL` along a direction (2,)."""
     size = np.abs(direction).max()
-    return direction * (limit / size) if size > 1e-9 else np.zeros(2)
+    return direction * (FULL / size) if size > 1e-9 else np.zeros(2)
 
 
 def _left(normal: Array) -> Array:
@@ -79,7 +107,7 @@ class Attack:
 
 
 class Nearest(Attack):
-    """a: straight at the nearest strict region."""
+    """Straight at the nearest strict region."""
 
     def wants(self, s: Surroundings) -> Array:
         """Return the full input against the nearest normal."""
@@ -87,15 +115,15 @@ class Nearest(Attack):
 
 
 class BangBang(Attack):
-    """b: corners of the box, each held .1 to .5 s."""
+    """Corners of the box, each held .1 to .5 s."""
 
     def wants(self, s: Surroundings) -> Array:
         """Return the corner chosen last."""
-        return self.draw(s, 0.1, 0.5, lambda: self.rng.choice([-5.0, 5.0], 2))
+        return self.draw(s, 0.1, 0.5, lambda: self.rng.choice([-FULL, FULL], 2))
 
 
 class Rotating(Attack):
-    """c: the full input, turning once in two seconds."""
+    """The full input, turning once in two seconds."""
 
     def wants(self, s: Surroundings) -> Array:
         """Return the direction of the moment."""
@@ -104,22 +132,22 @@ class Rotating(Attack):
 
 
 class Corner(Attack):
-    """d: into the corner of the two nearest strict rows."""
+    """Into the corner of the two nearest strict rows."""
 
     def wants(self, s: Surroundings) -> Array:
         """Return the full input along −(n₁ + .9 n₂)."""
-        return full(-(s.normal[0] + 0.9 * s.normal[1]))
+        return full(-(s.normal[0] + 0.9 * s.second))
 
 
 class Edge(Attack):
-    """e: 1.6 m/s along a strict edge, reversing at random, pressed against it."""
+    """1.6 m/s along a strict edge, reversing at random, pressed against it."""
 
     def wants(self, s: Surroundings) -> Array:
         """Return a chase of the speed along the edge, with the rest of the input against it."""
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
         chase = 10.0 * (1.6 * side - s.velocity @ along)
-        return np.clip(chase * along - 5.0 * s.normal[0], -5.0, 5.0)
+        return np.clip(chase * along - FULL * s.normal[0], -FULL, FULL)
 
 
 class GaitPhase(Attack):
@@ -171,8 +199,8 @@ class Searched(Attack):
             ),
         )
         along = _left(s.normal[0])
-        chase = np.clip(4.0 * (2.0 * speed * sign - s.velocity @ along) / 5.0, -1.0, 1.0)
-        press = -(s.normal[0] + second * s.normal[1]) * (-1.0 if away else 1.0)
+        chase = np.clip(4.0 * (2.0 * speed * sign - s.velocity @ along) / FULL, -1.0, 1.0)
+        press = -(s.normal[0] + second * s.second) * (-1.0 if away else 1.0)
         return full(press + 3.0 * sideways * chase * along)
 
 
@@ -185,7 +213,7 @@ ATTACKS: dict[str, type[Attack]] = {
     "gait": GaitPhase,
     "slam": Slam,
 }
-"""The hostile policies by name."""
+"""name → hostile policy. Processes see names that the modules they import have added."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:

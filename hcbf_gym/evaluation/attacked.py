@@ -11,10 +11,10 @@ from scipy.stats import chi2
 
 from hcbf_gym import wrappers
 from hcbf_gym.envs.body import Footprint
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import a1
-from hcbf_gym.studies.strict import attacks
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 """The 95 % band of the NEES of position and velocity at one instant."""
@@ -26,9 +26,9 @@ class AttackedEpisode:
 
     Args:
         attack: a name of `attacks.ATTACKS`, "searched", or a policy's name ("pd", "ppo", …).
-        scenario: what `hcbf_gym.scenarios.make` takes.
+        scenario: its name, or a scene as a dict.
         seed: of the environment and the attack.
-        env: the environment's id.
+        env: the id of an environment of this package.
         env_options: further arguments of the environment.
         filter_options: arguments of `SafetyFilter`.
         parameters: of a searched attack.
