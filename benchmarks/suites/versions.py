@@ -8,21 +8,19 @@ import json
 import os
 import subprocess
 import sys
-import tarfile
 import tempfile
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.history import ROOT, take_out
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.tables import Table
 
 FIRST = "2dc8f6b"
 """The last commit of version 0.1."""
 FILTERED = ("r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
-ROOT = Path(__file__).parents[2]
 
 Case = dict[str, Any]
 
@@ -52,7 +50,7 @@ def run(quick: bool) -> dict[str, Any]:
     """Time every case in both versions, in turn; return medians of the seconds of a step."""
     rounds, timed = 2 if quick else 15, cases(quick)
     with tempfile.TemporaryDirectory() as folder:
-        _take_out(Path(folder))
+        take_out(FIRST, Path(folder), "hcbf_gym")
         workers = [_worker(ROOT), _worker(Path(folder))]
         try:
             rows = [case | _in_turn(workers, case, rounds) for case in timed]
@@ -60,23 +58,6 @@ def run(quick: bool) -> dict[str, Any]:
             for worker in workers:
                 worker.kill()
     return {"first": FIRST, "rows": rows}
-
-
-def _take_out(folder: Path) -> None:
-    """Write version 0.1's package to a folder.
-
-    Raises:
-        InvalidInputError: if this is no checkout with its history.
-    """
-    command = ["git", "archive", FIRST, "hcbf_gym"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
-    if done.returncode:
-        raise InvalidInputError(
-            f"suite versions: got no commit {FIRST} in {ROOT.name}, expected a checkout "
-            "of hcbf-gym with its history"
-        )
-    with tarfile.open(fileobj=BytesIO(done.stdout)) as archive:
-        archive.extractall(folder, filter="data")
 
 
 def _worker(checkout: Path) -> "subprocess.Popen[str]":
