@@ -21,12 +21,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.strict import lines
 from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.studies.strict import attacks, lines
 
 FAMILIES = ("random", "random-moving")
 HOSTILE = tuple(attacks.ATTACKS)

@@ -9,6 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hcbf_gym
+from benchmarks.judges import exact
+from benchmarks.judges.judge import Judge
+from benchmarks.suites import verify_programs
 from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Ball, Box
@@ -17,8 +20,6 @@ from hcbf_gym.programs.cascades import CASCADES, LexicographicCbfQp
 from hcbf_gym.programs.exact import rational
 from hcbf_gym.programs.planar import polygon
 from hcbf_gym.programs.planar.records import Line, make_workspace
-from hcbf_gym.studies.benchmarks import exact, verify_programs
-from hcbf_gym.studies.benchmarks.judge import Judge
 
 NAMES = programs.names()
 
