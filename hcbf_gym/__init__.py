@@ -35,3 +35,8 @@ gym.register(
     entry_point="hcbf_gym.envs.a1_regions:A1RegionsEnv",
     max_episode_steps=1000,
 )
+gym.register(
+    id="HCBF-WalkerRegions-v0",
+    entry_point="hcbf_gym.envs.walker_regions:WalkerRegionsEnv",
+    max_episode_steps=1000,
+)

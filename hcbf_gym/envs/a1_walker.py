@@ -82,7 +82,7 @@ class Walker:
         self.feedback = feedback
         self._estimator, self._footprint = estimator, footprint
         timestep = simulation.model.opt.timestep
-        self._ticks: Array = np.arange(1, _ticks_of(timestep) + 1) * np.float64(timestep)
+        self._ticks: Array = np.arange(1, ticks_of(timestep) + 1) * np.float64(timestep)
         self.rest(np.zeros(2))
 
     def rest(self, position: Array) -> None:
@@ -172,7 +172,7 @@ class Walker:
         return self._footprint.h(self.simulation.data, barriers, time)
 
 
-def _ticks_of(timestep: float) -> int:
+def ticks_of(timestep: float) -> int:
     """Return how many ticks of this length [s] a control step has.
 
     Raises:

@@ -1,10 +1,9 @@
 """The plant: the robot, the ground and boxes in MuJoCo, stepped one physics tick at a time."""
 
-import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,7 +12,8 @@ from numba import njit
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Conditions, Randomization
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.envs.simulated import Simulated
+from hcbf_gym.errors import finite_float
 from hcbf_gym.locomotion.rotation import turned
 from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
 from hcbf_gym.robots import a1
@@ -36,7 +36,7 @@ SHORTEST_TICK, LONGEST_TICK = 1e-4, 0.02  # [s]
 BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
 
 
-class Physics:
+class Physics(Simulated):
     """A scene with one robot, driven by joint torques.
 
     Attributes:
@@ -101,10 +101,6 @@ class Physics:
         self._delayed: deque[Array] = deque()
         self.conditions: Conditions = self._randomization.draw(self._rng)
         self._arrive()
-
-    def __getstate__(self) -> NoReturn:
-        """Refuse copies: their views would still show this simulation's data."""
-        raise InvalidInputError("simulation: got a request to copy it, expected a new one instead")
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest on its feet near `position` (2,) [m], facing about `yaw` [rad].
@@ -181,20 +177,10 @@ class Physics:
         self.truth = np.empty(STATE_SIZE)
         self.diverged = not read_state(self._qpos, self._qvel, self._foot_forces, self.truth)
 
-    def push(self, force: Array) -> None:
-        """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
-        self.data.xfrc_applied[self._trunk, :3] = force
-
     @property
     def base_state(self) -> Array:
         """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
         return self.truth[BASE]
-
-    @property
-    def yaw(self) -> float:
-        """Heading of the trunk, without noise [rad]."""
-        w, x, y, z = self._qpos[3:7].tolist()
-        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     @property
     def fallen(self) -> bool:
@@ -202,38 +188,6 @@ class Physics:
         z, _, x, y = self._qpos[2:6].tolist()
         upright = 1.0 - 2.0 * (x * x + y * y)
         return self.diverged or not (upright > MIN_UPRIGHT and z > MIN_HEIGHT)
-
-    def obstacle_forces(self) -> Array:
-        """Return (k,) the normal force between the robot and each obstacle in the last tick [N]."""
-        return self._forces
-
-    def _measure_forces(self) -> Array:
-        forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
-        pairs = self.data.contact.geom
-        for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
-            first, second = pairs[index].tolist()
-            box, other = (first, second) if first in self._boxes else (second, first)
-            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk:
-                mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
-                forces[self._boxes == box] += wrench[0]
-        return forces
-
-    def _scheduled_force(self) -> Array:
-        now = self.data.time
-        force = np.zeros(3)
-        for push in self._pushes:
-            if push.time <= now < push.time + push.duration:
-                force += push.force
-        return force
-
-    def _load(self, payload: float) -> None:
-        body = self.model.body(scene.PAYLOAD).id
-        x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
-        self.model.body_mass[body] = payload
-        self.model.body_inertia[body] = (
-            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        )
-        mujoco.mj_setConst(self.model, self.data)
 
 
 @njit(cache=True)

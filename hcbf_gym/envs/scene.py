@@ -179,9 +179,9 @@ def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:
             spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
-def add_payload(spec: mujoco.MjSpec, position: Sequence[float]) -> None:
+def add_payload(spec: mujoco.MjSpec, position: Sequence[float], trunk: str = a1.TRUNK) -> None:
     """Strap a box to the trunk at `position` (3,) in its axes [m]; its mass is set at reset."""
-    body = spec.body(a1.TRUNK).add_body(name=PAYLOAD, pos=position)
+    body = spec.body(trunk).add_body(name=PAYLOAD, pos=position)
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=PAYLOAD_HALF_SIZE,

@@ -1,0 +1,311 @@
+"""What the environments with a simulated robot share: episodes, scenes, steps and pictures."""
+
+import math
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import Barrier
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
+from hcbf_gym.drawing.scene_artist import SceneArtist
+from hcbf_gym.envs import coverage, task
+from hcbf_gym.envs.a1_walker import Walk
+from hcbf_gym.envs.plain_spec import PlainSpec
+from hcbf_gym.envs.scene import ROUGH_STEP
+from hcbf_gym.envs.scene_source import SceneSource
+from hcbf_gym.errors import CoverageWarning, InvalidInputError
+from hcbf_gym.models.plant import Coverage, Estimate
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+
+class Moving(Protocol):
+    """The robot in its scene, with what steers it."""
+
+    simulation: Any
+    truth: Array
+
+    def rest(self, position: Array) -> None:
+        """Count as standing at a position (2,) [m], before the first reset."""
+        ...
+
+    def reset(
+        self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
+    ) -> Walk:
+        """Put the robot at rest at a position (2,) [m] and heading [rad]; nothing has happened."""
+        ...
+
+    def hold(self, u: Array, barriers: BarrierSet, time: float) -> Walk:
+        """Hold the robot's acceleration u (2,) [m/s²] for one control step from a time [s]."""
+        ...
+
+    def estimate(self, time: float) -> Estimate:
+        """Return what is known of the robot at a time since the reset [s]."""
+        ...
+
+
+class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
+    """A simulated robot in the ranked regions; what it is and how it walks, a subclass says.
+
+    A subclass calls `_begin` first and `_enter` last in its construction, has `simulation`, and
+    makes in between:
+
+    * `walker`: a `Moving`.
+    * `_v_max`: the strict cap on the speed [m/s].
+    * `_outside`: which of its arguments were not tested, a phrase for each.
+    """
+
+    metadata = {  # noqa: RUF012 - Gymnasium's form
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 50,
+    }
+
+    walker: Any
+    _v_max: float
+    _outside: list[str]
+
+    def _begin(
+        self, scenario: str | Path | Mapping[str, Any] | Scenario, render_mode: str | None
+    ) -> None:
+        """Take the arguments that every such environment has.
+
+        Raises:
+            InvalidInputError: if there is no such scenario or mode.
+        """
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InvalidInputError(
+                f"render_mode: got {render_mode!r}, expected None or one of "
+                f"{self.metadata['render_modes']}"
+            )
+        self.render_mode = render_mode
+        self._scenes = SceneSource(scenario)
+        self._started, self._steps = False, 0
+        self.scenario = self._scenes.own
+
+    def _enter(self, terrain: str, name: str) -> None:
+        """Take the first scene, and warn where the promise was not tested.
+
+        Args:
+            terrain: "flat" or "rough".
+            name: of the environment.
+        """
+        self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
+        self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
+        self._renderer: OffscreenRenderer | WindowRenderer | None = None
+        self._scene_covered = coverage.of_scene(self._scenes.source, {})
+        self._take_scene(self.scenario)
+        if self._outside:
+            warnings.warn(
+                f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was "
+                f"tested: {'; '.join(self._outside)}",
+                CoverageWarning,
+                stacklevel=4,
+            )
+
+    @property
+    def simulation(self) -> Any:
+        """The plant: the scene with the robot in it."""
+        return self.walker.simulation
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the scene."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state of the scene."""
+        return self.simulation.data
+
+    @property
+    def rom_state(self) -> Array:
+        """(4,) position [m] and velocity [m/s] on which the loop is closed."""
+        return self.estimate.x
+
+    @property
+    def barriers(self) -> tuple[Barrier, ...]:
+        """The scenario's barriers, then the environment's own, in the order of info["h"]."""
+        return task.barriers_of(self.scenario, self._v_max)
+
+    @property
+    def covered(self) -> Coverage:
+        """Whether the promise was tested for these arguments and this episode's scenes."""
+        return Coverage.OUTSIDE if self._outside else self._scene_covered
+
+    @property
+    def estimate(self) -> Estimate:
+        """What is known of the robot: the state on which the loop is closed."""
+        return self.walker.estimate(self.time)
+
+    @property
+    def truth(self) -> Array:
+        """(4,) the trunk's true position [m] and velocity [m/s] in the plane."""
+        return self.walker.truth.copy()
+
+    @property
+    def goal(self) -> Array:
+        """(2,) where the reference ends [m]."""
+        return self.scenario.goal
+
+    @property
+    def time(self) -> float:
+        """Time since the reset [s]."""
+        return task.CONTROL_DT * self._steps
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Start a new episode; a seed decides everything that follows.
+
+        Args:
+            seed: of the scenes and the randomisation; None goes on.
+            options: "scenario" and "start" (2,) [m] of this episode alone.
+
+        Raises:
+            InvalidInputError: if an option is unknown, or the scene is of another kind.
+        """
+        given = self._scenes.check(options)
+        super().reset(seed=seed)
+        scene = self._scenes.next(self.np_random, given)
+        if scene is not self.scenario:
+            self._take_scene(scene)
+        self._scene_covered = coverage.of_scene(self._scenes.source, given)
+        self._steps, self._started = 0, True
+        start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
+        walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
+        self.artist.restart()
+        h = self.barrier_set.along(walk.path, walk.times)
+        info = task.first(task.reset_info(self.scenario.task, h, self._error()))
+        return self._observe(), info | self._info_of(walk)
+
+    def change_scene(self, scenario: Scenario) -> None:
+        """Move, resize or rank regions anew in the midst of an episode.
+
+        Raises:
+            InvalidInputError: if the scene is of another kind than the environment's.
+        """
+        self._scenes.check({"scenario": scenario})
+        self._scene_covered = Coverage.SCENE
+        self._set_scene(scenario)
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
+        u = task.check_action(action, (2,)).clip(*self._bounds)
+        task.check_started(self._started)
+        distance_before = self._error()
+        walk = self.walker.hold(u, self.barrier_set, self.time)
+        self._steps += 1
+        self.artist.walk(self.walker.truth[:2])
+        h = self.barrier_set.along(walk.path, walk.times)
+
+        distance, fallen = self._error(), self.simulation.fallen
+        at_end = self._steps >= len(self._references) - 1
+        success = (distance <= self.scenario.goal_radius) & (at_end and not fallen)
+        reached = success & (self.scenario.task == "reach")
+        terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
+        least = h.min(axis=0, keepdims=True)
+        info = task.first(task.step_info(h[-1:], least, distance, success) | terms)
+        info |= self._info_of(walk)
+        if self.render_mode == "human":
+            self.render()
+        reward = float(sum(term[0] for term in terms.values()))
+        return self._observe(), reward, self._stopped() or bool(reached[0]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return an (480, 640, 3) picture, or show the scene in a window."""
+        if self.render_mode is None:
+            return None
+        simulation = self.simulation
+        if self._renderer is None:
+            self._renderer = (
+                OffscreenRenderer(simulation.model)
+                if self.render_mode == "rgb_array"
+                else WindowRenderer(simulation.model, simulation.data)
+            )
+        if isinstance(self._renderer, OffscreenRenderer):
+            return self._renderer.frame(simulation.data, self.artist, self.scenario, self.time)
+        self._renderer.show(self.artist, self.scenario, self.time)
+        return None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes an equal environment anew: before the first reset, nothing else counts.
+
+        Raises:
+            InvalidInputError: after it, as a copy would stand at the start of another episode.
+        """
+        if self._started:
+            raise InvalidInputError(
+                f"copy: got an environment {self.time:.2f} s into an episode, expected one before "
+                "its first reset; make another and repeat seed and actions instead"
+            )
+        return EzPickle.__getstate__(self) | {"_spec": self._spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment anew from its arguments."""
+        EzPickle.__setstate__(self, state)
+        self._spec = state["_spec"]
+
+    def close(self) -> None:
+        """Release the renderer; safe to call twice."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _set_scene(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.barrier_set = BarrierSet([self.barriers])
+        self._references = task.reference_table(scenario)
+
+    def _take_scene(self, scenario: Scenario) -> None:
+        self._set_scene(scenario)
+        corners = scenario.input_set.vertices()
+        self._bounds = corners.min(axis=0), corners.max(axis=0)
+        self._steps = 0
+        self.walker.rest(np.array(scenario.start))
+
+    def _reference(self) -> Array:
+        return self._references[None, min(self._steps, len(self._references) - 1)]
+
+    def _error(self) -> Array:
+        gap = self._reference()[0, :2] - self.walker.truth[:2]
+        return np.array([math.hypot(*gap.tolist())])
+
+    def _observe(self) -> Array:
+        x = self.rom_state[None]
+        _, sensed = self.barrier_set.sense(x, np.array([self.time]))
+        return task.observe(x, self._reference(), sensed, len(self.scenario.barriers))[0]
+
+    def _stopped(self) -> bool:
+        """Tell whether the robot cannot go on."""
+        return self.simulation.fallen
+
+    def _info_of(self, walk: Walk) -> dict[str, Any]:
+        """Return what infos say of the robot besides."""
+        info: dict[str, Any] = {
+            "fallen": np.float64(self.simulation.fallen),
+            "obstacle_force": walk.obstacle_force,
+        }
+        if walk.body_h is not None and walk.least_body_h is not None:
+            info |= {"body_h": walk.body_h, "min_body_h": walk.least_body_h.copy()}
+        return info
+
+
+def _initial_yaw(scenario: Scenario) -> float:
+    """Return the heading along the reference's first half metre, or towards the goal."""
+    start = np.array(scenario.start)
+    for t in np.linspace(0.0, scenario.reference.duration, 50):
+        ahead = scenario.reference(t)[0] - start
+        if np.linalg.norm(ahead) > 0.5:
+            return float(np.arctan2(ahead[1], ahead[0]))
+    return 0.0

@@ -1,0 +1,191 @@
+"""The walker that moves: physics, adapter and its own controller, run for one control step."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs import task
+from hcbf_gym.envs.a1_walker import Walk, ticks_of
+from hcbf_gym.envs.body import Footprint
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.errors import UNREADABLE
+from hcbf_gym.models.plant import Estimate
+from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_policy import Controller
+from hcbf_gym.robots.walker_terms import Observer, Source
+
+Array = NDArray[np.float64]
+
+
+class WalkerDrive:
+    """A walker in its scene, told the velocity of a reduced-order model.
+
+    The model is ``p̈ = u``: its velocity is v ← v + T u, its position is the robot's own, as what
+    is told is a velocity alone.
+
+    Args:
+        simulation: the scene.
+        adapter: what turns the model's velocity into commands.
+        footprint: measures the whole robot's distance to the regions; None for a point.
+
+    Attributes:
+        truth: (4,) position [m] and velocity [m/s] of the point that follows the model.
+        told: (k,) what the controller is told, in the robot's axes [m/s, rad/s].
+        failed: whether the controller gave something that is no action; the last one was kept.
+
+    Raises:
+        InvalidInputError: if the physics' tick does not divide the control step.
+    """
+
+    def __init__(self, simulation: WalkerPhysics, adapter: Adapter, footprint: Footprint | None):
+        self.simulation, self.adapter = simulation, adapter
+        walker, timestep = simulation.walker, float(simulation.model.opt.timestep)
+        self._footprint = footprint
+        self._ticks: Array = np.arange(1, ticks_of(timestep) + 1) * np.float64(timestep)
+        self._per_action = round(walker.period / timestep)
+        parts, k = simulation.parts, len(simulation.parts.actuators)
+        self._scale = walker.scale(parts)
+        self._offset = walker.offset(parts, simulation.at.q)
+        self.told: Array = np.zeros(len(walker.command.limits))
+        self._action: Array = np.zeros(k)
+        self._phase: Array = walker.first_phase.copy()
+        source = Source(
+            simulation.model, simulation.data, parts, simulation.at,
+            self.told, self._action, self._phase,
+        )  # fmt: skip
+        self._observer = Observer(walker.observation, source)
+        turn = 0.0 if walker.phase is None else walker.phase.frequency * walker.period
+        self._clock = math.tau * turn
+        self._controller: Controller | None = None
+        self._velocity: Array = np.zeros(2)
+        self.rest(np.zeros(2))
+
+    def rest(self, position: Array) -> None:
+        """Count as standing at a position (2,) [m], before the first reset."""
+        self.truth: Array = np.array([*position, 0.0, 0.0])
+        self._velocity[:] = 0.0
+        self._since = 0
+        self.failed = False
+
+    def reset(
+        self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
+    ) -> Walk:
+        """Put the point that follows at a position (2,) [m]; nothing has happened.
+
+        Args:
+            position: (2,) [m].
+            yaw: the robot's heading [rad].
+            barriers: from which the body's distance is measured.
+            rng: decides what is random.
+        """
+        simulation, walker = self.simulation, self.simulation.walker
+        ahead = self.adapter.look_ahead * np.array([math.cos(yaw), math.sin(yaw)])
+        simulation.reset(position - ahead, yaw, rng)
+        self.rest(position)
+        self.adapter.reset(simulation.yaw)
+        self._action[:] = self.told[:] = 0.0
+        self._phase[:] = walker.first_phase
+        self._ctrl: Array = self._offset.copy()
+        sizes = self._observer.size, len(self._action)
+        self._controller = walker.controller(sizes, simulation.model)
+        base = np.empty((1, 13))
+        simulation.base(base[0])
+        walked = tracked(base, self.adapter.look_ahead)
+        self.truth = walked[-1]
+        body = self._body_h(barriers, 0.0)
+        forces = np.zeros_like(simulation.obstacle_forces())
+        return Walk(walked, np.zeros(1), forces, body, body)
+
+    def hold(self, u: Array, barriers: BarrierSet, time: float) -> Walk:
+        """Hold the model's acceleration u (2,) [m/s²] for one control step.
+
+        Args:
+            u: (2,) [m/s²].
+            barriers: from which the body's distance is measured.
+            time: at which it begins, since the reset [s].
+        """
+        self._velocity += task.CONTROL_DT * u
+        return self.follow(self._velocity, barriers, time)
+
+    def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Walk:
+        """Tell the robot a velocity (2,) in the world [m/s] for one control step."""
+        simulation, bodies = self.simulation, []
+        base = np.empty((len(self._ticks), 13))
+        force = np.zeros_like(simulation.obstacle_forces())
+        vx, vy = velocity.tolist()
+        count = 0
+        for tick in self._ticks:
+            if self._since % self._per_action == 0:
+                self.told[:] = self.adapter.command(vx, vy, simulation.yaw)
+                self._act()
+            self._since += 1
+            simulation.step(self._ctrl)
+            if simulation.diverged:  # the last finite state stands
+                break
+            simulation.base(base[count])
+            count += 1
+            if self._footprint is not None:
+                bodies.append(self._body_h(barriers, time + tick))
+            if len(force):
+                force = np.maximum(force, simulation.obstacle_forces())
+        walked = tracked(base[:count], self.adapter.look_ahead) if count else self.truth[None]
+        self.truth = walked[-1]
+        times = time + self._ticks[: len(walked)]
+        if self._footprint is None:
+            return Walk(walked, times, force)
+        bodies = bodies or [self._body_h(barriers, time)]
+        return Walk(walked, times, force, bodies[-1], np.minimum.reduce(bodies))
+
+    def estimate(self, time: float) -> Estimate:
+        """Return what is known of the robot: its position, and the model's velocity.
+
+        Args:
+            time: since the reset [s].
+        """
+        body, told = self.truth, self._velocity
+        x = np.array([body[0], body[1], told[0], told[1]])
+        lag = np.array([0.0, 0.0, body[2] - told[0], body[3] - told[1]])
+        return Estimate(x, time, None, x, lag, np.float64(self.simulation.yaw))
+
+    def _act(self) -> None:
+        """Ask the controller, and keep the last inputs where it gives none."""
+        seen = self._observer.observe()
+        assert self._controller is not None
+        try:
+            action = np.asarray(self._controller(seen), dtype=np.float64)
+        except UNREADABLE:
+            action = np.array([np.nan])
+        if action.shape == self._action.shape and math.isfinite(action.sum()):
+            self._action[:] = action
+            self._ctrl = self._offset + self._scale * action
+        else:
+            self.failed = True
+        if self._clock:
+            self._phase += self._clock
+            np.remainder(self._phase + math.pi, math.tau, self._phase)
+            self._phase -= math.pi
+
+    def _body_h(self, barriers: BarrierSet, time: float) -> Array | None:
+        if self._footprint is None:
+            return None
+        self.simulation.place_geoms()
+        return self._footprint.h(self.simulation.data, barriers, time)
+
+
+def tracked(base: Array, look_ahead: float) -> Array:
+    """Return (k, 4) position and velocity of the point before the trunk.
+
+    Args:
+        base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
+        look_ahead: ℓ [m].
+    """
+    path = base[:, [0, 1, 7, 8]]
+    if look_ahead > 0.0:
+        w, x, y, z = base[:, 3:7].T
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        ahead = look_ahead * np.column_stack([np.cos(yaw), np.sin(yaw)])
+        path[:, :2] += ahead
+        path[:, 2:] += base[:, 12:] * np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    return path

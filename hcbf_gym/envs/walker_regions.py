@@ -1,0 +1,151 @@
+"""HCBF-WalkerRegions-v0: any robot that takes velocities in the ranked regions."""
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import EzPickle
+
+from hcbf_gym.envs import task, walker_plant
+from hcbf_gym.envs.a1_walker import Walk
+from hcbf_gym.envs.body import Footprint
+from hcbf_gym.envs.plants import plant_of
+from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
+from hcbf_gym.envs.walker_drive import WalkerDrive
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.errors import SafetyWarning, choose
+from hcbf_gym.models.plant import Plant
+from hcbf_gym.robots.walker import Walker
+from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_parts import HEADINGS
+from hcbf_gym.scenarios import Scenario
+
+BODIES = ("point", "footprint")
+"""What must stay outside: the point that follows the model, or the whole robot."""
+
+
+class WalkerRegionsEnv(WalkedRegionsEnv):
+    """A robot that takes velocities moves through dangerous regions that are ranked by priority.
+
+    ## Description
+    The task of `RegionsEnv` with a robot in MuJoCo that has a controller of its own: a learned
+    policy, a vendor's, or wheels. The action is the acceleration of a reduced-order model; its
+    velocity, turned into the robot's axes, is what the controller is told.
+
+    ## Action Space
+    `Box(low, high, (2,), float32)`, the acceleration u [m/s²] in the world, held for 0.02 s; ±5
+    m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are refused.
+
+    ## Observation Space
+    `Box(-inf, inf, (8 + 4 m,), float64)`, index by index that of `RegionsEnv`, with the robot's
+    position and the model's velocity; a policy trained there acts here unchanged.
+
+    ## Rewards
+    Those of `RegionsEnv`.
+
+    ## Starting State
+    Standing at the scenario's start, facing along the reference.
+
+    ## Episode End
+    Terminated when the robot falls, when its controller gives no finite action of its size, or when
+    a "reach" task's goal is within the scenario's `goal_radius`; truncated after 1000 steps (20 s).
+
+    ## Infos
+    Those of `RegionsEnv`, with h of the robot at every physics step in `min_h`; the strict speed
+    limit is the last barrier. Besides, `fallen` (0 or 1), `controller_failed` (0 or 1: the last
+    inputs of the actuators were kept), `command` (k,) what the controller was told last, in the
+    robot's axes [m/s, rad/s], and `obstacle_force` (k,) the largest contact force with each box
+    during the step [N].
+
+    ## Arguments
+    * `robot`: a contract's path or a name, see `hcbf_gym.robots.walker.Walker`.
+    * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
+      a `Scenario`.
+    * `heading`: "velocity" turns the robot along its velocity, "fixed" keeps its heading, "free"
+      turns it at `env.unwrapped.walker.adapter.turn` [rad/s]; None takes the contract's rule. A
+      differential drive turns as it must.
+    * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else the greatest
+      forward speed of the contract.
+    * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
+    * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
+      strength, delay, start pose.
+    * `disturbances`: plain dict of scheduled or random pushes.
+    * `body`: what must stay outside: "point", which follows the model (the trunk's origin, or the
+      point before a differential drive), or "footprint", the whole robot, for which infos then
+      have `body_h` and `min_body_h` (m,) besides.
+    * `render_mode`: None, "rgb_array", or "human" (a window).
+
+    ## Version History
+    * v0: first release.
+    """
+
+    def __init__(
+        self,
+        robot: str | Path = "cart",
+        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        heading: str | None = None,
+        v_max: float | None = None,
+        terrain: str = "flat",
+        randomization: Mapping[str, Any] | None = None,
+        disturbances: Mapping[str, Any] | None = None,
+        body: str = "point",
+        render_mode: str | None = None,
+    ):
+        EzPickle.__init__(
+            self, robot, scenario, heading, v_max, terrain, randomization, disturbances, body,
+            render_mode,
+        )  # fmt: skip
+        self._begin(scenario, render_mode)
+        choose("body", body, dict.fromkeys(BODIES))
+        if heading is not None:
+            choose("heading", heading, HEADINGS)
+        self.contract = Walker.load(robot)
+        walker, boxes = self.contract, self.scenario.obstacles
+        simulation = WalkerPhysics(
+            walker,
+            obstacles=boxes,
+            terrain=terrain,
+            randomization=randomization,
+            disturbances=disturbances,
+        )
+        declared = walker_plant.Declared(heading, terrain, randomization, disturbances, len(boxes))
+        self._outside = walker_plant.outside(walker, declared)
+        self._v_max = walker_plant.speed_cap(walker, self.scenario, v_max)
+        self._braked = walker_plant.braked_inputs(self.scenario.input_set, walker)
+        adapter = Adapter(walker.command, walker.response, heading)
+        footprint = None if body == "point" else Footprint(simulation.model, simulation.parts.trunk)
+        reach = 0.0
+        if footprint is not None:
+            at_home = footprint.radius(simulation.parts.home)
+            reach = (walker.body.reach or at_home) + adapter.look_ahead
+        self._uncertainty = walker_plant.uncertainty_of(
+            walker, task.CONTROL_DT, declared, reach, self._v_max
+        )
+        self.walker: WalkerDrive = WalkerDrive(simulation, adapter, footprint)
+        self._enter(terrain, "HCBF-WalkerRegions-v0")
+
+    @property
+    def plant(self) -> Plant:
+        """What a safety filter must know."""
+        return plant_of(self, self._braked, self._uncertainty, on_alarm="brake")
+
+    def _stopped(self) -> bool:
+        """Tell whether the robot has fallen or its controller has failed; say so of the latter."""
+        if self.walker.failed:
+            warnings.warn(
+                f"walker {self.contract.name!r}: its controller {self.contract.policy} gave no "
+                "finite action of its size; the last inputs of the actuators stand, and the "
+                "episode ends",
+                SafetyWarning,
+                stacklevel=3,
+            )
+        return self.walker.failed or super()._stopped()
+
+    def _info_of(self, walk: Walk) -> dict[str, Any]:
+        """Return what infos say of the robot besides."""
+        return super()._info_of(walk) | {
+            "controller_failed": np.float64(self.walker.failed),
+            "command": self.walker.told.copy(),
+        }
