@@ -118,7 +118,7 @@ class WalkerDrive:
         count = 0
         for tick in self._ticks:
             if self._since % self._per_action == 0:
-                self.told[:] = self.adapter.command(vx, vy, simulation.yaw)
+                self.told[:] = self.adapter.command(vx, vy, simulation.yaw, simulation.yaw_rate)
                 self._act()
             self._since += 1
             simulation.step(self._ctrl)

@@ -142,6 +142,11 @@ class WalkerPhysics(Simulated):
         out[7:] = self._twist
 
     @property
+    def yaw_rate(self) -> float:
+        """At which the trunk turns about its own vertical axis [rad/s]."""
+        return float(self._twist[5])
+
+    @property
     def fallen(self) -> bool:
         """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
         z, _, x, y = self._pose[2:6].tolist()

@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
@@ -81,15 +79,15 @@ def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
 
 
 def braked_inputs(input_set: InputSet, walker: Walker) -> InputSet:
-    """Return U, shrunk until the robot brakes as hard: no component is beyond that.
+    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
 
     Args:
         input_set: of the scenario.
         walker: the robot.
     """
     able = (UNKNOWN if walker.response is None else walker.response).braking
-    largest = float(np.abs(input_set.vertices()).max())
-    return input_set if largest <= able else input_set.scaled(able / largest)
+    share = able / input_set.radius
+    return input_set if share >= 1.0 else input_set.scaled(share)
 
 
 def uncertainty_of(

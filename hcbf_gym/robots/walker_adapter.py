@@ -6,7 +6,8 @@ heading θ gets what moves the point p + ℓ(cos θ, sin θ) at the velocity,
 
 .. math:: v = \cos θ\, v_x + \sin θ\, v_y, \qquad ω = (\cos θ\, v_y - \sin θ\, v_x) / ℓ.
 
-What exceeds the command's limits is scaled down as a whole, so that the direction stays.
+The heading is the one at which the command will show, ``θ + ω (τ + δ)``: else a long turn would
+carry the robot aside. What exceeds the command's limits is scaled down as a whole, so that the direction stays.
 """
 
 import math
@@ -45,6 +46,7 @@ class Adapter:
         self._look_ahead = command.look_ahead
         self._limits: list[float] = command.limits.tolist()
         gains = [1.0] * len(self._limits) if response is None else list(response.gain)
+        self._follows = 0.0 if response is None else response.follows
         self._gains = [min(max(gain, LEAST_GAIN), MOST_GAIN) for gain in gains]
         self.reset(0.0)
 
@@ -57,15 +59,17 @@ class Adapter:
         """Begin with a heading [rad]."""
         self._target, self._turning = yaw, False
 
-    def command(self, vx: float, vy: float, yaw: float) -> tuple[float, ...]:
+    def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
         """Return what the robot is told.
 
         Args:
             vx: of the model in the world [m/s].
             vy: of the model in the world [m/s].
             yaw: the robot's heading [rad].
+            rate: at which it turns [rad/s].
         """
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        soon = yaw + rate * self._follows
+        cos, sin = math.cos(soon), math.sin(soon)
         ahead, aside = cos * vx + sin * vy, cos * vy - sin * vx
         if self._look_ahead is not None:
             return self._within(ahead, aside / self._look_ahead)

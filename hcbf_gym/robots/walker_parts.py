@@ -68,6 +68,16 @@ class Command:
             )
         choose("heading", self.heading, HEADINGS)
 
+    def in_plane(self, command: Array) -> Array:
+        """Return (…, 2) the velocities of the point that follows, in the robot's axes [m/s].
+
+        Args:
+            command: (…, k) as the controller is told them.
+        """
+        if self.look_ahead is None:
+            return command[..., :2]
+        return command * np.array([1.0, self.look_ahead])
+
     @property
     def limits(self) -> Array:
         """(k,) of the entries that the controller is told: (v_x, v_y, ω), or (v, ω)."""

@@ -37,6 +37,8 @@ class Response:
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
         sway: what position deviates at most from the model's in 99.9 % of the time, over the time
             that the model takes to follow [m].
+        overshoot: by how much the speed exceeds all that was told within a second, in 99.9 % of
+            the time [m/s].
         rise: from 10 to 90 % of a step of the speed [s].
         stopping: how far the robot goes on after the command has become zero [m].
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].
@@ -52,6 +54,7 @@ class Response:
     delay: float
     residual: tuple[float, float, float]
     sway: float
+    overshoot: float
     rise: float
     stopping: float
     braking: float
@@ -62,7 +65,7 @@ class Response:
         for name, count in (("gain", None), ("residual", 3)):
             array = finite_array(f"response: {name}", getattr(self, name), (count,), largest=100.0)
             object.__setattr__(self, name, tuple(array.tolist()))
-        for name in ("time_constant", "delay", "sway", "rise", "stopping", "falls", "seconds"):
+        for name in ("time_constant", "delay", "sway", "overshoot", "rise", "stopping", "falls", "seconds"):
             finite_float(f"response: {name}", getattr(self, name), minimum=0.0)
         finite_float("response: braking", self.braking, minimum=0.0, exclusive=True)
 
@@ -89,6 +92,11 @@ class Response:
             partial.write_text(json.dumps(records.plain(asdict(self)), indent=2) + "\n", "utf-8")
 
     @property
+    def follows(self) -> float:
+        """How long a command takes to show, τ + δ [s]."""
+        return self.time_constant + self.delay
+
+    @property
     def complaints(self) -> list[str]:
         """Where the robot does not follow, a sentence for each; empty where it does."""
         said = [
@@ -107,6 +115,7 @@ UNKNOWN = Response(
     delay=0.1,
     residual=(0.1, 0.2, 0.3),
     sway=0.05,
+    overshoot=0.2,
     rise=0.7,
     stopping=0.5,
     braking=1.5,
@@ -118,8 +127,13 @@ UNKNOWN = Response(
 
 LEAST_DISTANCE = 0.01
 """What rows keep of any robot [m]."""
+LEAST_SPEED = 0.05
+"""What a speed limit keeps of any robot [m/s]."""
+SETTLES = 0.2
+"""1 / α₁'(0) of the paper's α₁ [s]: an error of the velocity that stays, as in a long turn, is met by
+the row only so much nearer."""
 FARTHER = 1.25
-"""Share of τ + δ + T that the body is taken to go on with a velocity error."""
+"""Share of τ + δ + T that the body is taken to go on with a velocity error, and of the overshoot."""
 MOST = 0.25
 """What the tracking error may add to a row [m]."""
 OVERSHOOT = 0.3
@@ -129,20 +143,21 @@ OVERSHOOT = 0.3
 def uncertainty(response: Response, period: float) -> Uncertainty:
     """Return what rows must keep for a robot, from how it follows.
 
-    A body that is faster towards a region than it was told goes on for ``τ + δ + T``; what sways
-    beside the model in that time is kept in any case.
+    A body that is faster towards a region than it was told goes on for ``τ + δ + T``, and one that
+    stays faster settles ``1 / α₁'(0)`` times that nearer; what sways beside the model in the time
+    that it takes to follow is kept in any case.
 
     Args:
         response: of the robot.
         period: T, between two inputs [s].
     """
-    follows = response.time_constant + response.delay
-    _, often, most = response.residual
+    follows = response.follows
+    _, often, _ = response.residual
     return Uncertainty(
         distance=LEAST_DISTANCE + often * follows,
-        per_velocity=FARTHER * (follows + period),
+        per_velocity=SETTLES + FARTHER * (follows + period),
         per_lead=1.0,
         cap=MOST,
-        speed=most,
+        speed=LEAST_SPEED + FARTHER * response.overshoot,
         speed_per_velocity=OVERSHOOT,
     )

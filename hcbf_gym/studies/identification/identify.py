@@ -1,0 +1,158 @@
+"""From what a walker did to the numbers of its `Response`."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.robots.walker import Walker
+from hcbf_gym.robots.walker_response import Response
+from hcbf_gym.studies.identification.model import Fit, fit
+from hcbf_gym.studies.identification.record import RUN, STOPS, Record, Runner
+
+Array = NDArray[np.float64]
+
+QUANTILES = (50.0, 95.0, 99.9)
+"""Of the residual [%]."""
+
+
+RECENT = 1.0
+"""How far back a greater command excuses a speed [s]."""
+
+
+class Identified(NamedTuple):
+    """What was measured, and what it was measured from.
+
+    Attributes:
+        response: the numbers.
+        record: under random commands.
+        fits: of every entry of the command.
+    """
+
+    response: Response
+    record: Record
+    fits: tuple[Fit, ...]
+
+
+def identify(walker: Walker, seconds: float, seed: int) -> Identified:
+    """Return how a walker follows commands: stops first, then random ones that it could follow.
+
+    Args:
+        walker: the robot.
+        seconds: of random commands [s].
+        seed: decides them.
+    """
+    runner = Runner(walker, seed)
+    stops = [runner.stop(command) for command in _runs(walker)]
+    braked = [_brake(_speed(walker, one.done)) for one in stops]
+    braking = float(np.median([one.deceleration for one in braked]))
+    record = runner.wander(seconds, _rates(walker, braking))
+    fits = tuple(
+        fit(record.command[:, k], record.done[:, k], CONTROL_DT)
+        for k in range(record.command.shape[1])
+    )
+    slowest = max(_moving(walker, fits), key=lambda one: one.time_constant + one.delay)
+    follows = slowest.time_constant + slowest.delay
+    left = walker.command.in_plane(record.done - np.column_stack([one.predicted for one in fits]))
+    told = walker.command.in_plane(record.command * np.array([one.gain for one in fits]))
+    response = Response(
+        gain=tuple(round(one.gain, 3) for one in fits),
+        time_constant=round(slowest.time_constant, 3),
+        delay=round(slowest.delay, 3),
+        residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
+        sway=round(_sway(left, follows), 4),
+        overshoot=round(_overshoot(told, walker.command.in_plane(record.done)), 4),
+        rise=round(float(np.median([_rise(_speed(walker, one.done)) for one in stops])), 3),
+        stopping=round(max(one.distance for one in braked), 3),
+        braking=round(braking, 2),
+        falls=record.falls + sum(one.falls for one in stops),
+        seconds=seconds,
+    )
+    return Identified(response, record, fits)
+
+
+def _rates(walker: Walker, braking: float) -> Array:
+    """Return (k,) how fast a command changes where the point speeds up as hard as it brakes."""
+    if walker.command.look_ahead is not None:
+        return np.array([braking, braking / walker.command.look_ahead])
+    return np.array([braking, braking, 2.0 * walker.command.turn])
+
+
+def _runs(walker: Walker) -> list[Array]:
+    """Return the commands at the greatest speed, in several directions; a cart's ahead and back."""
+    limits = walker.command.limits
+    if walker.command.look_ahead is not None:
+        return [limits * np.array([sign, 0.0]) for sign in (1.0, -1.0)]
+    angles = math.tau * np.arange(STOPS) / STOPS
+    return [limits * np.array([math.cos(angle), math.sin(angle), 0.0]) for angle in angles]
+
+
+def _moving(walker: Walker, fits: tuple[Fit, ...]) -> tuple[Fit, ...]:
+    """Return the fits of the entries that move the point which follows."""
+    return fits if walker.command.look_ahead is not None else fits[:2]
+
+
+def _speed(walker: Walker, done: Array) -> Array:
+    """Return (n,) the speed along the direction of the run [m/s]."""
+    moved = walker.command.in_plane(done)
+    ran = moved[: round(RUN / CONTROL_DT)].mean(axis=0)
+    length = float(np.hypot(*ran))
+    return moved @ (ran / length) if length > 0.0 else np.zeros(len(moved))
+
+
+class _Braked(NamedTuple):
+    """A stop: how far [m], and how hard [m/s²]."""
+
+    distance: float
+    deceleration: float
+
+
+def _brake(speed: Array) -> _Braked:
+    """Return how a run ended that was to stop after `RUN`."""
+    begin = round(RUN / CONTROL_DT)
+    ran = float(speed[begin // 2 : begin].mean())
+    after = speed[begin:]
+    fast, slow = _first(after < 0.9 * ran), _first(after < 0.1 * ran)
+    seconds = max(slow - fast, 1) * CONTROL_DT
+    return _Braked(float(after.clip(0.0).sum()) * CONTROL_DT, 0.8 * ran / seconds)
+
+
+def _rise(speed: Array) -> float:
+    """Return the time from 10 to 90 % of the speed [s]."""
+    begin = round(RUN / CONTROL_DT)
+    ran = float(speed[begin // 2 : begin].mean())
+    up = speed[:begin]
+    return max(_first(up > 0.9 * ran) - _first(up > 0.1 * ran), 1) * CONTROL_DT
+
+
+def _first(holds: NDArray[np.bool_]) -> int:
+    """Return the first sample at which something holds, or how many there are."""
+    return int(holds.argmax()) if holds.any() else len(holds)
+
+
+def _sway(left: Array, seconds: float) -> float:
+    """Return how far position strays from the model's within so many seconds, 99.9 % of it [m]."""
+    steps = max(1, round(seconds / CONTROL_DT))
+    path = np.concatenate([np.zeros((1, 2)), left.cumsum(axis=0)]) * CONTROL_DT
+    strays = path[steps:] - path[:-steps]
+    return float(np.percentile(np.hypot(strays[:, 0], strays[:, 1]), QUANTILES[-1]))
+
+
+def _overshoot(told: Array, done: Array) -> float:
+    """Return by how much the speed exceeds all that was told of late, in 99.9 % of the time [m/s].
+
+    Args:
+        told: (n, 2) velocities that the robot should reach [m/s].
+        done: (n, 2) those that it had [m/s].
+    """
+    back = round(RECENT / CONTROL_DT)
+    asked = np.concatenate([np.zeros(back), np.hypot(*told.T)])
+    recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
+    return float(np.percentile((np.hypot(*done.T) - recent).clip(0.0), QUANTILES[-1]))
+
+
+def _rounded(values: Array) -> tuple[float, float, float]:
+    half, most, all_but_few = (round(float(value), 4) for value in values)
+    return half, most, all_but_few

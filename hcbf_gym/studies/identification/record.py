@@ -1,0 +1,139 @@
+"""A walker under commands: random ones, then stops, and what it did at every control step."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.envs.walker_drive import WalkerDrive
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.robots.walker import Walker
+from hcbf_gym.robots.walker_adapter import Adapter
+
+Array = NDArray[np.float64]
+
+SHORTEST, LONGEST = 0.4, 2.0
+"""How long a random command is held [s]."""
+SHARE = 0.8
+"""Of the contract's limits that random commands reach."""
+RESTS = 0.2
+"""Of the random commands that are zero."""
+STOPS = 8
+"""Stops from the greatest speed, in as many directions."""
+RUN, STAND = 2.5, 2.0
+"""How long such a run and the stop after it last [s]."""
+
+
+class Record(NamedTuple):
+    """What was told and what was done, in the axes in which commands are told.
+
+    Attributes:
+        command: (n, k) told from each sample on [m/s, rad/s].
+        done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
+            axes comes first, then the turning rate.
+        falls: how often the robot fell; it went on from the start then.
+    """
+
+    command: Array
+    done: Array
+    falls: int
+
+
+class Runner:
+    """Runs a walker on an empty, flat floor, telling it commands in its own axes.
+
+    Args:
+        walker: the robot.
+        seed: decides what is random.
+    """
+
+    def __init__(self, walker: Walker, seed: int):
+        self.walker = walker
+        self.drive = WalkerDrive(WalkerPhysics(walker), _Direct(walker), None)
+        self._rng = np.random.default_rng(seed)
+        self._nothing = BarrierSet([()])
+        self.falls = 0
+        self._start()
+
+    def _start(self) -> None:
+        self.drive.reset(np.zeros(2), 0.0, self._nothing, self._rng)
+        self._time = 0.0
+
+    def tell(self, command: Array, seconds: float) -> Record:
+        """Tell a command (k,) for some time [s], and return what the robot did."""
+        told, done, falls = [], [], 0
+        for _ in range(round(seconds / CONTROL_DT)):
+            told.append(command)
+            done.append(self.doing())
+            self.drive.adapter.told = tuple(command.tolist())
+            self.drive.follow(np.zeros(2), self._nothing, self._time)
+            self._time += CONTROL_DT
+            if self.drive.simulation.fallen or self.drive.failed:
+                falls += 1
+                self._start()
+        return Record(np.array(told), np.array(done), falls)
+
+    def doing(self) -> Array:
+        """Return (k,) what the robot does now, in the axes of the command."""
+        simulation, truth = self.drive.simulation, self.drive.truth
+        cos, sin = math.cos(simulation.yaw), math.sin(simulation.yaw)
+        ahead, aside = cos * truth[2] + sin * truth[3], cos * truth[3] - sin * truth[2]
+        if self.walker.command.look_ahead is not None:
+            return np.array([ahead, aside / self.walker.command.look_ahead])
+        return np.array([ahead, aside, float(simulation.data.qvel[5])])
+
+    def wander(self, seconds: float, rates: Array) -> Record:
+        """Tell random commands, each held for a random time, for so long [s].
+
+        Args:
+            seconds: altogether [s].
+            rates: (k,) at which a command changes into the next [m/s², rad/s²].
+        """
+        limits, parts = self.walker.command.limits, []
+        command, passed = np.zeros(len(limits)), 0.0
+        while passed < seconds:
+            held = self._rng.uniform(SHORTEST, LONGEST)
+            wanted = self._draw() * float(self._rng.random() >= RESTS)
+            steps = round(held / CONTROL_DT)
+            most = CONTROL_DT * rates
+            for _ in range(steps):
+                command = command + np.clip(wanted - command, -most, most)
+                parts.append(self.tell(command, CONTROL_DT))
+            passed += steps * CONTROL_DT
+        return joined(parts)
+
+    def _draw(self) -> Array:
+        """Return a random command (k,) whose speed in the plane is at most the greatest forward."""
+        limits = SHARE * self.walker.command.limits
+        command = limits * self._rng.uniform(-1.0, 1.0, len(limits))
+        moved = self.walker.command.in_plane(command)
+        excess = max(1.0, float(np.hypot(*moved)) / (SHARE * self.walker.command.forward))
+        return command / excess
+
+    def stop(self, command: Array) -> Record:
+        """Run at a command (k,), then stop; the stop begins after `RUN`."""
+        self._start()
+        return joined([self.tell(command, RUN), self.tell(0.0 * command, STAND)])
+
+
+class _Direct(Adapter):
+    """Hands on what it is told, in the robot's own axes."""
+
+    def __init__(self, walker: Walker):
+        super().__init__(walker.command, None)
+        self.told: tuple[float, ...] = (0.0,) * len(walker.command.limits)
+
+    def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
+        return self.told
+
+
+def joined(parts: list[Record]) -> Record:
+    """Return records one after the other."""
+    return Record(
+        np.concatenate([part.command for part in parts]),
+        np.concatenate([part.done for part in parts]),
+        sum(part.falls for part in parts),
+    )
