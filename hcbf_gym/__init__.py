@@ -11,12 +11,14 @@ prefer_egl()  # before anything imports MuJoCo
 from hcbf_gym import policies, programs, scenarios, wrappers  # noqa: E402
 from hcbf_gym.errors import HcbfError  # noqa: E402
 from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
+from hcbf_gym.online import VelocityFilter  # noqa: E402
 
 __version__ = "0.1.0"
 __all__ = [
     "Estimate",
     "HcbfError",
     "Plant",
+    "VelocityFilter",
     "__version__",
     "policies",
     "programs",

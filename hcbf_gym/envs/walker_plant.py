@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, finite_float
-from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
@@ -76,18 +75,6 @@ def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
             f"v_max: got {cap} m/s, expected at most {most} for the walker {walker.name!r}"
         )
     return cap
-
-
-def braked_inputs(input_set: InputSet, walker: Walker) -> InputSet:
-    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
-
-    Args:
-        input_set: of the scenario.
-        walker: the robot.
-    """
-    able = (UNKNOWN if walker.response is None else walker.response).braking
-    share = able / input_set.radius
-    return input_set if share >= 1.0 else input_set.scaled(share)
 
 
 def uncertainty_of(

@@ -20,6 +20,7 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_parts import HEADINGS
+from hcbf_gym.robots.walker_response import UNKNOWN, braked
 from hcbf_gym.scenarios import Scenario
 
 BODIES = ("point", "footprint")
@@ -113,7 +114,8 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
         declared = walker_plant.Declared(heading, terrain, randomization, disturbances, len(boxes))
         self._outside = walker_plant.outside(walker, declared)
         self._v_max = walker_plant.speed_cap(walker, self.scenario, v_max)
-        self._braked = walker_plant.braked_inputs(self.scenario.input_set, walker)
+        response = UNKNOWN if walker.response is None else walker.response
+        self._braked = braked(self.scenario.input_set, response)
         adapter = Adapter(walker.command, walker.response, heading)
         footprint = None if body == "point" else Footprint(simulation.model, simulation.parts.trunk)
         reach = 0.0

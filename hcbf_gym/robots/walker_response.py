@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 
 Array = NDArray[np.float64]
@@ -65,7 +66,16 @@ class Response:
         for name, count in (("gain", None), ("residual", 3)):
             array = finite_array(f"response: {name}", getattr(self, name), (count,), largest=100.0)
             object.__setattr__(self, name, tuple(array.tolist()))
-        for name in ("time_constant", "delay", "sway", "overshoot", "rise", "stopping", "falls", "seconds"):
+        for name in (
+            "time_constant",
+            "delay",
+            "sway",
+            "overshoot",
+            "rise",
+            "stopping",
+            "falls",
+            "seconds",
+        ):
             finite_float(f"response: {name}", getattr(self, name), minimum=0.0)
         finite_float("response: braking", self.braking, minimum=0.0, exclusive=True)
 
@@ -133,7 +143,7 @@ SETTLES = 0.2
 """1 / α₁'(0) of the paper's α₁ [s]: an error of the velocity that stays, as in a long turn, is met by
 the row only so much nearer."""
 FARTHER = 1.25
-"""Share of τ + δ + T that the body is taken to go on with a velocity error, and of the overshoot."""
+"""Of τ + δ + T that the body is taken to go on with a velocity error, and of the overshoot."""
 MOST = 0.25
 """What the tracking error may add to a row [m]."""
 OVERSHOOT = 0.3
@@ -161,3 +171,14 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
         speed=LEAST_SPEED + FARTHER * response.overshoot,
         speed_per_velocity=OVERSHOOT,
     )
+
+
+def braked(input_set: InputSet, response: Response) -> InputSet:
+    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
+
+    Args:
+        input_set: of the scene.
+        response: of the robot.
+    """
+    share = response.braking / input_set.radius
+    return input_set if share >= 1.0 else input_set.scaled(share)

@@ -108,6 +108,11 @@ class PlanarCore(FilterCore):
         self._steps[mask] = 0.0
         self._fresh |= mask
 
+    def since(self, seconds: float) -> None:
+        """Take the next sample to come so many seconds after the last one [s]: periods jitter."""
+        settings = self._constants
+        self._constants = (*settings[:3], seconds, *settings[4:])
+
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""
         self._take(estimate)

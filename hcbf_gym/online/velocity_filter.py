@@ -1,0 +1,289 @@
+"""The filter for a loop of the user's own: a robot that takes velocities, without Gymnasium."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym.barriers import Barrier, SpeedLimit, braking
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots.walker import Walker
+from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import UNKNOWN, Response, braked, uncertainty
+from hcbf_gym.wrappers.belief import real_numbers
+from hcbf_gym.wrappers.filter_core import FilterSettings
+from hcbf_gym.wrappers.planar_core import PlanarCore
+
+Array = NDArray[np.float64]
+
+HARDEST = 5.0
+"""Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
+
+
+LATE = 1.5
+"""Periods after the last sample from which on the robot was told zero meanwhile."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the filter must know of a robot without a contract.
+
+    Args:
+        command: what it may be told.
+        response: how it follows; None assumes a slow robot that sways.
+        reach: radius of the circle around its centre that holds it [m].
+    """
+
+    command: Command
+    response: Response | None = None
+    reach: float = 0.0
+
+
+class VelocityFilter:
+    """Filters every velocity command of a robot through one of the programs.
+
+    In every period the user hands over what the robot shall do, where it is and how it moves, and
+    tells the robot what comes back. What is old or not finite is not believed: the command is zero
+    then, at once, until there are good data again.
+
+    Args:
+        robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
+        barriers: the ranked conditions on the robot's position, in the frame of the pose; the
+            attribute of this name may be set anew at any time.
+        program: a name from `hcbf_gym.programs.names()` that is compiled.
+        period: the longest regular time between two calls [s]; shorter ones do no harm. A command
+            is good for that long.
+        goal: (2,) where guidance leads [m]; None without guidance.
+        guidance: as `wrappers.SafetyFilter` takes it.
+        v_max: strict cap on the speed [m/s]; None takes the greatest that the robot may be told.
+        radius: what the robot reaches beyond the point that follows its commands [m]; None takes
+            the robot's reach, and ℓ besides for a differential drive.
+        max_age: the greatest age of data that are believed [s].
+        **options: as `wrappers.SafetyFilter` takes them.
+
+    Raises:
+        InvalidInputError: if an option is unknown or out of range, or no speed is left.
+        UnknownNameError: if a name is not known; the message lists the choices.
+
+    Examples:
+        >>> from hcbf_gym.barriers import Disc
+        >>> door = VelocityFilter("cart", [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+        >>> command, report = door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        >>> command.shape, report["status"]
+        ((2,), np.int64(1))
+    """
+
+    def __init__(
+        self,
+        robot: str | Path | Walker | Robot,
+        barriers: Sequence[Barrier],
+        program: str = "lex-cbf-qp",
+        period: float = 0.05,
+        goal: ArrayLike | None = None,
+        guidance: Any = None,
+        v_max: float | None = None,
+        radius: float | None = None,
+        max_age: float = 0.1,
+        **options: Any,
+    ):
+        known = _known(robot)
+        response = UNKNOWN if known.response is None else known.response
+        self.barriers: Any = barriers
+        self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
+        self._max_age = finite_float("max_age", max_age, minimum=0.0)
+        self._adapter = Adapter(known.command, known.response, "free")
+        self._limits = known.command.limits
+        reach = known.reach + self._adapter.look_ahead if radius is None else radius
+        margins = uncertainty(response, self._period)._replace(
+            body=finite_float("radius", reach, minimum=0.0)
+        )
+        cap = known.command.forward if v_max is None else v_max
+        self._cap = finite_float(
+            "v_max", cap, minimum=2.0 * margins.speed, maximum=known.command.forward, exclusive=True
+        )
+        self._limit = SpeedLimit("speed limit", 1, self._cap)
+        input_set = braked(Box.symmetric(HARDEST), response)
+        self._able = braking.weakest(input_set)
+        plant = Plant(
+            DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
+            uncertainty=margins,
+        )  # fmt: skip
+        settings = FilterSettings(program, "held", guidance, None, None, None, False, options)
+        self._core = PlanarCore(plant, input_set, settings)
+        self._goal = None if goal is None else finite_array("goal", goal, (2,))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the robot stands anywhere, and time begins anew."""
+        self._core.restart(np.ones(1, dtype=np.bool_))
+        self._velocity: Array = np.zeros(2)  # of the model, in the world [m/s]
+        self._input: Array = np.zeros(2)
+        self._time: float | None = None
+        self._begun = False
+        self._told: Array = np.zeros(len(self._limits))
+        self._good_until = -math.inf
+
+    def step(
+        self,
+        command: ArrayLike,
+        pose: ArrayLike | None,
+        twist: ArrayLike | None,
+        time: float,
+        now: float | None = None,
+    ) -> tuple[Array, dict[str, Any]]:
+        """Return what to tell the robot, and the report of it.
+
+        Args:
+            command: what it shall do, in its own axes: (v_x, v_y, ω), or (v, ω) of a differential
+                drive [m/s, rad/s].
+            pose: (x, y, θ) of its centre in the barriers' frame [m, rad]; None where there is none.
+            twist: (v_x, v_y, ω) of its centre, in its own axes [m/s, rad/s]; None where there is
+                none.
+            time: at which pose and twist were measured [s].
+            now: the present on the same clock, from which their age counts [s]; None is `time`.
+
+        Returns:
+            The command in the robot's axes, and a dict as ``info["safety_filter"]`` has it, with
+            `valid_until` besides: the time from which on the command is zero unless there is
+            another.
+
+        Raises:
+            InvalidInputError: if the command is not made of finite numbers; then nothing has
+                happened.
+        """
+        wanted = finite_array("command", command, (len(self._limits),))
+        place, motion = _numbers(pose), _numbers(twist)
+        stamp = _number(time)
+        age = 0.0 if now is None else _number(now) - stamp
+        if self._time is not None and stamp - self._time > LATE * self._period:
+            self._miss()
+        sound = bool(np.isfinite(place.sum() + motion.sum()))
+        body = self._follower(place, motion)
+        follows = self._time is not None and sound
+        self._velocity = self._now(stamp) if follows else self._capped(body[2:])
+        x = np.array([body[0], body[1], *self._velocity])
+        lag = np.array([0.0, 0.0, *(body[2:] - self._velocity)])
+        stale = not -1e-9 <= age <= self._max_age
+        estimate = Estimate(x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age))
+        barriers = self._scene()
+        if not self._begun and sound and not stale:
+            self._core.cover(Coverage.OUTSIDE)
+            self._core.begin(barriers, estimate, self._goal, None)
+            self._begun = True
+        if self._time is not None and stamp > self._time:
+            self._core.since(stamp - self._time)
+        u, report = self._core.step(self._asked(wanted, place[2]), barriers, estimate)
+        if report["status"] == FilterStatus.BACKUP:
+            self._time, told = None, np.zeros(len(self._limits))
+        else:
+            self._time, self._input = stamp, u
+            told = self._tell(wanted, place[2], motion[2])
+        self._told = told
+        self._good_until = stamp + self._period if math.isfinite(stamp) else -math.inf
+        report["valid_until"] = np.float64(self._good_until)
+        return told.copy(), report
+
+    def command_at(self, now: float) -> Array:
+        """Return what the robot is to be told now [s]: the last command while it is good, or zero.
+
+        For a loop that talks to the robot more often than data come.
+        """
+        return self._told.copy() if now <= self._good_until else np.zeros(len(self._limits))
+
+    def _follower(self, place: Array, motion: Array) -> Array:
+        """Return (4,) position and velocity in the world of the point that follows commands."""
+        x, y, yaw = place
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead = self._adapter.look_ahead
+        forward, aside = motion[0], motion[1] + motion[2] * ahead
+        return np.array(
+            [
+                x + ahead * cos,
+                y + ahead * sin,
+                cos * forward - sin * aside,
+                sin * forward + cos * aside,
+            ]
+        )
+
+    def _now(self, stamp: float) -> Array:
+        """Return the model's velocity now, as the last input has changed it."""
+        passed = 0.0 if self._time is None else stamp - self._time
+        passed = min(max(passed, 0.0), self._period) if math.isfinite(passed) else 0.0
+        return self._velocity + passed * self._input
+
+    def _capped(self, velocity: Array) -> Array:
+        """Return a measured velocity, shortened to what the cap allows: the model begins there."""
+        speed = float(np.hypot(*velocity))
+        most = braking.speed_left(self._cap, self._core.uncertainty.speed)
+        return velocity * min(1.0, float(most) / speed) if speed > 0.0 else velocity
+
+    def _asked(self, wanted: Array, yaw: float) -> Array:
+        """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
+        told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
+        heading = yaw if math.isfinite(yaw) else 0.0
+        cos, sin = math.cos(heading), math.sin(heading)
+        velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
+        missing = (velocity - np.nan_to_num(self._velocity)) / self._period
+        size = float(np.hypot(*missing))
+        return missing * min(1.0, self._able / size) if size > 0.0 else missing
+
+    def _tell(self, wanted: Array, yaw: float, rate: float) -> Array:
+        """Return the command after the chosen input, in the robot's axes."""
+        soon = self._velocity + self._period * self._input
+        self._adapter.turn = float(wanted[-1])
+        return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
+
+    def _miss(self) -> None:
+        """Note that samples are missing: what the robot did meanwhile is not known."""
+        old = Estimate(np.zeros(4), self._time, age=math.inf)
+        self._core.step(np.zeros(2), self._scene(), old)
+        self._time = None
+
+    def _scene(self) -> Any:
+        """Return the user's barriers with the speed limit; what is no list goes to the core."""
+        if isinstance(self.barriers, Sequence) and not isinstance(self.barriers, str):
+            return (*self.barriers, self._limit)
+        return self.barriers
+
+
+def _known(robot: Any) -> Robot:
+    """Return what is known of a robot, however it is given.
+
+    Raises:
+        InvalidInputError: if it is no robot.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    if isinstance(robot, str | Path):
+        robot = Walker.load(robot)
+    if not isinstance(robot, Walker):
+        raise InvalidInputError(
+            f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
+        )
+    return Robot(robot.command, robot.response, robot.body.reach or 0.0)
+
+
+def _numbers(values: Any) -> Array:
+    """Return (3,) numbers of a message; NaN where they are none."""
+    given = None if values is None else real_numbers(values, (3,))
+    return np.full(3, np.nan) if given is None else given
+
+
+def _number(value: Any) -> float:
+    """Return a number of a message; NaN where it is none."""
+    given = real_numbers(value, ())
+    return math.nan if given is None else float(given)
+
+
+def _nothing(*_: Any) -> Any:
+    """Stand for readers that this filter does not use: it hands everything over itself."""
+    return ()

@@ -1,0 +1,191 @@
+"""The filter in a user's own loop: jittered periods, lost messages, bad data."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import hcbf_gym
+from hcbf_gym import scenarios
+from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.envs.walker_drive import tracked
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.online import Robot, VelocityFilter
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots import Walker
+from hcbf_gym.robots.walker_parts import Command
+
+CARTS = ("cart", "holonomic-cart")
+AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class Cart:
+    """A simulated cart that is told commands at any time and says where it is."""
+
+    def __init__(self, name, seed):
+        self.walker = Walker.load(name)
+        self.physics = WalkerPhysics(self.walker)
+        k = len(self.walker.command.limits)
+        self._controller = self.walker.controller((k, k), self.physics.model)
+        self.physics.reset(np.zeros(2), 0.0, np.random.default_rng(seed))
+        self._base = np.zeros((1, 13))
+
+    @property
+    def time(self):
+        return self.physics.data.time
+
+    def go(self, command, until):
+        """Advance to a time [s] under a command; return (k, 2) the path of what follows it."""
+        path = []
+        while self.time < until - 1e-9:
+            self.physics.step(self._controller(command))
+            self.physics.base(self._base[0])
+            path.append(tracked(self._base, self.walker.command.look_ahead or 0.0)[0, :2])
+        return np.array(path).reshape(-1, 2)
+
+    def says(self):
+        """Return pose and twist as odometry has them."""
+        qpos, qvel, yaw = self.physics.data.qpos, self.physics.data.qvel, self.physics.yaw
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        twist = cos * qvel[0] + sin * qvel[1], cos * qvel[1] - sin * qvel[0], qvel[5]
+        return (qpos[0], qpos[1], yaw), twist
+
+
+def straight_at(barrier, x, y, yaw, walker):
+    """Return the greatest command towards a region's nearest point."""
+    gradient = barrier.jet(np.array([x, y, 0.0, 0.0]), 0.0).gradient[:2]
+    vx, vy = -walker.command.forward * gradient / np.linalg.norm(gradient)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ahead, aside = cos * vx + sin * vy, cos * vy - sin * vx
+    if walker.command.look_ahead is not None:
+        return np.array([ahead, aside / walker.command.look_ahead])
+    return np.array([ahead, aside, 0.0])
+
+
+def least_h(name, rate, seed, seconds=12.0):
+    """Return the least h of the strict regions in a hostile run with jitter and lost messages."""
+    rng = np.random.default_rng(seed)
+    scene = scenarios.make("random", np.random.default_rng(seed))
+    cart = Cart(name, seed)
+    barriers = [b for b in scene.barriers if b.priority == 1]
+    period = 1.3 / rate
+    door = VelocityFilter(cart.walker, scene.barriers, period=period, radius=0.0)
+    least, sign, until = math.inf, 1.0, 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        while cart.time < seconds:
+            pose, twist = cart.says()
+            if rng.random() >= 0.1 or cart.time == 0.0:
+                at = [b.h(np.array([pose[0], pose[1], 0.0, 0.0]), 0.0) for b in barriers]
+                if cart.time >= until:
+                    sign, until = rng.choice([-1.0, 1.0, 1.0]), cart.time + rng.uniform(0.3, 1.5)
+                nearest = barriers[int(np.argmin(at))]
+                command = sign * straight_at(nearest, *pose, cart.walker)
+                door.step(command, pose, twist, cart.time)
+            end = cart.time + rng.uniform(0.7, 1.3) / rate
+            while cart.time < end - 1e-9:  # the robot's own loop, faster than data come
+                tick = min(end, cart.time + float(cart.physics.model.opt.timestep))
+                for x, y in cart.go(door.command_at(cart.time), tick):
+                    state = np.array([x, y, 0.0, 0.0])
+                    least = min(least, *(b.h(state, cart.time) for b in barriers))
+    return least
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("name", CARTS)
+@pytest.mark.parametrize("rate", [20.0, 50.0, 100.0])
+def test_hostile_commands_with_jitter_and_lost_messages_do_not_enter(name, rate):
+    assert min(least_h(name, rate, seed) for seed in range(2)) > 0.0
+
+
+@pytest.mark.parametrize("name", CARTS)
+def test_a_harmless_command_passes_and_its_acceleration_is_bounded(name):
+    door = VelocityFilter(name, [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
+    wanted = np.zeros(
+        len(door.step(np.zeros(Walker.load(name).command.limits.size), *AT_REST, 0.0)[0])
+    )
+    wanted[0] = 0.5
+    told = [door.step(wanted, *AT_REST, 0.05 * k)[0][0] for k in range(1, 30)]
+    assert told[0] < 0.3
+    assert told[-1] == pytest.approx(0.5, rel=0.05)
+
+
+def test_the_command_is_zero_within_one_period_when_data_end():
+    door = VelocityFilter("cart", [HalfPlane("wall", 1, (-1.0, 0.0), -9.0)], period=0.05)
+    for k in range(10):
+        command, report = door.step((0.6, 0.2), *AT_REST, 0.05 * k)
+    assert command[0] > 0.1
+    assert report["valid_until"] == pytest.approx(0.45 + 0.05)
+    np.testing.assert_array_equal(door.command_at(0.49), command)
+    np.testing.assert_array_equal(door.command_at(0.5001), np.zeros(2))
+
+
+BAD = {
+    "no pose": (None, (0.0, 0.0, 0.0), 0.5, Reason.STATE),
+    "no twist": ((0.0, 0.0, 0.0), None, 0.5, Reason.STATE),
+    "NaN": ((0.0, math.nan, 0.0), (0.0, 0.0, 0.0), 0.5, Reason.STATE),
+    "a short pose": ((0.0, 0.0), (0.0, 0.0, 0.0), 0.5, Reason.STATE),
+    "text": ("here", (0.0, 0.0, 0.0), 0.5, Reason.STATE),
+    "the same time again": (*AT_REST, 0.45, Reason.CLOCK),
+    "a time that goes back": (*AT_REST, 0.3, Reason.CLOCK),
+    "no time": (*AT_REST, math.nan, Reason.CLOCK),
+}
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_bad_data_brake_at_once_and_good_ones_go_on(bad):
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
+    for k in range(10):
+        door.step((0.6, 0.2), *AT_REST, 0.05 * k)
+    pose, twist, time, reason = BAD[bad]
+    with pytest.warns(SafetyWarning, match="brakes"):
+        command, report = door.step((0.6, 0.2), pose, twist, time)
+    np.testing.assert_array_equal(command, np.zeros(2))
+    assert report["status"] == FilterStatus.BACKUP
+    assert report["reason"] == reason
+    command, report = door.step((0.6, 0.2), *AT_REST, 0.55)
+    assert report["status"] != FilterStatus.BACKUP
+    assert command[0] > 0.0
+
+
+def test_old_data_brake():
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], max_age=0.1)
+    assert door.step((0.6, 0.0), *AT_REST, 0.0, now=0.05)[0][0] > 0.0
+    for now in (0.2, 0.04):  # too old, and from the future
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            command, report = door.step((0.6, 0.0), *AT_REST, 0.05, now=now)
+        assert report["reason"] == Reason.AGE
+        np.testing.assert_array_equal(command, np.zeros(2))
+
+
+def test_bad_commands_and_arguments_are_refused():
+    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -9.0)]
+    door = VelocityFilter("cart", wall)
+    for command in ((math.nan, 0.0), (1.0,), "go"):
+        with pytest.raises(InvalidInputError, match="command"):
+            door.step(command, *AT_REST, 0.0)
+    with pytest.raises(InvalidInputError, match="v_max"):
+        VelocityFilter("cart", wall, v_max=9.0)
+    with pytest.raises(InvalidInputError, match="robot"):
+        VelocityFilter(3, wall)
+    with pytest.raises(UnknownNameError, match="cart"):
+        VelocityFilter("tractor", wall)
+    with pytest.raises(InvalidInputError, match="gamma"):
+        VelocityFilter("cart", wall, gamma=1.0)
+
+
+def test_a_robot_without_a_contract_is_taken_for_slow():
+    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -2.0)]
+    known = VelocityFilter("cart", wall, radius=0.0)
+    command = Command(forward=1.2, turn=5.0, look_ahead=0.25)
+    unknown = VelocityFilter(Robot(command), wall, radius=0.0)
+    reports = [f.step((1.0, 0.0), *AT_REST, 0.0)[1] for f in (known, unknown)]
+    assert reports[1]["margin"][0] > reports[0]["margin"][0]
+
+
+def test_it_is_a_public_name():
+    assert hcbf_gym.VelocityFilter is VelocityFilter
