@@ -35,6 +35,10 @@ COMMANDS = {
     "evaluate": Command(
         "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
     ),
+    "identify": Command(
+        "hcbf_gym.studies.identification.command",
+        "how a robot follows the velocities that it is told",
+    ),
     "reproduce": Command(
         "hcbf_gym.studies.reproduction.command",
         "every figure of the paper, and its claims as true or false",

@@ -15,6 +15,10 @@ OFF_NOMINAL = 0.02
 the contract's robot on a flat and calm floor."""
 
 
+TESTED = ("cart", "holonomic-cart")
+"""Robots that hostile episodes tested, of those that the package brings along."""
+
+
 class Declared(NamedTuple):
     """What the arguments of `WalkerRegionsEnv` declare.
 
@@ -51,11 +55,11 @@ class Declared(NamedTuple):
 def outside(walker: Walker, declared: Declared) -> list[str]:
     """Return why the promise was not tested, a phrase for each reason; empty where it was.
 
-    Hostile episodes tested the robots that the package brings along, on a flat and calm floor.
+    Hostile episodes tested the robots of `TESTED` on a flat and calm floor.
     """
     said = []
-    if not walker.shipped:
-        said.append(f"robot {walker.name!r} (tested: {', '.join(NAMES)})")
+    if walker.source not in [NAMES[name] for name in TESTED]:
+        said.append(f"robot {walker.name!r} (tested: {', '.join(TESTED)})")
     if walker.response is None:
         said.append("a robot that was not measured: hcbf identify does that")
     return said + [f"{departure} (tested: none)" for departure in declared.departures]

@@ -24,7 +24,7 @@ from hcbf_gym.errors import (
     UnknownNameError,
     finite_float,
 )
-from hcbf_gym.robots import carts, walker_policy
+from hcbf_gym.robots import a1, carts, walker_policy
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
 from hcbf_gym.robots.walker_parts import (
@@ -50,8 +50,12 @@ from hcbf_gym.robots.walker_terms import (
 
 Array = NDArray[np.float64]
 
-NAMES = ("cart", "holonomic-cart")
-"""The walkers that the package brings along."""
+NAMES = {
+    "cart": carts.FOLDER / "cart.json",
+    "holonomic-cart": carts.FOLDER / "holonomic-cart.json",
+    "a1": a1.XML_FILE.with_suffix(".json"),
+}
+"""name → contract of the walkers that the package brings along."""
 
 _PARTS = {
     "command": Command,
@@ -118,11 +122,6 @@ class Walker:
         except HcbfError as error:
             raise type(error)(f"walker {walker.name!r} ({file}): {error}") from error
         return walker
-
-    @property
-    def shipped(self) -> bool:
-        """Whether the package brings this robot along."""
-        return self.source.parent == carts.FOLDER
 
     @property
     def response_file(self) -> Path:
@@ -243,7 +242,7 @@ def _find(path: str | Path) -> Path:
             f"robot: got {path!r}, expected a contract's path or one of {list(NAMES)}"
         )
     if str(path) in NAMES:
-        return carts.FOLDER / f"{path}.json"
+        return NAMES[str(path)]
     if isinstance(path, str) and not path.endswith(".json"):
         raise UnknownNameError(
             f"unknown robot: got {path!r}, expected a contract's path, which ends in .json, or one "

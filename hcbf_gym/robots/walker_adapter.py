@@ -7,7 +7,8 @@ heading θ gets what moves the point p + ℓ(cos θ, sin θ) at the velocity,
 .. math:: v = \cos θ\, v_x + \sin θ\, v_y, \qquad ω = (\cos θ\, v_y - \sin θ\, v_x) / ℓ.
 
 The heading is the one at which the command will show, ``θ + ω (τ + δ)``: else a long turn would
-carry the robot aside. What exceeds the command's limits is scaled down as a whole, so that the direction stays.
+carry the robot aside. What exceeds the command's limits is scaled down as a whole, so that the
+direction stays.
 """
 
 import math

