@@ -8,7 +8,7 @@ from hcbf_gym.drawing.headless import prefer_egl
 compilation.prepare()  # before anything compiles
 prefer_egl()  # before anything imports MuJoCo
 
-from hcbf_gym import policies, programs, scenarios, wrappers  # noqa: E402
+from hcbf_gym import policies, programs, robots, scenarios, wrappers  # noqa: E402
 from hcbf_gym.errors import HcbfError  # noqa: E402
 from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
 from hcbf_gym.online import VelocityFilter  # noqa: E402
@@ -22,6 +22,7 @@ __all__ = [
     "__version__",
     "policies",
     "programs",
+    "robots",
     "scenarios",
     "wrappers",
 ]
