@@ -55,7 +55,7 @@ class Command:
     def __post_init__(self) -> None:
         for name in ("forward", "turn", "sideways", "look_ahead"):
             value = getattr(self, name)
-            if value is not None:
+            if value is not None or name in ("forward", "turn"):
                 number = finite_float(
                     f"command: {name}", value, minimum=0.0, maximum=100.0, exclusive=True
                 )

@@ -38,8 +38,8 @@ class Response:
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
         sway: what position deviates at most from the model's in 99.9 % of the time, over the time
             that the model takes to follow [m].
-        overshoot: by how much the speed exceeds all that was told within a second, in 99.9 % of
-            the time [m/s].
+        overshoot: by how much the speed of the fast robot exceeds all that was told within a
+            second, in 99.9 % of the time [m/s].
         rise: from 10 to 90 % of a step of the speed [s].
         stopping: how far the robot goes on after the command has become zero [m].
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].

@@ -13,6 +13,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 from hcbf_gym import policies, wrappers
+from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
 from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning, UnknownNameError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robots"))
@@ -48,7 +49,7 @@ def flat(info):
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("make", [gym.make, filtered], ids=["bare", "filtered"])
 def test_gymnasiums_checker_has_nothing_to_say(robot, make):
-    env = filtered(robot) if make is filtered else gym.make(ENV, robot=robot)
+    env = make(robot, v_max=0.8) if make is filtered else gym.make(ENV, robot=robot, v_max=0.8)
     inner = env if make is filtered else env.unwrapped
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -273,7 +274,7 @@ def test_bad_arguments_are_refused_with_the_choices():
     with pytest.raises(InvalidInputError, match="sensor_noise"):
         gym.make(ENV, randomization={"sensor_noise": 1.0})
     with pytest.raises(HcbfError, match="rgb_array"):
-        gym.make(ENV, render_mode="ascii").close()
+        WalkerRegionsEnv(render_mode="ascii")
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

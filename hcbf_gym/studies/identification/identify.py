@@ -63,7 +63,7 @@ def identify(walker: Walker, seconds: float, seed: int) -> Identified:
         delay=round(slowest.delay, 3),
         residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
         sway=round(_sway(left, follows), 4),
-        overshoot=round(_overshoot(told, walker.command.in_plane(record.done)), 4),
+        overshoot=round(_overshoot(walker, told, record), 4),
         rise=round(float(np.median([_rise(_speed(walker, one.done)) for one in stops])), 3),
         stopping=round(max(one.distance for one in braked), 3),
         braking=round(braking, 2),
@@ -140,17 +140,21 @@ def _sway(left: Array, seconds: float) -> float:
     return float(np.percentile(np.hypot(strays[:, 0], strays[:, 1]), QUANTILES[-1]))
 
 
-def _overshoot(told: Array, done: Array) -> float:
+def _overshoot(walker: Walker, told: Array, record: Record) -> float:
     """Return by how much the speed exceeds all that was told of late, in 99.9 % of the time [m/s].
 
+    What sways at rest does not count: near a cap on the speed the robot is fast.
+
     Args:
-        told: (n, 2) velocities that the robot should reach [m/s].
-        done: (n, 2) those that it had [m/s].
+        walker: the robot.
+        told: (n, 2) velocities that it should reach [m/s].
+        record: what it did.
     """
     back = round(RECENT / CONTROL_DT)
     asked = np.concatenate([np.zeros(back), np.hypot(*told.T)])
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
-    return float(np.percentile((np.hypot(*done.T) - recent).clip(0.0), QUANTILES[-1]))
+    excess = (np.hypot(*walker.command.in_plane(record.done).T) - recent).clip(0.0)
+    return float(np.percentile(excess[recent >= 0.5 * recent.max()], QUANTILES[-1]))
 
 
 def _rounded(values: Array) -> tuple[float, float, float]:

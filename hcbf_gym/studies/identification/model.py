@@ -69,4 +69,4 @@ def respond(command: Array, time_constant: float, period: float) -> Array:
     """Return (n,) the first-order response to a held command, from rest."""
     keep = float(np.exp(-period / time_constant))
     # what is told from sample k on shows at sample k + 1
-    return lfilter([0.0, 1.0 - keep], [1.0, -keep], command)
+    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], command), dtype=np.float64)

@@ -52,7 +52,8 @@ class Runner:
 
     def __init__(self, walker: Walker, seed: int):
         self.walker = walker
-        self.drive = WalkerDrive(WalkerPhysics(walker), _Direct(walker), None)
+        self._adapter = _Direct(walker)
+        self.drive = WalkerDrive(WalkerPhysics(walker), self._adapter, None)
         self._rng = np.random.default_rng(seed)
         self._nothing = BarrierSet([()])
         self.falls = 0
@@ -68,7 +69,7 @@ class Runner:
         for _ in range(round(seconds / CONTROL_DT)):
             told.append(command)
             done.append(self.doing())
-            self.drive.adapter.told = tuple(command.tolist())
+            self._adapter.told = tuple(command.tolist())
             self.drive.follow(np.zeros(2), self._nothing, self._time)
             self._time += CONTROL_DT
             if self.drive.simulation.fallen or self.drive.failed:
