@@ -135,15 +135,15 @@ UNKNOWN = Response(
 """What is assumed of a robot that nobody has measured: it is slow, and it sways."""
 
 
-LEAST_DISTANCE = 0.01
+LEAST_DISTANCE = 0.02
 """What rows keep of any robot [m]."""
 LEAST_SPEED = 0.05
 """What a speed limit keeps of any robot [m/s]."""
-SETTLES = 0.2
-"""1 / α₁'(0) of the paper's α₁ [s]: a velocity error that stays, as in a long turn, is met by the
-row only so much nearer."""
+SETTLES = 0.7
+"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in a
+long turn, the robot settles nearer than its row says."""
 FARTHER = 1.25
-"""Of τ + δ + T that the body is taken to go on with a velocity error, and of the overshoot."""
+"""Of τ + δ + T that the body is taken to go on with a velocity error."""
 MOST = 0.25
 """What the tracking error may add to a row [m]."""
 OVERSHOOT = 0.3
@@ -153,9 +153,9 @@ OVERSHOOT = 0.3
 def uncertainty(response: Response, period: float) -> Uncertainty:
     """Return what rows must keep for a robot, from how it follows.
 
-    A body that is faster towards a region than it was told goes on for ``τ + δ + T``, and one that
-    stays faster settles ``1 / α₁'(0)`` times that nearer; what sways beside the model in the time
-    that it takes to follow is kept in any case.
+    A body that is faster towards a region than it was told goes on for ``τ + δ + T``. One that stays
+    faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m), at
+    h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is kept in any case.
 
     Args:
         response: of the robot.
@@ -165,10 +165,10 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
     _, often, _ = response.residual
     return Uncertainty(
         distance=LEAST_DISTANCE + often * follows,
-        per_velocity=SETTLES + FARTHER * (follows + period),
+        per_velocity=max(SETTLES, FARTHER * (follows + period)),
         per_lead=1.0,
         cap=MOST,
-        speed=LEAST_SPEED + FARTHER * response.overshoot,
+        speed=LEAST_SPEED + response.overshoot,
         speed_per_velocity=OVERSHOOT,
     )
 

@@ -18,6 +18,8 @@ QUANTILES = (50.0, 95.0, 99.9)
 """Of the residual [%]."""
 
 
+FAST = 0.6
+"""Share of the greatest speed that was told from which on the robot is fast."""
 RECENT = 1.0
 """How far back a greater command excuses a speed [s]."""
 
@@ -154,7 +156,7 @@ def _overshoot(walker: Walker, told: Array, record: Record) -> float:
     asked = np.concatenate([np.zeros(back), np.hypot(*told.T)])
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
     excess = (np.hypot(*walker.command.in_plane(record.done).T) - recent).clip(0.0)
-    return float(np.percentile(excess[recent >= 0.5 * recent.max()], QUANTILES[-1]))
+    return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))
 
 
 def _rounded(values: Array) -> tuple[float, float, float]:
