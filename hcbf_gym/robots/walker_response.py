@@ -140,8 +140,8 @@ LEAST_DISTANCE = 0.02
 LEAST_SPEED = 0.05
 """What a speed limit keeps of any robot [m/s]."""
 SETTLES = 0.7
-"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in a
-long turn, the robot settles nearer than its row says."""
+"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
+a long turn, the robot settles nearer than its row says."""
 FARTHER = 1.25
 """Of τ + δ + T that the body is taken to go on with a velocity error."""
 MOST = 0.25
@@ -153,9 +153,9 @@ OVERSHOOT = 0.3
 def uncertainty(response: Response, period: float) -> Uncertainty:
     """Return what rows must keep for a robot, from how it follows.
 
-    A body that is faster towards a region than it was told goes on for ``τ + δ + T``. One that stays
-    faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m), at
-    h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is kept in any case.
+    A body that is faster towards a region than it was told goes on for ``τ + δ + T``. One that
+    stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
+    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is kept in any case.
 
     Args:
         response: of the robot.
