@@ -14,7 +14,6 @@ from hcbf_gym.envs.body import Footprint
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import a1
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 """The 95 % band of the NEES of position and velocity at one instant."""
@@ -73,7 +72,9 @@ class AttackedEpisode:
         body = np.asarray(info.get("min_body_h", np.full(len(least), np.inf)))
         counts = np.zeros(len(FilterStatus), dtype=np.int64)
         margins, errors, changed, reach = [], [], False, 0.0
-        footprint = Footprint(inner.model, a1.TRUNK) if "min_body_h" in info else None
+        footprint = (
+            Footprint(inner.model, inner.model.body(1).name) if "min_body_h" in info else None
+        )
         terminated = truncated = False
         while not (terminated or truncated):
             if attack is not None:

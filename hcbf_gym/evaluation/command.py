@@ -43,8 +43,12 @@ COLUMNS = 5
 class Args:
     """What to evaluate; several policies and programs make a table of all their pairs."""
 
-    env: Literal["HCBF-A1Regions-v0", "HCBF-Regions-v0"] = "HCBF-A1Regions-v0"
-    """Full physics, or the reduced-order model alone."""
+    env: Literal["HCBF-A1Regions-v0", "HCBF-Regions-v0", "HCBF-WalkerRegions-v0"] = (
+        "HCBF-A1Regions-v0"
+    )
+    """The A1, the reduced-order model alone, or a robot that takes velocities."""
+    robot: str = "cart"
+    """Of HCBF-WalkerRegions-v0: a contract's path or a name."""
     scenario: str = "paper-simulation"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     policy: tuple[str, ...] = ("pd",)
@@ -126,8 +130,11 @@ def _case(args: Args, policy: str, program: str) -> Case:
         options["solver"] = args.solver
         if args.margin is not None:
             options["margin"] = args.margin
-    a1 = args.env == "HCBF-A1Regions-v0"
-    env_options = {"feedback": args.feedback} if a1 else {}
+    env_options: dict[str, Any] = {}
+    if args.env == "HCBF-A1Regions-v0":
+        env_options["feedback"] = args.feedback
+    elif args.env == "HCBF-WalkerRegions-v0":
+        env_options["robot"] = args.robot
     return Case(args.env, args.scenario, policy, program, options, env_options)
 
 

@@ -163,7 +163,7 @@ class Case:
     """One cell of an evaluation: an environment, a scene, a policy and a program.
 
     Args:
-        env: "HCBF-A1Regions-v0" or "HCBF-Regions-v0".
+        env: one of `ENVIRONMENTS`.
         scenario: what `hcbf_gym.scenarios.make` takes.
         policy: "pd", "pd-ff" (the reference's acceleration fed forward), or a learned policy's
             name or file.
@@ -225,7 +225,7 @@ class Case:
         }
 
 
-ENVIRONMENTS = ("HCBF-A1Regions-v0", "HCBF-Regions-v0")
+ENVIRONMENTS = ("HCBF-A1Regions-v0", "HCBF-Regions-v0", "HCBF-WalkerRegions-v0")
 
 
 def make_policy(name: str, env: gym.Env) -> Policy:
