@@ -13,6 +13,7 @@ import pytest
 import tyro
 from needs import imported, needs
 
+import hcbf_gym
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.errors import MissingDependencyError
@@ -141,6 +142,15 @@ def test_a_block_that_says_no_language_is_a_formula_or_a_drawing(page):
         assert language in {"", "bash", "python", "json", "yaml"}
         runs = re.search(r"^ *(?:pip|hcbf|python|import|from|env|\w+\.\w+\()", block, re.MULTILINE)
         assert language or not runs, block
+
+
+def test_the_version_is_the_same_everywhere_and_leads_the_changelog():
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    assert hcbf_gym.__version__ == version
+    assert f"version: {version}\n" in read(ROOT / "CITATION.cff")
+    newest = re.search(r"^## (\S+)", read(ROOT / "CHANGELOG.md"), re.MULTILINE)
+    assert newest[1] == version
 
 
 def test_the_site_lists_every_page():
