@@ -19,7 +19,7 @@ class InvalidInputError(HcbfError, ValueError):
 
 
 class UnreachableError(InvalidInputError):
-    """No input of a model reaches a barrier by a derivative that could keep it."""
+    """No input of a model reaches a barrier by a derivative that could preserve it."""
 
 
 class UnknownNameError(InvalidInputError):

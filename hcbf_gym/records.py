@@ -102,7 +102,7 @@ def whole(path: Path) -> Iterator[Path]:
     Whoever else writes the same file meanwhile writes another part of the disk; the last one wins.
 
     Args:
-        path: of the file; its suffix is kept, as some writers add one of their own.
+        path: of the file; its suffix is retained, as some writers add one of their own.
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

@@ -62,10 +62,10 @@ class LocomotionController:
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
-        friction: µ of the friction pyramid that the contact forces keep to; below `FULL_GRIP` the
+        friction: µ of the friction pyramid that bounds the contact forces; below `FULL_GRIP` the
             robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
-        heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
+        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
         height: of the trunk above the ground [m]; None is that of the home pose.
         formulation: of the task-space QP, "condensed" or "full"; both give the same torques.

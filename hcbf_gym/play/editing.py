@@ -82,7 +82,7 @@ def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> 
 
 
 def resize(scenario: Scenario, name: str, new_size: float) -> Scenario:
-    """Return the scene with a region of another size [m], its shape kept.
+    """Return the scene with a region of another size [m] and the same shape.
 
     Raises:
         UnknownNameError: if there is no such region.
