@@ -38,7 +38,7 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
     """
     check_mapping(what, data)
     if "kind" not in data:
-        raise InvalidInputError(f"{what}: got no 'kind', expected one of {sorted(kinds)}")
+        raise InvalidInputError(f"{what}: 'kind' is missing, expected one of {sorted(kinds)}")
     cls = choose(f"{what} kind", data["kind"], kinds)
     return build(f"{what} ({data['kind']})", cls, {k: v for k, v in data.items() if k != "kind"})
 

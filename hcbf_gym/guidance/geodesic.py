@@ -142,7 +142,7 @@ class Geodesic:
             InvalidInputError: before the first reset.
         """
         if self._set is None:
-            raise InvalidInputError("guidance: got no scene, expected reset() first")
+            raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
         a, b = np.empty((len(x), 2)), np.empty(len(x))
         guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, a, b)

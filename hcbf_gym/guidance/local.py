@@ -152,7 +152,7 @@ class Local:
             InvalidInputError: before the first reset.
         """
         if self.barriers is None:
-            raise InvalidInputError("guidance: got no scene, expected reset() first")
+            raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         a, b = np.empty((len(x), 2)), np.empty(len(x))
         rows(
             self.barriers.kind,

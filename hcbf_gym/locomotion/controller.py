@@ -122,7 +122,7 @@ class LocomotionController:
 
     def __getstate__(self) -> NoReturn:
         """Refuse copies: their views would still show this controller's workspace."""
-        raise InvalidInputError("controller: got a request to copy it, expected a new one instead")
+        raise InvalidInputError("controller: cannot be copied; construct a new one")
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""
@@ -177,7 +177,7 @@ class LocomotionController:
         Made on request, for the residual takes longer than the QP.
         """
         if not self._begun:
-            raise InvalidInputError("diagnostics: got no reset yet, expected one first")
+            raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets, solved = self._memory[0].targets, self._solution
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),

@@ -173,7 +173,7 @@ class Plant:
             )
         if (self.to_action is None) != (self.from_action is None):
             raise InvalidInputError(
-                "plant: got one of to_action and from_action, expected both or none"
+                "plant: one of to_action and from_action is missing, expected both or none"
             )
         if self.period is not None:
             finite_float("plant: period", self.period, minimum=0.0, exclusive=True)

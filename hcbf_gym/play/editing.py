@@ -136,7 +136,7 @@ def from_json(content: bytes) -> Scenario:
     try:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise InvalidInputError(f"scene file: got no JSON ({error}), expected a scene") from error
+        raise InvalidInputError(f"scene file: it is no JSON ({error}), expected a scene") from error
     return scenarios.from_dict(data)
 
 

@@ -355,8 +355,8 @@ def _input_set(plant: Plant, space: gym.Space) -> InputSet:
     bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
     if not bounded or plant.to_action is not None:
         raise InvalidInputError(
-            f"plant: got no input_set and the action space {space}, expected an input_set, or a "
-            "bounded Box of shape (n_u,) that u shares"
+            f"plant: input_set is missing, and the action space {space} cannot take its place, "
+            "expected an input_set, or a bounded Box of shape (n_u,) that u shares"
         )
     assert isinstance(space, gym.spaces.Box)
     return Box(space.low.astype(np.float64), space.high.astype(np.float64))
