@@ -1,4 +1,4 @@
-"""One family of errors; a message says what was got, what was expected and the choices."""
+"""One family of errors; a message says what is wrong, what was expected and the choices."""
 
 import importlib.util
 from collections.abc import Iterable, Mapping
