@@ -102,7 +102,7 @@ def traced(barrier: Barrier) -> Scalar:
 
 def _functions(parts: tuple[Part, ...]) -> list[Scalar]:
     if not parts:
-        raise InvalidInputError("compose: got nothing, expected at least one function or barrier")
+        raise InvalidInputError("compose: nothing is given, expected a function or barrier")
     return [traced(part) if isinstance(part, Barrier) else part for part in parts]
 
 

@@ -35,17 +35,17 @@ def held_rows(
     margin: Array | float = 0.0,
     margin_rate: Array | float = 0.0,
 ) -> CbfRows:
-    """Return the rows ``a·u ≥ b`` that keep every barrier while u is held.
+    """Return the rows ``a·u ≥ b`` that preserve every barrier while u is held.
 
-    A barrier that knows no core (see `PlanarBarrier.core`) keeps its usual row.
+    A barrier that knows no core (see `PlanarBarrier.core`) has its usual row.
 
     Args:
         barriers: m safety conditions.
         x: (4,) position [m] and velocity [m/s].
         t: time [s].
         settings: α₁, α₂, T and the largest norm of an input.
-        margin: (m,) what each row keeps between h and zero; one number [m] is kept by strict rows
-            (priority 1) on the position, while a speed limit keeps its own.
+        margin: (m,) what each row reserves between h and zero; one number [m] is for strict rows
+            (priority 1) on the position, while a speed limit has its own.
         margin_rate: (m,) its rate of change.
     """
     kept = margins(barriers, margin)

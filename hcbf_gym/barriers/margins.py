@@ -1,4 +1,4 @@
-r"""What a row keeps between h and zero, from what is uncertain at this moment.
+r"""What a row reserves between h and zero, from what is uncertain at this moment.
 
 For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
@@ -11,7 +11,7 @@ the body reaches beyond its centre. The first three parts stand for the reduced-
 says that the body moves at the model's velocity: a body that moves faster towards the region will
 get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
 fourth is for rows that read the model's own position: as h is convex with ‖∇h‖ ≤ 1, a body that is
-nearer has no less than that of h. A speed limit keeps d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
+nearer has no less than that of h. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
 largest eigenvalue of the velocity's covariance: a body that does not follow may overshoot, too, and
 one that follows needs little.
 
@@ -119,7 +119,7 @@ def derive_all(
 
     Args:
         settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
-        scenes: N scenes, whose speed limits may keep something by themselves.
+        scenes: N scenes, whose speed limits may reserve something by themselves.
         x: (N, 4) states.
         t: (N,) times [s].
         model: (N, 4) states of the reduced-order models.

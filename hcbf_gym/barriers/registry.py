@@ -57,7 +57,7 @@ def register(kind: str, barrier: type[Barrier]) -> None:
 
 
 def to_dict(barrier: Barrier) -> dict[str, Any]:
-    """Return the barrier as a plain dict that `from_dict` reads and JSON keeps.
+    """Return the barrier as a plain dict that `from_dict` reads and JSON can hold.
 
     Raises:
         InvalidInputError: if its class is not registered.

@@ -37,7 +37,7 @@ def rows(
     Args:
         kind: (N, m) as `BarrierSet` holds it.
         parameters: (N, m, 19) as `BarrierSet` holds it.
-        margin: (2, N, m) what each row keeps between h and zero, and its rate of change.
+        margin: (2, N, m) what each row reserves between h and zero, and its rate of change.
         x: (N, 4) positions [m] and velocities [m/s].
         t: (N,) times [s].
         settings: (11,) `RowSettings.packed`.
@@ -140,7 +140,7 @@ def _reach(speed: float, s: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _rounding(kind: int, c: Array, s: Array) -> float:
-    """Return what a held row keeps so that the distance from a core is at least ½ u_max T² [m]."""
+    """Return what a held row reserves to stay at least ½ u_max T² away from a core [m]."""
     radius = np.inf
     if kind == DISC:
         radius = c[layout.RADIUS]

@@ -45,7 +45,7 @@ class BarrierSet:
         parameters: (N, m, 19) what that kernel reads, see `layout`.
         priority: (N, m) 1 is the highest and strict.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
-        own_margin: (N, m) what a speed limit keeps by itself [m/s], 0 for the others.
+        own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
         own: (scene, place) → a user's own barrier; empty where all are built in.
     """
 
@@ -100,11 +100,11 @@ class BarrierSet:
         return self.kind < layout.SPEED_LIMIT
 
     def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
-        """Refuse speed limits that no input can keep.
+        """Refuse speed limits that no input can satisfy.
 
         Args:
             settings: α₁, α₂, and whether u is held.
-            speed_margin: what the rows of speed limits keep besides their own margins [m/s].
+            speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
 
         Raises:
             InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
@@ -117,7 +117,7 @@ class BarrierSet:
             worst = int(np.argmin(v_max - 2.0 * margin))
             raise InvalidInputError(
                 f"speed limit: got {v_max[worst]:g} m/s, expected above {2.0 * margin[worst]:g} "
-                f"m/s: its row keeps {margin[worst]:g} m/s, so that no speed is left"
+                f"m/s: its row reserves {margin[worst]:g} m/s, so that no speed is left"
             )
         if settings.period is None or settings.u_max is None:
             return
@@ -175,11 +175,11 @@ class BarrierSet:
         return h, sensed
 
     def margins(self, margin: Array | float) -> Array:
-        """Return (N, m) what each row keeps between h and zero.
+        """Return (N, m) what each row reserves between h and zero.
 
         Args:
             margin: (N, m); or one number [m] for strict rows on the position, while a speed limit
-                keeps its own.
+                reserves its own.
         """
         given = np.asarray(margin, dtype=np.float64)
         return given if given.ndim else self.keeps_margin * given + self.own_margin
@@ -198,7 +198,7 @@ class BarrierSet:
             x: (N, 4) positions [m] and velocities [m/s].
             t: (N,) times [s].
             settings: α₁, α₂, and whether u is held.
-            margin: (N, m) what each row keeps between h and zero; or one number, see `margins`.
+            margin: (N, m) what each row reserves between h and zero; or one number, see `margins`.
             margin_rate: (N, m) its rate of change, as far as it is known.
         """
         shape = self.kind.shape

@@ -241,7 +241,7 @@ class SpeedLimit(Barrier):
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
         v_max: [m/s], positive.
-        margin: what the row keeps between h and zero [m/s]: a body sways around its model's speed.
+        margin: what the row reserves of h [m/s]: a body sways around its model's speed.
 
     Raises:
         InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).

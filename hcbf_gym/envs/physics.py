@@ -104,7 +104,7 @@ class Physics:
 
     def __getstate__(self) -> NoReturn:
         """Refuse copies: their views would still show this simulation's data."""
-        raise InvalidInputError("simulation: got a request to copy it, expected a new one instead")
+        raise InvalidInputError("simulation: cannot be copied; construct a new one")
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest on its feet near `position` (2,) [m], facing about `yaw` [rad].

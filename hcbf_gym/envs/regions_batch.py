@@ -62,7 +62,7 @@ class RegionsBatch:
 
     Args:
         scenes: N scenarios of one task and one number of barriers.
-        own_references: whether each keeps a reference table of its own, as `set_scene` needs it;
+        own_references: whether each has a reference table of its own, as `set_scene` needs it;
             False where all scenes are the same until `separate` is called.
 
     Attributes:

@@ -2,8 +2,8 @@
 
 On a grid of square cells the field T solves the eikonal equation ``‖∇T‖ = c(p)``, ``T(goal) = 0``,
 by fast marching. A cell costs `RANK_COST` inside a region, most where the rank is highest, and 1
-in the open, a little more close to an edge: so the way keeps out of regions as their ranks ask,
-leads out of one by the cheapest side, and keeps some distance where there is room.
+in the open, a little more close to an edge: so the way stays out of regions as their ranks ask,
+leads out of one by the cheapest side, and leaves some distance where there is room.
 
 Source: J. A. Sethian, A fast marching level set method for monotonically advancing fronts,
 PNAS 93, 1996.
@@ -216,7 +216,7 @@ def solve(
         kind: (m,) as in `BarrierSet`; speed limits are passed over.
         parameters: (m, 19) as in `BarrierSet`.
         priority: (m,) 1 is strict.
-        clearance: (m,) what each edge keeps: margin, body radius [m].
+        clearance: (m,) what each edge reserves: margin, body radius [m].
         t: time [s].
         goal: (2,) [m].
         geometry: (5,) x and y of the first cell's centre, side of a cell [m], ny, nx.

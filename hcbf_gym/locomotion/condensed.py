@@ -3,7 +3,7 @@
 Each leg brings three: its contact force F_i if it stands, its joint accelerations q̈_i if it swings.
 A standing foot does not move, ``B_i a + J_i q̈_i + β_i = 0`` with a the trunk's acceleration and
 ``B_i = [1, −r_i×]``, which gives q̈_i through a 3×3 inverse; the trunk's six rows of the dynamics
-then give a, and the legs' rows τ. So everything is affine in the unknowns z and kept as a matrix
+then give a, and the legs' rows τ. So everything is affine in the unknowns z and stored as a matrix
 with 13 columns, ``· [z; 1]``.
 
 `task_space.py` poses the same program in the paper's form; both give the same torques.
@@ -227,7 +227,7 @@ def joint_torque(torque: Array, robot: Dynamics, q: Accelerations, foot: int, k:
 
 @njit(cache=True)
 def bound_force(out: np.record, foot: int, contact: int, friction: float) -> None:
-    """Keep a standing foot's force in its friction pyramid, ``|F_x|, |F_y| ≤ µ F_z``, and small.
+    """Confine a standing foot's force to its friction pyramid, ``|F_x|, |F_y| ≤ µ F_z``, and small.
 
     Args:
         out: the `WORKSPACE` record.
@@ -260,7 +260,7 @@ def add_squares(H: Array, f: Array, error: Array) -> None:
 
 @njit(cache=True)
 def free_minimiser(program: np.record, rows: int) -> bool:
-    """Set ``z = −H⁻¹f`` and return whether it keeps to every bound: then it is optimal.
+    """Set ``z = −H⁻¹f`` and return whether it meets every bound: then it is optimal.
 
     While the robot walks undisturbed no friction or torque limit binds, and the QP needs no solver.
 

@@ -62,10 +62,10 @@ class LocomotionController:
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
-        friction: µ of the friction pyramid that the contact forces keep to; below `FULL_GRIP` the
+        friction: µ of the friction pyramid that bounds the contact forces; below `FULL_GRIP` the
             robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
-        heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
+        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
         height: of the trunk above the ground [m]; None is that of the home pose.
         formulation: of the task-space QP, "condensed" or "full"; both give the same torques.
@@ -122,7 +122,7 @@ class LocomotionController:
 
     def __getstate__(self) -> NoReturn:
         """Refuse copies: their views would still show this controller's workspace."""
-        raise InvalidInputError("controller: got a request to copy it, expected a new one instead")
+        raise InvalidInputError("controller: cannot be copied; construct a new one")
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""
@@ -177,7 +177,7 @@ class LocomotionController:
         Made on request, for the residual takes longer than the QP.
         """
         if not self._begun:
-            raise InvalidInputError("diagnostics: got no reset yet, expected one first")
+            raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets, solved = self._memory[0].targets, self._solution
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),

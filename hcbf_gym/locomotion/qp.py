@@ -1,4 +1,4 @@
-"""The controller's door to a solver: every status is read, no solution is guessed."""
+"""How the controller calls a solver: every status is read, no solution is guessed."""
 
 from functools import cache
 from typing import NamedTuple

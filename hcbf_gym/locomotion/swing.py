@@ -24,7 +24,7 @@ def minimum_jerk_step(
 
     The way is the quintic from the present state to rest at `target` in `remaining` seconds; taken
     anew every tick it follows a moving target without a jump in position or velocity. Where two
-    ticks or less remain, and the quintic stiffens, the present velocity is kept.
+    ticks or less remain, and the quintic stiffens, the present velocity is retained.
 
     Source: T. Flash and N. Hogan, J. Neuroscience 5 (1985).
     """

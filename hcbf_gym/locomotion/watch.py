@@ -68,7 +68,7 @@ class WatchBounds(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the kernel keeps from one judgement to the next.
+    """What the kernel carries from one judgement to the next.
 
     Attributes:
         sums: (WINDOW, SUMS + 2 delays) of each judgement in the window.
@@ -138,7 +138,7 @@ class Watch:
         self.fault = Fault.NONE
 
     def tick(self, state: Array, torque: Array, stance: NDArray[np.uint8]) -> None:
-        """Note a tick of the controller; state and torque are kept, not copied.
+        """Note a tick of the controller; state and torque are referred to, not copied.
 
         Args:
             state: (41,) the vector of the `RobotState` that it was given.

@@ -72,7 +72,7 @@ class Controls:
             self._set_stick(0.0, 0.0)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Keep the stick on the robot while nobody drags it."""
+        """Hold the stick on the robot while nobody drags it."""
         self._stick.visible = snapshot.settings.policy == "human"
         if not self._held:
             self._stick.position = (*snapshot.position.tolist(), 0.5)

@@ -82,7 +82,7 @@ def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> 
 
 
 def resize(scenario: Scenario, name: str, new_size: float) -> Scenario:
-    """Return the scene with a region of another size [m], its shape kept.
+    """Return the scene with a region of another size [m] and the same shape.
 
     Raises:
         UnknownNameError: if there is no such region.
@@ -136,7 +136,7 @@ def from_json(content: bytes) -> Scenario:
     try:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise InvalidInputError(f"scene file: got no JSON ({error}), expected a scene") from error
+        raise InvalidInputError(f"scene file: it is no JSON ({error}), expected a scene") from error
     return scenarios.from_dict(data)
 
 

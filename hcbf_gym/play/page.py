@@ -29,7 +29,7 @@ OFF_CENTRE = 1.0
 class Page:
     """A web server that shows a session and takes its commands.
 
-    Viser keeps only the newest of every value that a browser has not fetched yet, so a slow one
+    Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
     is neither waited for nor remembered.
 
     Args:

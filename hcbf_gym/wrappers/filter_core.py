@@ -32,7 +32,7 @@ Mask = NDArray[np.bool_]
 ROW_OPTIONS = ("alpha1", "alpha2")
 
 USUAL_ROWS_MARGIN = 0.01
-"""What usual rows keep at least, against the dip of h between two samples [unit of h]."""
+"""What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
 
 
 class FilterSettings(NamedTuple):
@@ -158,7 +158,7 @@ class FilterCore(ABC):
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
 
-        Warns once of each thing that α₁, U and the speed limit cannot keep.
+        Warns once of each thing that α₁, U and the speed limit cannot satisfy.
 
         Args:
             scenes: of the new episodes.
@@ -200,12 +200,12 @@ class FilterCore(ABC):
 
 
 def kept(plant: Plant, margin: float | None, held: bool) -> Uncertainty:
-    """Return what the rows keep: what the plant's uncertainty asks, or a margin given by hand.
+    """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
 
     Args:
         plant: whose body and whose speed limit count in any case.
-        margin: what rows on the position keep [m]; None derives it.
-        held: whether rows are made for a held input; if not they keep `USUAL_ROWS_MARGIN` more.
+        margin: what rows on the position reserve [m]; None derives it.
+        held: whether rows are made for a held input; if not they reserve `USUAL_ROWS_MARGIN` more.
 
     Raises:
         InvalidInputError: if the margin is negative or not finite.

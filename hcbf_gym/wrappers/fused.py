@@ -80,7 +80,7 @@ class Way(NamedTuple):
 
 
 class Work(NamedTuple):
-    """The rows of the call, kept for states that go on to rational arithmetic.
+    """The rows of the call, stored for states that go on to rational arithmetic.
 
     Attributes:
         a: (N, M, 2) gradients; M is m, and one more with guidance.

@@ -30,7 +30,7 @@ class Conditions(NamedTuple):
 
     Attributes:
         rows: (m,) of them.
-        margin: (m,) what each keeps between h and zero.
+        margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
         unsafe: whether a strict h is below zero, for the whole body where that is known.
     """

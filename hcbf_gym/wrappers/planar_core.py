@@ -331,7 +331,7 @@ class PlanarCore(FilterCore):
         """Make a scene of a list of barriers.
 
         Raises:
-            InvalidInputError: if it is none, or a speed limit cannot be kept.
+            InvalidInputError: if it is none, or a speed limit cannot be satisfied.
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")

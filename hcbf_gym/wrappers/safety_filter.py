@@ -35,7 +35,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     `hcbf_gym.programs.FilterStatus`), `reason` (a `hcbf_gym.models.plant.Reason`, 0 where there is
     none), `covered` (a `hcbf_gym.models.plant.Coverage`), `alpha1_scale` by how much α₁ was scaled
     down to what U can brake, `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each row
-    keeps between h and zero, `model_error` how far the plant's response is from the chosen input
+    reserves between h and zero, `model_error` how far the plant's response is from the chosen input
     [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
     u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
     `conditioning` (m,): 0 where no input matters to a row, less than 1 near a kink of its function.
@@ -46,15 +46,15 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             that change actions belong outside the filter.
         program: a name from `hcbf_gym.programs.names()`.
         plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
-        rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
-            than the planar double integrator, or of unknown period, have usual rows.
+        rows: "held" preserves h ≥ 0 while an input is held, "usual" at the samples alone. Plants
+            other than the planar double integrator, or of unknown period, have usual rows.
         guidance: "geodesic" leads to the plant's goal around the regions by a row of the last rank,
             or, for programs with weights, by the input nearest u* that moves along the way; "local"
             circulates around what stops u*, where no goal is known; a dict ``{"kind": "geodesic",
             "through": p}`` lets ranks from p on give way to it; None leaves the way to the
             policy.
-        margin: what rows on the position keep between h and zero [m]; None derives it from what is
-            uncertain.
+        margin: what rows on the position reserve between h and zero [m]; None derives it from what
+            is uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
             programs where u has two entries, else "daqp".
         on_alarm: "warn" or "brake", where the plant is not the one that was declared; None takes
@@ -359,8 +359,8 @@ def _input_set(plant: Plant, space: gym.Space) -> InputSet:
     bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
     if not bounded or plant.to_action is not None:
         raise InvalidInputError(
-            f"plant: got no input_set and the action space {space}, expected an input_set, or a "
-            "bounded Box of shape (n_u,) that u shares"
+            f"plant: input_set is missing, and the action space {space} cannot take its place, "
+            "expected an input_set, or a bounded Box of shape (n_u,) that u shares"
         )
     assert isinstance(space, gym.spaces.Box)
     return Box(space.low.astype(np.float64), space.high.astype(np.float64))

@@ -34,7 +34,7 @@ MEMORY = np.dtype(
     (
         np.record,
         [
-            ("input_error", "f8", 3),  # as `monitor.account` keeps it
+            ("input_error", "f8", 3),  # as `monitor.account` records it
             ("drift", "f8", 2),  # r [m]
             ("motion", "f8", 2),  # m [m]
             ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample

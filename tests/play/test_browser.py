@@ -305,7 +305,7 @@ def test_what_cannot_be_done_is_said_in_the_page(browser, tmp_path, album):
         broken = tmp_path / "broken.json"
         broken.write_text("{")
         visit.page.locator('input[type="file"]').set_input_files(broken)
-        visit.until_said("message", "got no JSON")
+        visit.until_said("message", "is no JSON")
         assert visit.says("scene") == "paper-simulation"
         album(visit, "broken")
 
