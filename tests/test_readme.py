@@ -13,15 +13,14 @@ import pytest
 import tyro
 from needs import imported, needs
 
+import hcbf_gym
 from benchmarks import publishing
 from benchmarks.__main__ import PICTURES
 from benchmarks.pictures import gallery
 from benchmarks.registry import SUITES
-import hcbf_gym
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.errors import MissingDependencyError
-from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 
 ROOT = Path(__file__).parent.parent
