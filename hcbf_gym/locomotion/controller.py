@@ -175,7 +175,8 @@ class LocomotionController:
         """
         if not self._begun:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
-        targets, solved = self._memory[0].targets, self._solution
+        targets = self._memory[0].targets
+        solved = self._solution
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),
             foot_position=targets.motion[:, 0].copy(),

@@ -61,7 +61,9 @@ def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> Fo
         s1, c1, s12, c12 = np.sin(h), np.cos(h), np.sin(h + k), np.cos(h + k)
 
         # the leg's plane: x forwards, d sideways, z upwards, before the abad joint turns it
-        x, d, z = -l2 * s1 - l3 * s12, geometry.offset[leg], -l2 * c1 - l3 * c12
+        x = -l2 * s1 - l3 * s12
+        d = geometry.offset[leg]
+        z = -l2 * c1 - l3 * c12
         position[leg, 0] = geometry.hip[leg, 0] + x
         position[leg, 1] = geometry.hip[leg, 1] + d * ca - z * sa
         position[leg, 2] = geometry.hip[leg, 2] + d * sa + z * ca
@@ -92,7 +94,9 @@ def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) 
     ``ω×v + ω×(ω×r) + 2 ω×(J q̇) + J̇ q̇`` with (v, ω) the trunk's velocity in its own axes: with
     J_c the foot's Jacobian in the world's axes this is ``Rᵀ J̇_c q̇``.
     """
-    omega, carried, acceleration = v[3:6], np.empty(3), np.empty(3)
+    omega = v[3:6]
+    carried = np.empty(3)
+    acceleration = np.empty(3)
     for i in range(3):
         acceleration[i] = bias[i]
         carried[i] = v[i]

@@ -73,7 +73,8 @@ def swing_step(
         if axis < 2:
             target = foothold[axis]
         elif rising > 0.0:
-            target, time_left = touchdown + SWING_HEIGHT, rising
+            target = touchdown + SWING_HEIGHT
+            time_left = rising
         acceleration = now[2, axis]
         if lifts_off or (axis < 2 and departs):
             share = LIFT_OFF_PLANE if axis < 2 else LIFT_OFF_UP

@@ -84,13 +84,15 @@ def accelerations(robot: Dynamics, beta: Array) -> Accelerations:
         for j in range(6):
             inertia[i, j] = M[i, j]
     for foot in range(4):
-        x, joint = 3 * foot, 6 + 3 * foot
+        x = 3 * foot
+        joint = 6 + 3 * foot
         if not robot.stance[foot]:
             for i in range(6):
                 for k in range(3):
                     trunk[i, x + k] = -M[i, joint + k]
             continue
-        r, J_inverse = feet.position[foot], inverse_3x3(feet.jacobian[foot])
+        r = feet.position[foot]
+        J_inverse = inverse_3x3(feet.jacobian[foot])
         for k in range(3):  # −J⁻¹B, −J⁻¹β, and the wrench of a unit of force at r
             for i in range(3):
                 lever[foot, k, i] = -J_inverse[k, i]
@@ -166,7 +168,8 @@ def trunk_errors(error: Array, robot: Dynamics, trunk: Array, tasks: TaskAcceler
         trunk: (6, 13) the trunk's acceleration.
         tasks: the accelerations to come close to.
     """
-    R, drift = robot.R, cross(robot.v[3:6], robot.v[:3])
+    R = robot.R
+    drift = cross(robot.v[3:6], robot.v[:3])
     for i in range(3):
         weight = np.sqrt(HEIGHT_WEIGHT) if i == 2 else 1.0
         for k in range(3):
@@ -190,7 +193,8 @@ def swing_errors(error: Array, robot: Dynamics, trunk: Array, foot: int, missing
         foot: which.
         missing: (3,) ÿ − β, what q̈ must bring about [m/s²].
     """
-    r, J = robot.feet.position[foot], robot.feet.jacobian[foot]
+    r = robot.feet.position[foot]
+    J = robot.feet.jacobian[foot]
     for i in range(3):
         j1, j2 = (i + 1) % 3, (i + 2) % 3
         for j in range(13):
@@ -211,8 +215,11 @@ def joint_torque(torque: Array, robot: Dynamics, q: Accelerations, foot: int, k:
         foot: of which leg.
         k: 0 for its abad joint, 1 hip, 2 knee.
     """
-    x, joint = 3 * foot, 6 + 3 * foot
-    row, R, J = robot.M[joint + k], robot.R, robot.feet.jacobian[foot]
+    x = 3 * foot
+    joint = 6 + 3 * foot
+    row = robot.M[joint + k]
+    R = robot.R
+    J = robot.feet.jacobian[foot]
     torque[12] = robot.bias[joint + k]
     for i in range(6):
         of_trunk = row[i]
@@ -240,7 +247,8 @@ def bound_force(out: np.record, foot: int, contact: int, friction: float) -> Non
         contact: how many feet before it stand.
         friction: µ.
     """
-    x, row = 3 * foot, 12 + 4 * contact
+    x = 3 * foot
+    row = 12 + 4 * contact
     out.lower[x + 2] = 0.0
     out.lower[12 + row : 16 + row] = 0.0
     for axis in range(x, x + 2):
@@ -273,7 +281,8 @@ def free_minimiser(program: np.record, rows: int) -> bool:
         program: a `WORKSPACE` record; the first `rows` rows of A count.
         rows: how many.
     """
-    n, x = 12, program.z
+    n = 12
+    x = program.z
     L = np.zeros((n, n))  # Cholesky factor of H
     for i in range(n):
         for j in range(i + 1):

@@ -175,7 +175,9 @@ def tick(
         state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    robot, work, now = settings[0], workspace[0], state_views(state)
+    robot = settings[0]
+    work = workspace[0]
+    now = state_views(state)
     torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
     p = plan(robot, memory[0], now, u)
     contacts = condense(p.robot, p.tasks, robot.friction, work.limits, work)

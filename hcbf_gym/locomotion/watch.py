@@ -175,7 +175,8 @@ class Watch:
         self._judgements += 1
         if self._judgements < FILLED * WINDOW:
             return
-        sums, declared = self._memory.sums, self._declared
+        sums = self._memory.sums
+        declared = self._declared
         self.slip, self.lag, self.lift = signals(sums, self._judgements, declared)
         self.fault = self._judged()
 
@@ -214,7 +215,8 @@ def add_up(
         stances: (n, 4).
         lift: at the end [m/s²].
     """
-    sums, delays = memory.sums[row], len(memory.changes)
+    sums = memory.sums[row]
+    delays = len(memory.changes)
     sums[:] = 0.0
     sums[LIFT] = lift
     rates = np.concatenate((memory.rates, states[:, 25:37]))

@@ -61,7 +61,8 @@ class Controls:
 
     def stale(self) -> bool:
         """Return whether the page shows what is not so, once."""
-        stale, self._stale = self._stale, False
+        stale = self._stale
+        self._stale = False
         return stale
 
     def left(self, client: int) -> None:
@@ -227,7 +228,8 @@ class Controls:
         self._delta_gamma = self._on_choice(delta, "delta_gamma")
 
     def _toggle_field(self, event: Any) -> None:
-        self.show_field, self._stale = event.target.value, True
+        self.show_field = event.target.value
+        self._stale = True
 
     def _set_margin(self, event: Any) -> None:
         value = event.target.value

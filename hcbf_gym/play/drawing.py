@@ -198,14 +198,16 @@ def _flat(barrier: Barrier) -> Array | None:
     if isinstance(barrier, HalfPlane):
         normal = np.array(barrier.normal)
         along = 0.5 * WALL_LENGTH * np.array([-normal[1], normal[0]])
-        foot, back = editing.position(barrier), WALL_DEPTH * normal
+        foot = editing.position(barrier)
+        back = WALL_DEPTH * normal
         return np.array([foot - along, foot + along, foot + along - back, foot - along - back])
     return None
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     """Return the surface of a geom, None for a kind that is not drawn."""
-    size, kind = model.geom_size[geom], mujoco.mjtGeom(int(model.geom_type[geom]))
+    size = model.geom_size[geom]
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return trimesh.creation.box(extents=2.0 * size)
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
