@@ -10,7 +10,6 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from hcbf_gym import programs
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
@@ -265,8 +264,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
     """Return the core that fits a plant: compiled for the planar double integrator."""
-    compiled = settings.solver is None and programs.is_compiled(settings.program)
-    if plant.model == DoubleIntegrator() and compiled:
+    if plant.model == DoubleIntegrator() and settings.solver is None:
         return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
 
