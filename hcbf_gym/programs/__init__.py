@@ -1,6 +1,5 @@
 """The family of programs: ``(u*, rows) → FilterResult``, without Gymnasium or MuJoCo."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from hcbf_gym.barriers.rows import CbfRows
@@ -9,7 +8,7 @@ from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.general.program import GeneralProgram
 from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
-from hcbf_gym.programs.plans import Plan, names, plan_of, register
+from hcbf_gym.programs.plans import Named, Plan, names, plain, plan_of, register
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.result import FilterResult, FilterStatus
@@ -20,6 +19,7 @@ __all__ = [
     "ConflictReport",
     "FilterResult",
     "FilterStatus",
+    "Named",
     "Plan",
     "Prices",
     "Program",
@@ -29,12 +29,10 @@ __all__ = [
     "make_batch",
     "names",
     "options",
+    "plain",
     "plan_of",
     "register",
 ]
-
-Named = str | Plan | Mapping[str, Any]
-"""What stands for a program: a name, a plan, or a plan's choices in a plain dict."""
 
 
 def options(program: Named) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ of inputs and for QP solvers by name.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from hcbf_gym.errors import InvalidInputError, check_options, choose
@@ -168,8 +168,12 @@ def register(name: str, plan: Plan) -> None:
     _PLANS[name] = plan
 
 
-def plan_of(program: str | Plan | Mapping[str, Any]) -> Plan:
-    """Return the plan that a name stands for, or the plan itself, or one of a plain dict.
+Named = str | Plan | Mapping[str, Any]
+"""What stands for a program: a name, a plan, or a plan's choices in a plain dict."""
+
+
+def plan_of(program: Named) -> Plan:
+    """Return the plan that a name stands for, or the plan itself, or that of a plain dict.
 
     Raises:
         UnknownNameError: on an unknown name; the message lists the choices.
@@ -178,6 +182,13 @@ def plan_of(program: str | Plan | Mapping[str, Any]) -> Plan:
     if isinstance(program, Plan):
         return program
     if isinstance(program, Mapping):
-        check_options("plan", program, ("strict", "lower", "order", "lock"))
-        return Plan(**({"strict": "first"} | dict(program)))
+        check_options("plan", program, [field.name for field in fields(Plan)])
+        if "strict" not in program:
+            raise InvalidInputError(f"plan: got {dict(program)}, expected 'strict' among its keys")
+        return Plan(**program)
     return choose("program", program, _PLANS)
+
+
+def plain(program: Named) -> str | dict[str, Any]:
+    """Return a name as it is, and a plan as a plain dict, for a wrapper's spec."""
+    return program if isinstance(program, str) else asdict(plan_of(program))

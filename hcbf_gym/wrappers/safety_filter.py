@@ -10,6 +10,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
+from hcbf_gym import programs
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
@@ -43,7 +44,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
             that change actions belong outside the filter.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
         rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
             than the planar double integrator, or of unknown period, have usual rows.
@@ -83,7 +84,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: gym.Env,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
         guidance: Any = None,
@@ -95,7 +96,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             plant=plant,
             rows=rows,
             guidance=guidance,
@@ -170,7 +171,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, possibly wrapped.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         rows: as `SafetyFilter` takes it.
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
@@ -186,7 +187,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: VectorEnv,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         rows: str = "held",
         guidance: Any = None,
         margin: float | None = None,
@@ -195,7 +196,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             rows=rows,
             guidance=guidance,
             margin=margin,

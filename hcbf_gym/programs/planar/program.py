@@ -1,8 +1,8 @@
 """The programs of two inputs: N states in one compiled call, of which one state is the case N = 1.
 
 No solver is called: the inputs that the stages leave are polygons, cut and searched in doubles.
-Where rows of one stage differ a thousandfold in steepness and more, their squares do not fit into
-one sum of doubles; `stages.meet` says what is promised then.
+What is given up with that: the violations that a level pays are the least up to rounding, and u is
+as exact as they decide it; see `planar.soft.keep_least`.
 """
 
 from typing import Any
