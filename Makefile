@@ -21,11 +21,11 @@ check: lint types imports test
 
 docs:
 	pip install -c constraints.txt -e ".[docs]"
-	hcbf benchmark --check
+	python -m benchmarks --check
 	zensical build --strict
 
 quick:
-	hcbf benchmark --suite course filter verify-programs monte-carlo --quick
+	python -m benchmarks --suite course filter verify-programs monte-carlo --quick
 
 ci:
 	.ci/run

@@ -3,7 +3,7 @@
 import gymnasium as gym
 
 from hcbf_gym import compilation
-from hcbf_gym.envs.headless import prefer_egl
+from hcbf_gym.drawing.headless import prefer_egl
 
 compilation.prepare()  # before anything compiles
 prefer_egl()  # before anything imports MuJoCo

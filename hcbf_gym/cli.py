@@ -62,11 +62,6 @@ COMMANDS = {
         "play",
         ("viser",),
     ),
-    "gallery": Command("hcbf_gym.studies.gallery", "the loops of the site: the A1 in each scene"),
-    "benchmark": Command(
-        "hcbf_gym.studies.benchmarks.command",
-        "speed and quality, beside others; the figures of every table",
-    ),
 }
 
 
@@ -81,14 +76,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(_overview())
         return
     name, *rest = arguments
+    try:
+        command = choose("command", name, COMMANDS)
+        require(f"hcbf {name}", command.extra, *command.needs)
+    except HcbfError as error:
+        sys.exit(f"error: {error}")
+    run(command.module, f"hcbf {name}", rest)
+
+
+def run(name: str, program: str, arguments: Sequence[str]) -> None:
+    """Run a module's `main` with its `Args`; an error of this package ends it in one line.
+
+    Args:
+        name: of the module.
+        program: what the help calls it.
+        arguments: its own.
+    """
     # one episode, one core: processes share the work, not threads, unless the user says otherwise
     threads = None if "OMP_NUM_THREADS" in os.environ else 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
-        command = choose("command", name, COMMANDS)
-        require(f"hcbf {name}", command.extra, *command.needs)
-        module = importlib.import_module(command.module)
-        args = tyro.cli(module.Args, prog=f"hcbf {name}", description=module.__doc__, args=rest)
+        module = importlib.import_module(name)
+        args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=arguments)
         with threadpool_limits(threads):
             module.main(args)
     except HcbfError as error:

@@ -15,7 +15,7 @@ Value = TypeVar("Value")
 
 _LOGGER = logging.getLogger("hcbf_gym")
 _PACKAGE = Path(__file__).parent
-_IMPORT = re.compile(r"^\s*(?:from hcbf_gym(\S*) import (\([^)]*\)|.*)|import hcbf_gym(\S*))", re.M)
+_IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (\S+))", re.M)
 
 
 @functools.cache
@@ -90,10 +90,10 @@ def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def sources_hash(files: list[Path]) -> str:
-    """Return a hash of files of this package and of all others of it that they import.
+    """Return a hash of files, and of all that they import of this package and of their own.
 
     Args:
-        files: below `hcbf_gym/`.
+        files: below `hcbf_gym/`, or in another package that imports it.
     """
     found, waiting = set(), list(files)
     while waiting:
@@ -101,7 +101,8 @@ def sources_hash(files: list[Path]) -> str:
         if file not in found:
             found.add(file)
             waiting += _imported(file)
-    text = "\n".join(f"{file.relative_to(_PACKAGE)} {_digest(file)}" for file in sorted(found))
+    names = (f"{file.relative_to(_top(file).parent)} {_digest(file)}" for file in sorted(found))
+    text = "\n".join(names)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -110,19 +111,27 @@ def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+def _top(file: Path) -> Path:
+    """Return the folder of the package in which a file lies."""
+    folder = file.parent
+    while (folder.parent / "__init__.py").is_file():
+        folder = folder.parent
+    return folder
+
+
 @functools.cache
 def _imported(file: Path) -> list[Path]:
-    """Return the files of this package that one of them imports, none for a file of data."""
+    """Return what a file imports of this package and of its own, none for a file of data."""
     if file.suffix != ".py":
         return []
-    modules = []
+    packages = {folder.name: folder for folder in (_PACKAGE, _top(file))}
+    places = []
     for parent, names, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
-        if module:
-            modules.append(module)
-            continue
-        bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
-        modules += [parent, *(f"{parent}.{name}" for name in bare if name)]
-    places = [_PACKAGE.joinpath(*module.strip(".").split(".")) for module in modules]
+        top, *rest = (module or parent).split(".")
+        if top in packages:
+            place = packages[top].joinpath(*rest)
+            bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
+            places += [place, *(place / name for name in bare if name)]
     paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
     # the package's own __init__ imports every room, and nothing computes with what stands in it
     return [path for path in paths if path.is_file() and path != _PACKAGE / "__init__.py"]

@@ -93,7 +93,7 @@ class OnlySkips:
 @pytest.fixture(scope="session")
 def opengl():
     """Skip where MuJoCo cannot draw."""
-    from hcbf_gym.envs.rendering import OffscreenRenderer
+    from hcbf_gym.drawing.rendering import OffscreenRenderer
     from hcbf_gym.errors import RenderingError
 
     import mujoco  # after this package, which chooses how MuJoCo renders  # isort: skip

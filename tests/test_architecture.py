@@ -22,6 +22,11 @@ def test_nothing_stands_loose_at_the_root():
     assert loose == {"__init__", "cli", "compilation", "errors", "records"}
 
 
+def test_the_package_does_not_mention_its_evidence():
+    files = Path(hcbf_gym.__file__).parent.rglob("*.py")
+    assert not [str(file) for file in files if "benchmarks" in file.read_text(encoding="utf-8")]
+
+
 def test_the_list_of_commands_imports_none_of_them():
     code = "import sys; from hcbf_gym import cli; cli.main(['--help']); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -12,12 +12,14 @@ import pytest
 import tyro
 from needs import imported, needs
 
+from benchmarks import publishing
+from benchmarks.__main__ import PICTURES
+from benchmarks.pictures import gallery
+from benchmarks.registry import SUITES
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.errors import MissingDependencyError
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.studies import gallery, publishing
-from hcbf_gym.studies.suites import SUITES
 from hcbf_gym.wrappers import SafetyFilter
 
 ROOT = Path(__file__).parent.parent
@@ -76,27 +78,31 @@ def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
 
 
 def shown_commands(page):
-    """Yield every command of this project that a page shows, as a shell would split it."""
+    """Yield what every command that a page shows runs: a module, and the words that it is given."""
     text = page.read_text(encoding="utf-8")
-    lines = re.findall(r"`((?:hcbf|python scripts/)[^`\n]+)`", text)
+    lines = re.findall(r"`((?:hcbf |python scripts/|python -m benchmarks\b(?!\.))[^`\n]*)`", text)
     for block in re.findall(r"```bash\n(.*?)```", text, flags=re.DOTALL):
         lines += re.split(r"\n|&&", block.replace("\\\n", " "))
     for line in lines:
-        words = shlex.split(line.replace("NAME", "course"), comments=True)
-        if words[:1] == ["python"]:
-            called = re.search(r'main\(\["([a-z-]+)"', (ROOT / words[1]).read_text("utf-8"))
-            words = ["hcbf", called[1], *words[2:]] if called else []
-        if words[:1] == ["hcbf"]:
-            yield words[1:]
+        match shlex.split(line.replace("NAME", "course"), comments=True):
+            case ["python", "-m", "benchmarks", picture, *rest] if picture in PICTURES:
+                yield PICTURES[picture], rest
+            case ["python", "-m", "benchmarks", *rest]:
+                yield "benchmarks.command", rest
+            case ["python", script, *rest]:
+                called = re.search(r'main\(\["([a-z-]+)"', (ROOT / script).read_text("utf-8"))
+                if called:
+                    yield COMMANDS[called[1]].module, rest
+            case ["hcbf", name, *rest]:
+                yield COMMANDS[name].module, rest
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_command_that_is_shown_is_understood(page):
     missing = {}
-    for name, *rest in shown_commands(page):
-        assert name in COMMANDS
+    for name, rest in shown_commands(page):
         try:
-            module = importlib.import_module(COMMANDS[name].module)
+            module = importlib.import_module(name)
         except MissingDependencyError as error:
             missing[name] = str(error)
             continue
@@ -152,8 +158,9 @@ def test_every_registry_that_is_named_exists(page):
     named = re.findall(r"`(\w+)` in `([\w/]+)\.py`", text)
     assert named
     for registry, file in named:
-        name = file.removeprefix("hcbf_gym/").removesuffix("/__init__").replace("/", ".")
-        module = importlib.import_module(f"hcbf_gym.{name}")
+        name = file.removesuffix("/__init__").replace("/", ".")
+        inside = name.startswith(("hcbf_gym.", "benchmarks."))
+        module = importlib.import_module(name if inside else f"hcbf_gym.{name}")
         assert hasattr(module, registry), f"{registry} in {file}.py"
 
 

@@ -45,21 +45,19 @@ def test_what_is_listed_may_be_skipped(tmp_path, workers):
     assert "1 passed, 1 skipped" in said
 
 
-@pytest.mark.parametrize("workers", ["0", "2"])
-@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize(("other", "workers"), list(zip(OTHERS, ["0", "2", "2", "0"], strict=True)))
 def test_any_other_skip_fails_the_run_and_is_named(tmp_path, other, workers):
     code, said = run(tmp_path, *OTHERS[other], "-n", workers, "--only-skips", "listed")
     assert code == pytest.ExitCode.TESTS_FAILED, said
     assert "not on the list" in said
 
 
-@pytest.mark.parametrize("workers", ["0", "2"])
-def test_what_was_skipped_before_can_be_run_alone(tmp_path, workers):
+def test_what_was_skipped_before_can_be_run_alone(tmp_path):
     (tmp_path / "test_file.py").write_text("import pytest\npytest.importorskip('no_such_module')\n")
-    run(tmp_path, "", TESTS, "-n", workers)
+    run(tmp_path, "", TESTS, "-n", "2")
     (tmp_path / "test_file.py").write_text("def test_of_a_file():\n    pass\n")
     unskipped = TESTS.replace('@pytest.mark.skip(reason="no moon tonight")', "")
-    options = "-n", workers, "--skipped-before", "--only-skips", "listed"
+    options = "-n", "2", "--skipped-before", "--only-skips", "listed"
     code, said = run(tmp_path, "", unskipped, *options)
     assert code == pytest.ExitCode.OK, said
     assert "2 passed" in said

@@ -103,7 +103,7 @@ def _write_polygons(name: str, values: Array, parameters: Array) -> None:
         )
     parameters[:, layout.VERTEX_COUNT] = count
     first = layout.FIRST_VERTEX
-    parameters[:, first : first + 2 * count] = corners.reshape(len(corners), -1)
+    parameters[:, first : first + 2 * count] = corners.reshape(len(corners), 2 * count)
 
 
 _SHAPES: dict[str, tuple[int, Callable[[str, Any, Array], None]]] = {

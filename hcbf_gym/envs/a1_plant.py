@@ -28,8 +28,8 @@ UNCERTAINTY = Uncertainty(
     speed=0.18,
     speed_per_velocity=0.8,
 )
-"""What the trunk does beside its reduced-order model; `hcbf benchmark --suite strict` is the ground
-of these numbers."""
+"""What the trunk does beside its reduced-order model, calibrated with the hostile episodes of
+docs/guarantees.md."""
 
 OFF_NOMINAL = 0.02
 """What rows keep besides [m], and the speed limit's [m/s], where the arguments declare a plant

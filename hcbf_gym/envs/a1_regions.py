@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
+from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.envs import a1_plant, coverage, task
 from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
@@ -23,9 +25,7 @@ from hcbf_gym.envs.physics import Physics
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.randomization import Randomization
-from hcbf_gym.envs.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.envs.scene import ROUGH_STEP
-from hcbf_gym.envs.scene_artist import SceneArtist
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose
 from hcbf_gym.estimation import Estimator

@@ -17,7 +17,7 @@ from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.models.plant import EXACT, Coverage, Plant
 
 SCENES = ("random", "random-moving", "random-wide")
-"""The families of scenes that the strict suite tests."""
+"""The families of scenes in which the promise was tested."""
 
 
 class Declared(NamedTuple):
@@ -202,7 +202,7 @@ BOUNDS = (
         lambda d: len(d.departures) <= 1,
     ),
 )
-"""What the strict suite and trials beside it tested on the A1."""
+"""What hostile episodes tested on the A1."""
 
 
 def table() -> str:

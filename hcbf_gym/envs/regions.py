@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.drawing.top_down import TopDownView
 from hcbf_gym.envs import coverage, task
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.envs.top_down import TopDownView
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.scenarios import Scenario

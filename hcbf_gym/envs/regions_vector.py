@@ -217,7 +217,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         if self.render_mode is None:
             return None
         if self._view is None:
-            from hcbf_gym.envs.top_down import TopDownView  # matplotlib, only where one looks
+            from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only where one looks
 
             self._view = TopDownView(FRAME)
         trace = np.array(self._trace)

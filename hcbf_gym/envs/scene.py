@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from hcbf_gym.envs import palette
+from hcbf_gym.drawing import palette
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1

@@ -7,8 +7,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.envs.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.envs.scene_plot import draw_scene, legend_below
+from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
+from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.scenarios import Scenario
 

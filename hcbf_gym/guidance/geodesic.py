@@ -181,7 +181,7 @@ class Geodesic:
                     corners[n],
                 )  # fmt: skip
         else:
-            shape = (count, 2, 2) if _dimensions(extent) == 3 else (2, 2)
+            shape = (count, 2, 2) if as_array("extent", extent).ndim == 3 else (2, 2)
             corners[:] = finite_array("extent", extent, shape)
             if (corners[:, 0] >= corners[:, 1]).any():
                 raise InvalidInputError(
@@ -246,16 +246,8 @@ def _points(name: str, value: ArrayLike | None, count: int) -> Array:
             f'{name}: got None, expected (2,) [m]; guidance "geodesic" needs a {name}, '
             '"local" does not'
         )
-    shape = (count, 2) if _dimensions(value) == 2 else (2,)
+    shape = (count, 2) if as_array(name, value).ndim == 2 else (2,)
     return np.broadcast_to(finite_array(name, value, shape), (count, 2)).copy()
-
-
-def _dimensions(value: ArrayLike) -> int:
-    """Return how many dimensions a value has; 0 where it is no array."""
-    try:
-        return np.ndim(value)
-    except ValueError:  # a ragged list
-        return 0
 
 
 def _check(mask: Mask, scenes: BarrierSet, goal: Array, start: Array, geometry: Array) -> None:

@@ -13,7 +13,7 @@ from hcbf_gym.locomotion.rotation import rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import Array, StateViews
 
 # Stiffness K_p [1/s²] and damping K_d [1/s]. The paper leaves them open; all are ours, about
-# critically damped, K_d ≈ 2 √K_p, and held to the bounds of `hcbf benchmark --suite locomotion`.
+# critically damped, K_d ≈ 2 √K_p, and held to the bounds of docs/locomotion.md.
 PLANE_KP, PLANE_KD = 80.0, 15.0  # a third of the lag behind the reference that 30 and 10 leave
 HEIGHT_KP, HEIGHT_KD = 150.0, 25.0  # 12 rad/s: what remains is learnt, see `tick.HEIGHT_KI`
 TILT_KP, TILT_KD = 300.0, 30.0  # the fastest of the trunk, 17 rad/s: a tilt moves every foot

@@ -139,7 +139,7 @@ class Plant:
         uncertainty: how far the plant may be from its model; the default is an exact model.
         brake: u (n_u,) that brings the plant to rest, or a function of its state x (n,) that
             returns it; None takes the model's own, `ReducedOrderModel.brake`. The filter applies
-            it where it knows nothing.
+            it where it knows nothing, and after an alarm that makes it brake.
         max_age: the greatest age of a state that is believed [s]; None believes any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
         covered: a `Coverage`, or a reader of it.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.envs.palette import PATH, REFERENCE, priority_color
+from hcbf_gym.drawing.palette import PATH, REFERENCE, priority_color
 from hcbf_gym.guidance.field import grid
 from hcbf_gym.play import editing
 from hcbf_gym.scenarios import Scenario

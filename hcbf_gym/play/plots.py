@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from hcbf_gym.envs.palette import PATH, priority_color
+from hcbf_gym.drawing.palette import PATH, priority_color
 from hcbf_gym.play.report import Snapshot
 
 POINTS = 200

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from hcbf_gym.envs.palette import priority_color
+from hcbf_gym.drawing.palette import priority_color
 from hcbf_gym.play.report import Snapshot
 
 _STATUS_COLORS = {

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.general.polyhedron import SolverInputs
 from hcbf_gym.programs.general.qp import Solver
+from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.program import check_rows
 from hcbf_gym.programs.result import FilterResult
 from hcbf_gym.programs.tolerances import ZERO_GRADIENT
@@ -49,7 +49,7 @@ def conflict_report(
         InvalidInputError: on malformed rows.
     """
     check_rows(rows, input_set.n_u)
-    admissible = SolverInputs.of(input_set, np.zeros(input_set.n_u), Solver(solver))
+    admissible = Remaining.of(input_set, np.zeros(input_set.n_u), Solver(solver))
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None
@@ -67,7 +67,7 @@ def conflict_report(
     )
 
 
-def _feasible(rows: CbfRows, kept: NDArray[np.int64], admissible: SolverInputs) -> bool:
+def _feasible(rows: CbfRows, kept: NDArray[np.int64], admissible: Remaining) -> bool:
     a, b = rows.a[kept], rows.b[kept]
     constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2
     if (b[constant] > 0.0).any():

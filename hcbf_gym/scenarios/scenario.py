@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import barriers, records
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
@@ -94,6 +94,8 @@ class Scenario:
     obstacles: tuple[BoxObstacle, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"scenario name: got {self.name!r}, expected text")
         names = [barrier.name for barrier in self.barriers]
         if not names or len(set(names)) != len(names):
             raise InvalidInputError(
@@ -104,8 +106,7 @@ class Scenario:
             raise InvalidInputError(
                 f"{self.name}: priorities: got {ranks}, expected 1, 2, … without a gap"
             )
-        if self.task not in TASKS:
-            raise InvalidInputError(f"{self.name}: task: got {self.task!r}, expected {TASKS}")
+        choose(f"task of {self.name}", self.task, dict.fromkeys(TASKS))
         boxes = [box.name for box in self.obstacles]
         if len(set(boxes)) != len(boxes):
             raise InvalidInputError(

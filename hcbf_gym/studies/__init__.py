@@ -1,1 +1,1 @@
-"""Long runs built on everything else: reproduction, tuning, training, benchmarks."""
+"""Long runs built on everything else: reproduction, tuning, training, Monte Carlo."""

@@ -31,7 +31,7 @@ TOGETHER = 32
 
 NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
-BARRIERS = int(Reason.BARRIERS)
+BARRIERS, MOTION = int(Reason.BARRIERS), int(Reason.MOTION)
 
 STATUS, REASON = range(2)
 """The rows of a call's codes (2, N)."""
@@ -203,11 +203,6 @@ def filter_plants(
         for i in range(first, end):
             if not _are_finite(w, i) and reason[i] == 0:
                 reason[i] = BARRIERS
-            w.u[i, 0], w.u[i, 1], answer.reachable[i] = u_nominal[i, 0], u_nominal[i, 1], 0.0
-            if reason[i] == 0:
-                answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
-        filter_range(settings, w.u, rows, result, polygons, first, end)
-        for i in range(first, end):
             past, answer.model_error[i] = memory[i], np.sqrt(memory[i].input_error[0])
             if reason[i] == 0:
                 answer.model_error[i] = watch(
@@ -216,8 +211,17 @@ def filter_plants(
                 reason[i] = past.alarm
             else:
                 past.follows = 0
-            if reason[i] != 0 and (reason[i] != past.alarm or brakes):
-                _brake(i, settings, past.known, plants, period, result)
+            w.u[i, 0], w.u[i, 1], answer.reachable[i] = u_nominal[i, 0], u_nominal[i, 1], 0.0
+            if _stops(reason[i], past.alarm, brakes):
+                w.u[i, 0], w.u[i, 1] = _braking_input(i, settings, past.known, plants, period)
+                _guide_nowhere(i, through, w)
+            else:
+                answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
+        filter_range(settings, w.u, rows, result, polygons, first, end)
+        for i in range(first, end):
+            past = memory[i]
+            if _stops(reason[i], past.alarm, brakes):
+                _brake(i, reason[i] == past.alarm and reason[i] != MOTION, w, result)
             _conclude(
                 i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer
             )
@@ -262,20 +266,36 @@ def _are_finite(w: Work, i: int) -> bool:
 
 
 @njit(cache=True, inline="always")
-def _brake(
-    i: int, settings: Settings, known: int, plants: Sensed, period: float, result: FilterResult
-) -> None:
-    """Replace one answer by the input of U nearest ``−v/T``, that nearest 0 where v is not known.
+def _stops(reason: int, alarm: int, brakes: bool) -> bool:
+    """Tell whether a plant is brought to rest: it is not known, or an alarm asks for that."""
+    return reason != 0 and (reason != alarm or brakes)
+
+
+@njit(cache=True, inline="always")
+def _braking_input(
+    i: int, settings: Settings, known: int, plants: Sensed, period: float
+) -> tuple[float, float]:
+    """Return the input of U nearest ``−v/T``, that nearest 0 where v is not known.
 
     `DoubleIntegrator.brake` is the same for a single plant.
     """
     wanted_x = wanted_y = 0.0
     if known and period > 0.0:
         wanted_x, wanted_y = -plants.x[i, 2] / period, -plants.x[i, 3] / period
-    vertices = settings.vertices
-    x, y = nearest(vertices, vertices.shape[0], wanted_x, wanted_y)
-    result.u[i, 0], result.u[i, 1] = x, y
-    result.slack[i, :], result.delta[i, :] = 0.0, 0.0
+    return nearest(settings.vertices, settings.vertices.shape[0], wanted_x, wanted_y)
+
+
+@njit(cache=True, inline="always")
+def _brake(i: int, rows_hold: bool, w: Work, result: FilterResult) -> None:
+    """Make one answer that of a plant that is brought to rest.
+
+    After an alarm the state is believed, but the plant no longer: what it does by itself may bring
+    it to a region, and the program's answer to the braking input keeps it away. Without a state
+    that is believed the rows say nothing, and the braking input is applied.
+    """
+    if not rows_hold or result.status[i] < 0:
+        result.u[i, 0], result.u[i, 1] = w.u[i, 0], w.u[i, 1]
+        result.slack[i, :], result.delta[i, :] = 0.0, 0.0
     result.status[i] = BACKUP
 
 
@@ -343,6 +363,16 @@ def _guide(
     w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
     w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
     return rank
+
+
+@njit(cache=True, inline="always")
+def _guide_nowhere(i: int, through: int, w: Work) -> None:
+    """Let the row of guidance, where there is one, ask for nothing."""
+    last = w.priority.shape[1] - 1
+    if last == w.margin.shape[2]:
+        guidance_row.insert(w.priority[i, :last], 0, through, w.priority[i])
+        w.a[i, last, 0], w.a[i, last, 1] = 0.0, 0.0
+        w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = -1.0, 0.0, 0.0
 
 
 @njit(cache=True, inline="always")

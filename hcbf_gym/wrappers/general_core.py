@@ -145,17 +145,33 @@ class GeneralCore(FilterCore):
         """Return the report of one step: the program's answer, or the brake."""
         if sensed is None:
             return self._brake(wanted, self._backup.input(), reason)
-        if self._alarm and self.brakes_on_alarm:
-            return self._brake(wanted, self._backup.input(), self._alarm)
         found = self._conditions(barriers, sensed, beginning=False)
         if found is None:
             return self._brake(wanted, self._backup.input(), Reason.BARRIERS)
+        if self._alarm and self.brakes_on_alarm:
+            return self._stop(wanted, found)
         result = self._solve(wanted, found.rows)
         if result is None:
             return self._brake(wanted, self._backup.input(), Reason.SOLVER)
         if found.unsafe:
             result = result._replace(status=FilterStatus.UNSAFE)
         return self._report(wanted, result, found, self._alarm, self._stands(sensed.x, wanted))
+
+    def _stop(self, wanted: Array, found: Conditions) -> dict[str, Any]:
+        """Return the report of a step after an alarm: the plant is brought to rest.
+
+        The state is believed, but the plant no longer: what it does by itself may bring it to a
+        region, and the program's answer to the braking input keeps it away. Where the position
+        itself is in doubt, or the user says how the plant brakes, that input is applied as it is.
+        """
+        braking = self._backup.input()
+        result = None
+        if self._alarm != Reason.MOTION and self.plant.brake is None:
+            result = self._solve(braking, found.rows)
+        if result is None:
+            return self._brake(wanted, braking, self._alarm)
+        result = result._replace(status=FilterStatus.BACKUP)
+        return self._report(wanted, result, found, self._alarm)
 
     def _sense(self, estimate: Estimate) -> tuple[Reason, Belief | None]:
         """Return what can be believed of an estimate, or the reason why nothing can."""

@@ -17,10 +17,8 @@ from hcbf_gym.errors import (
     UNREADABLE,
     InvalidInputError,
     UnreachableError,
-    as_array,
     check_options,
     choose,
-    finite_array,
 )
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
@@ -32,7 +30,6 @@ from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
 
 _PER_PLANT = ("margin", "intervention", "fallbacks", "model_error", "reachable", "deadlock")
-_DOUBLE = np.dtype(np.float64)
 
 
 class PlanarCore(FilterCore):
@@ -87,9 +84,12 @@ class PlanarCore(FilterCore):
         self._lag, self._covariance = np.zeros((count, 4)), np.zeros((count, 4, 4))
         self._model = np.zeros((count, 4))
         self._fault = np.zeros(count, dtype=np.int64)
-        self._sensed = senses.Sensed(
-            self._x, self._t, self._model, self._lag, self._covariance, self._fault
-        )
+        told = self._lag, self._covariance, self._fault
+        self._beside_model = senses.Sensed(self._x, self._t, self._model, *told)
+        self._as_model = senses.Sensed(self._x, self._t, self._x, *told)
+        self._sensed = self._as_model
+        self._faulty = self._lagging = self._spread = False  # what was told last, if anything
+        self._codes = np.empty((2, count), dtype=np.int64)
         self._work: Any = ()
         self._size = 0
         self._parts_of_one: tuple[tuple[str, Any], ...] = ()
@@ -136,7 +136,7 @@ class PlanarCore(FilterCore):
         self._take_barriers(barriers)
         scene, wanted = self._scene, u_nominal[None] if self._alone else u_nominal
         work = self._space(scene.kind.shape[1])
-        codes = np.empty((2, self.count), dtype=np.int64)
+        codes = self._codes if self._alone else np.empty_like(self._codes)
         given = bool(scene.own)
         if given and np.isfinite(wanted).all():
             self._make_rows(scene, work, codes[fused.REASON])
@@ -203,7 +203,7 @@ class PlanarCore(FilterCore):
         if self._alone:
             for name, part in self._parts_of_one:
                 report[name] = flat[part]
-            report["status"], report["reason"] = codes[:, 0]
+            report["status"], report["reason"] = codes[0, 0], codes[1, 0]
             report["covered"], report["alpha1_scale"] = self._coverage[0], self._scale[0]
             return report
         m = self._work[3].shape[2]
@@ -222,6 +222,7 @@ class PlanarCore(FilterCore):
             for i in np.flatnonzero(codes[fused.STATUS] == programs.FilterStatus.BACKUP):
                 at = ... if self._alone else i
                 report["u_safe"][at] = u = self._users_brake(int(i))
+                report["slack"][at] = report["delta"][at] = 0.0
                 gap = np.linalg.norm(u - np.atleast_2d(report["u_nominal"])[i])
                 self._write(report, "intervention", int(i), gap)
                 self._memory[i]["input"] = u
@@ -229,8 +230,12 @@ class PlanarCore(FilterCore):
             self._announcer.say(reason, int((codes[fused.REASON] == reason).sum()))
 
     def _users_brake(self, i: int) -> Array:
-        """Return the input of U nearest to the plant's own braking input of plant `i`."""
-        return braking_input(self.plant, self.input_set, self._x[i])
+        """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
+        asked: Any = self.plant.brake
+        if callable(asked):
+            asked = asked(self._x[i].copy()) if self._memory[i]["known"] else None
+        wanted = real_numbers(asked, (2,))
+        return self.input_set.project(np.zeros(2) if wanted is None else wanted)
 
     def _write(self, report: dict[str, Any], name: str, i: int, value: Any) -> None:
         """Set the entry of plant `i` in a report."""
@@ -241,29 +246,34 @@ class PlanarCore(FilterCore):
 
     def _take(self, estimate: Estimate) -> None:
         """Note what is known of the plants; what does not fit is a fault of theirs."""
-        self._fault[:] = 0 if estimate.fault is None else self._alarms(estimate.fault)
+        if estimate.fault is not None or self._faulty:
+            self._faulty = estimate.fault is not None
+            self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
         sound = _copy(self._x, estimate.x)
         if estimate.time is None:
             self._t[:] = self._time(estimate)
-        else:
+        elif not _copy(self._t, estimate.time):
             self._t[:] = -np.inf  # what is no time does not go on
-            _copy(self._t, estimate.time)
-        if estimate.model is None:
-            self._model[:] = self._x
-        else:
+        self._sensed = self._as_model
+        if estimate.model is not None:
+            self._sensed = self._beside_model
             sound &= _copy(self._model, estimate.model)
-        if estimate.lag is None:
+        if estimate.lag is not None or self._lagging:
+            self._lagging = estimate.lag is not None
             self._lag[:] = 0.0
-        else:
-            sound &= _copy(self._lag, estimate.lag)
-        if estimate.covariance is None:
+            sound &= not self._lagging or _copy(self._lag, estimate.lag)
+        if estimate.covariance is not None or self._spread:
+            self._spread = estimate.covariance is not None
             self._covariance[:] = 0.0
-        else:
-            sound &= _copy(self._covariance, estimate.covariance)
+            sound &= not self._spread or _copy(self._covariance, estimate.covariance)
         if not sound:
-            self._fault[:] = Reason.STATE
+            self._blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
+
+    def _blame(self, reason: Any, mask: Any = ...) -> None:
+        """Note why the masked plants are not believed."""
+        self._fault[mask], self._faulty = reason, True
 
     def _alarms(self, fault: Any) -> Any:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
@@ -273,12 +283,11 @@ class PlanarCore(FilterCore):
         return alarms
 
     def _check_age(self, age: Any) -> None:
-        """Note which states are older than the plant allows."""
-        ages, most = np.zeros(self.count), self.plant.max_age
-        if not _copy(ages, age) or not (ages >= 0.0).all():
-            self._fault[:] = Reason.AGE
-        elif most is not None:
-            self._fault[ages > most] = Reason.AGE
+        """Note which states are older than the plant allows, or of no age at all."""
+        ages = np.full(self.count, np.nan)
+        _copy(ages, age)
+        most = np.inf if self.plant.max_age is None else self.plant.max_age
+        self._blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= most)))
 
     def _take_barriers(self, barriers: Any) -> None:
         """Note the barriers as they are now; where they are none, the plants are not believed."""
@@ -291,7 +300,7 @@ class PlanarCore(FilterCore):
             self._read_barriers(barriers)
         except InvalidInputError:
             self._listed = ()
-            self._fault[self._fault == 0] = Reason.BARRIERS
+            self._blame(Reason.BARRIERS, self._fault == 0)
 
     def _read_barriers(self, barriers: Any) -> None:
         """Make a scene of a list of barriers.
@@ -334,9 +343,7 @@ class PlanarCore(FilterCore):
             reason[i] = senses.look(self._memory[i], self._sensed, i, self.plant.period or 0.0)
         m = scene.kind.shape[1]
         priority[:, :m] = scene.priority
-        margin[0], margin[1] = derive_all(
-            self.uncertainty, scene, self._x, self._t, self._model, self._lag, self._covariance
-        )
+        margin[0], margin[1] = derive_all(self.uncertainty, scene, *self._sensed[:-1])
         try:
             rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
         except UNREADABLE:
@@ -362,23 +369,19 @@ def _guidance(choice: Any, count: int) -> tuple[Geodesic | Local | None, int]:
     return kind(count), int(options.get("through", 0))
 
 
-def braking_input(plant: Plant, input_set: InputSet, x: Array) -> Array:
-    """Return the input of U nearest to the plant's own braking input at the state x (n,)."""
-    try:
-        asked = plant.brake(x) if callable(plant.brake) else plant.brake
-        wanted = finite_array("plant: brake", as_array("plant: brake", asked), (input_set.n_u,))
-    except InvalidInputError:
-        wanted = np.zeros(input_set.n_u)
-    return input_set.project(wanted)
-
-
 def _copy(target: Array, value: Any) -> bool:
     """Copy a value (N, …), or of one plant without the N; tell whether it is made of numbers."""
-    shapes = (target.shape,) if len(target) != 1 else (target.shape, target.shape[1:])
-    if type(value) is not np.ndarray or value.dtype is not _DOUBLE:
+    if isinstance(value, float) and target.shape == (1,):
+        target[0] = value
+        return True
+    one = len(target) == 1
+    if type(value) is not np.ndarray or value.dtype.char != "d":
+        shapes = (target.shape, target.shape[1:]) if one else (target.shape,)
         found = (real_numbers(value, shape) for shape in shapes)
         value = next((numbers for numbers in found if numbers is not None), None)
-    if value is None or value.shape not in shapes:
+        if value is None:
+            return False
+    if value.shape != target.shape and not (one and value.shape == target.shape[1:]):
         return False
     target[...] = value
     return True

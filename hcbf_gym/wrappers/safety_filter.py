@@ -161,9 +161,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     def _sense(self) -> tuple[Any, Estimate]:
         """Return the barriers and the state as the plant gives them now."""
         inner, observation, info = self._inner, self._observation, self._info
-        barriers = read(self.plant.barriers, inner, observation, info)
-        state = self.plant.state(inner, observation, info)
-        return barriers, state if isinstance(state, Estimate) else Estimate(state)
+        return _sensed(self.plant, inner, observation, info)
 
 
 class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
@@ -211,7 +209,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
                 'gym.make_vec("HCBF-Regions-v0", …); around single environments put a SafetyFilter '
                 "on each before they are joined"
             )
-        self.plant: Plant = inner.plant
+        self.plant = _plant_of(inner)
         _check_order(env)
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
@@ -259,8 +257,14 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
     def _sense(self) -> tuple[Any, Estimate]:
         """Return the barriers and the states as the plant gives them now."""
-        inner: Any = self.env.unwrapped
-        return read(self.plant.barriers, inner, None, {}), self.plant.state(inner, None, {})
+        return _sensed(self.plant, self.env.unwrapped, None, {})
+
+
+def _sensed(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> tuple[Any, Estimate]:
+    """Return the barriers and the state as a plant gives them now."""
+    barriers = read(plant.barriers, env, observation, info)
+    state = plant.state(env, observation, info)
+    return barriers, state if isinstance(state, Estimate) else Estimate(state)
 
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:

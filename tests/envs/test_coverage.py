@@ -8,11 +8,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from benchmarks.strict import lines
 from hcbf_gym import scenarios
 from hcbf_gym.envs import coverage
 from hcbf_gym.models.plant import Coverage, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.studies.strict import lines
 from hcbf_gym.wrappers.filter_core import FilterSettings
 
 PAGE = Path(__file__).parents[2] / "docs" / "guarantees.md"

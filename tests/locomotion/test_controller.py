@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.suites import walks
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.robots.reader import read_robot
-from hcbf_gym.studies.benchmarks import walks
 
 ROBOT = read_robot()
 

@@ -6,11 +6,11 @@ import pytest
 
 from hcbf_gym.envs.a1_plant import watch_bounds
 from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.locomotion import watch
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.watch import Fault, Watch, WatchBounds
 from hcbf_gym.robots.reader import read_robot
-from hcbf_gym.studies.strict import attacks
 
 ROBOT = read_robot()
 LEGS = RobotModel(ROBOT).legs

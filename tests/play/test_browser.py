@@ -213,15 +213,15 @@ def steer_into_rank_1(visit):
 
 
 def push_into_rank_1(visit):
-    """Push, harder each time, until the robot has been inside; how far it stands off varies."""
+    """Push, harder each time, and tell whether the robot has been inside."""
     for force in (60.0, 70.0, 80.0, 90.0):
         visit.type("push [N]", -force, -force)
         visit.button("push the trunk")
         over = visit.number("time") + 2.0
         visit.until(lambda over=over: visit.number("time") > over, "the push to be over")
         if visit.number("least-1") < 0.0:
-            return
-    pytest.fail(f"no push threw it into the region: {visit.readings()}")
+            return True
+    return False
 
 
 @pytest.mark.physics
@@ -251,7 +251,12 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
         assert statuses <= {"NOMINAL", "SAFE", "RELAXED"}
 
         visit.tab("Drive")
-        push_into_rank_1(visit)
+        rounds = 0
+        while not push_into_rank_1(visit):  # it was pushed along the region: once more from near it
+            rounds += 1
+            assert rounds < 3, f"no push threw it into the region: {visit.readings()}"
+            steer_into_rank_1(visit)
+            visit.page.mouse.up()
         visit.until(lambda: visit.number("h-1") >= 0.0, "the robot to come out")
         visit.until(lambda: visit.says("status") in ("NOMINAL", "SAFE"), "the robot to recover")
         album(visit, "pushed")

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.suites.verify_programs import random_rows
 from hcbf_gym import programs
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.programs import CbfRows, FilterStatus
-from hcbf_gym.studies.benchmarks.verify_programs import random_rows
 
 seeds = st.integers(0, 10**6)
 BOX = Box.symmetric(5.0)

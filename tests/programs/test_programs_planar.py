@@ -16,14 +16,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hcbf_gym
+from benchmarks.judges import exact
+from benchmarks.judges.judge import Judge
+from benchmarks.suites import verify_programs
 from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus, Plan, plans
 from hcbf_gym.programs.planar import polygon
 from hcbf_gym.programs.planar.records import Line, make_workspace
-from hcbf_gym.studies.benchmarks import exact, verify_programs
-from hcbf_gym.studies.benchmarks.judge import Judge
 from tests.programs import rational
 
 NAMES = programs.names()

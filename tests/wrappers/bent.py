@@ -3,6 +3,8 @@
 ``python -m tests.wrappers.bent 20000`` prints how many were refused, braked and filtered.
 """
 
+import copy
+import dataclasses
 import os
 import sys
 import warnings
@@ -16,7 +18,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
 import hcbf_gym
-from hcbf_gym import barriers, models, wrappers
+from hcbf_gym import barriers, models, scenarios, wrappers
+from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.models.plant import Estimate, Uncertainty
 from hcbf_gym.programs import FilterStatus
@@ -268,7 +271,104 @@ def size(shape, actions):
     envs.step(actions)
 
 
-SHARES = {state: 0.4, barrier: 0.3, action: 0.1, plant: 0.08, argument: 0.08, size: 0.04}
+SCENES = ("paper-simulation", "paper-experiment", "random-moving", "random-wide")
+
+
+def places(value, path=()):
+    """Return the path of every entry of nested dicts and lists."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value)
+    found = []
+    for key, entry in inner:
+        found.append((*path, key))
+        if isinstance(entry, dict | list):
+            found += places(entry, (*path, key))
+    return found
+
+
+@st.composite
+def scenes(draw):
+    """Draw a scene of which entries are bent, left out or not known."""
+    made = scenarios.make(draw(st.sampled_from(SCENES)), np.random.default_rng(0)).to_dict()
+    made = copy.deepcopy(made)
+    for _ in range(draw(st.integers(1, 2))):
+        path = draw(st.sampled_from(places(made)))
+        inside = made
+        for key in path[:-1]:
+            inside = inside[key]
+        match draw(st.sampled_from(["bend", "bend", "bend", "drop", "add"])):
+            case "bend":
+                inside[path[-1]] = draw(values)
+            case "drop" if isinstance(inside, dict):
+                del inside[path[-1]]
+            case "add" if isinstance(inside, dict):
+                inside[draw(st.text(max_size=3))] = draw(values)
+    return made
+
+
+STARTS = st.dictionaries(st.sampled_from(["scenario", "start", "other"]), values, max_size=2)
+
+
+@given(scenes(), STARTS, st.sampled_from(["argument", "reset", "batch", "A1", "options"]))
+def scene(told, options, door):
+    u = np.array([3.0, -2.0])
+    if door == "A1":
+        env = wrappers.SafetyFilter(gym.make("HCBF-A1Regions-v0", scenario=told))
+    elif door == "batch":
+        env = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario=told)
+        env, u = wrappers.VectorSafetyFilter(env), np.stack([u, -u])
+    else:
+        start = told if door == "argument" else "random"
+        env = wrappers.SafetyFilter(gym.make("HCBF-Regions-v0", scenario=start))
+    asked = {"reset": {"scenario": told}, "options": options}.get(door)
+    observation, info = env.reset(seed=0, options=asked)
+    for _ in range(3):
+        observation, _, _, _, info = env.step(u)
+    assert np.isfinite(info["safety_filter"]["u_safe"]).all()
+    assert np.isfinite(observation).all()
+
+
+class ToldBatch(RegionsVectorEnv):
+    """This package's batch, whose states are bent."""
+
+    told: Any = None
+
+    @property
+    def plant(self):
+        return dataclasses.replace(super().plant, state=lambda *_: self.told)
+
+
+class ForeignBatch(ToldBatch):
+    """Another batch, which brings a plant of its own."""
+
+    @property
+    def plant(self):
+        return self.told
+
+
+@given(estimates, st.sampled_from([ToldBatch, ForeignBatch]))
+def batch(told, kind):
+    envs = kind(2, scenario="random")
+    envs.told = told
+    filtered = wrappers.VectorSafetyFilter(envs)
+    _, info = filtered.reset(seed=0)
+    for _ in range(2):
+        _, _, _, _, info = filtered.step(np.full((2, 2), 3.0))
+    assert np.isfinite(info["safety_filter"]["u_safe"]).all()
+    estimate = told if isinstance(told, Estimate) else Estimate(told)
+    if getattr(estimate.x, "shape", None) != (2, 4):
+        assert (info["safety_filter"]["status"] == FilterStatus.BACKUP).all()
+
+
+SHARES = {
+    state: 0.32,
+    barrier: 0.24,
+    action: 0.08,
+    plant: 0.08,
+    argument: 0.08,
+    size: 0.04,
+    scene: 0.12,
+    batch: 0.04,
+}
 
 
 def main(count: int) -> None:

@@ -39,9 +39,12 @@ class Point(gym.Env):
         return self.x.copy(), 0.0, False, False, {}
 
 
+FILTER_ARGUMENTS = ("guidance", "program", "solver")
+
+
 def filtered(state=lambda x: x, listed=(DISC,), **options):
     """Return the filtered point; `state` makes what the filter is told of the true state."""
-    of_filter = {key: options.pop(key) for key in ("guidance", "program") if key in options}
+    of_filter = {key: options.pop(key) for key in FILTER_ARGUMENTS if key in options}
     plant = hcbf_gym.Plant(
         model=models.DoubleIntegrator(),
         barriers=lambda env, observation, info: listed() if callable(listed) else listed,
@@ -81,6 +84,8 @@ BAD = [
     Estimate(np.zeros(4), model=np.zeros(2)),
     Estimate(np.zeros(4), age=np.nan),
     Estimate(np.zeros(4), age=-1.0),
+    Estimate(np.zeros(4), age=np.inf),
+    Estimate(np.zeros(4), age=np.array([np.inf])),
     Estimate(np.zeros(4), fault=3),
     Estimate(np.zeros(4), fault="slip"),
 ]
@@ -184,6 +189,28 @@ def test_the_brake_of_the_plant_replaces_the_models():
     with pytest.warns(UserWarning, match="not finite"):
         env.reset(seed=0)
     np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
+
+
+def test_the_users_brake_is_asked_with_a_state_that_is_known_and_may_change_its_copy():
+    asked = []
+
+    def brake(x):
+        asked.append(x.copy())
+        x[:] = np.nan
+        return np.array([-1.0, 0.0])
+
+    told = [None]
+    env = filtered(lambda x: told[0], brake=brake, on_alarm="brake")
+    with pytest.warns(UserWarning, match="not finite"):
+        env.reset(seed=0)
+    np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
+    assert not asked
+    told[0] = Estimate(np.array([0.0, 0.0, 0.5, 0.0]), time=1.0, fault=int(Reason.SLIP))
+    report = quietly(env)
+    np.testing.assert_array_equal(report["u_safe"], [-1.0, 0.0])
+    np.testing.assert_array_equal(asked, [told[0].x])
+    assert report["status"] == FilterStatus.BACKUP
+    assert not report["slack"].any()
 
 
 def test_a_list_that_is_changed_in_place_is_seen():
@@ -324,6 +351,24 @@ def test_noise_that_is_declared_is_no_alarm():
     assert Reason.MOTION not in reasons
 
 
+@pytest.mark.parametrize("solver", [None, "daqp"])
+@pytest.mark.parametrize("reason", [Reason.SLIP, Reason.LAG, Reason.LIFT, Reason.INPUT])
+def test_after_an_alarm_the_rows_still_hold(reason, solver):
+    comes = barriers.Disc("comes", 1, center=(2.0, 0.0), radius=0.5, velocity=(-0.3, 0.05))
+    fault = [0]
+    env = filtered(
+        lambda x: Estimate(x, fault=fault[0]), listed=(comes,), on_alarm="brake", solver=solver
+    )
+    env.reset(seed=0)
+    quietly(env)
+    fault[0] = int(reason)
+    for step in range(400):
+        report = quietly(env)
+        assert report["status"] == FilterStatus.BACKUP
+        assert comes.h(env.unwrapped.x, PERIOD * (step + 2)) >= 0.0
+    assert np.linalg.norm(env.unwrapped.x[:2]) > 0.1, "it stood where the disc passed"
+
+
 @pytest.mark.parametrize("on_alarm", ["warn", "brake"])
 def test_an_alarm_lasts_until_the_reset(on_alarm):
     fault = [0]
@@ -376,6 +421,15 @@ def test_360_discs_are_one_entry_and_filter_as_360_objects_do():
 def test_shapes_that_are_none_are_refused(shape, values):
     with pytest.raises(InvalidInputError, match=r"got|unknown"):
         barriers.Shapes("many", 1, shape, values)
+
+
+@pytest.mark.parametrize("shape", ["disc", "half-plane", "convex-polygon"])
+def test_no_shape_in_sight_is_an_entry_of_length_0(shape):
+    nothing = barriers.Shapes("many", 1, shape, [])
+    assert len(nothing) == 0
+    env = filtered(listed=(nothing,))
+    env.reset(seed=0)
+    np.testing.assert_array_equal(quietly(env)["u_safe"], AHEAD)
 
 
 def test_the_native_batch_brakes_the_plants_that_are_not_known_and_no_other(monkeypatch):

@@ -42,9 +42,9 @@ class StageRows(NamedTuple):
     least: Array
     target: Array
 
-    def only(self, chosen: Array) -> "StageRows":
+    def only(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "StageRows":
         """Return the chosen (s,) rows."""
-        return StageRows(*(field[chosen] for field in self))
+        return self._make(field[chosen] for field in self)
 
 
 def stage_rows(plan: Plan, prices: Prices, rows: CbfRows) -> StageRows:

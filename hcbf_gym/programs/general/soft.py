@@ -1,7 +1,6 @@
 """Stages of the general cascades that pay for rows: with a price on u, and without."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,14 @@ from hcbf_gym.programs.general.dense import (
 )
 from hcbf_gym.programs.general.qp import QpProblem
 from hcbf_gym.programs.general.rational import SoftRows
+from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.planar import least_cost as planar
 from hcbf_gym.programs.tolerances import DEPENDENT, GRADED_FOR_SOLVERS, PULL, SETTLED, ZERO_GRADIENT
-
-if TYPE_CHECKING:
-    from hcbf_gym.programs.general.polyhedron import SolverInputs
 
 Array = NDArray[np.float64]
 
 
-def trade(inputs: "SolverInputs", soft: SoftRows) -> Array:
+def trade(inputs: Remaining, soft: SoftRows) -> Array:
     """Return ``argmin ‖u − u*‖² + Σ w_k δ_k²`` over the inputs.
 
     Args:
@@ -39,7 +36,7 @@ def trade(inputs: "SolverInputs", soft: SoftRows) -> Array:
     return trader(inputs, soft)(inputs.u_nominal)
 
 
-def trader(inputs: "SolverInputs", soft: SoftRows) -> Callable[[Array], Array]:
+def trader(inputs: Remaining, soft: SoftRows) -> Callable[[Array], Array]:
     """Return the function of u* that `trade` is: what does not depend on u* is computed once."""
     point, basis = inputs.point, inputs.basis
     if not basis.shape[1]:
@@ -51,7 +48,7 @@ def trader(inputs: "SolverInputs", soft: SoftRows) -> Callable[[Array], Array]:
     return lambda u_nominal: point + basis @ choose(basis.T @ (u_nominal - point))
 
 
-def _equalities(inputs: "SolverInputs", a: Array, target: Array) -> Callable[[Array], Array]:
+def _equalities(inputs: Remaining, a: Array, target: Array) -> Callable[[Array], Array]:
     """Eliminate δ: ``‖z − c‖² + ‖a z − t‖²`` is a distance in ``y = R z``."""
     rows, lower = inputs.reduced()
 
@@ -63,9 +60,7 @@ def _equalities(inputs: "SolverInputs", a: Array, target: Array) -> Callable[[Ar
     return nearest
 
 
-def _soft(
-    inputs: "SolverInputs", a: Array, target: Array, least: Array
-) -> Callable[[Array], Array]:
+def _soft(inputs: Remaining, a: Array, target: Array, least: Array) -> Callable[[Array], Array]:
     """Project (c, 0) on the (z, s) with ``s_k = √w_k δ_k``, ``a z + s ≥ t`` and ``s ≥ s_min``."""
     matrix, below = with_slack(*inputs.reduced(), a, target, least)
     nothing = np.zeros(target.size)
@@ -77,7 +72,7 @@ def _soft(
     return nearest
 
 
-def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
+def least_cost(inputs: Remaining, soft: SoftRows) -> Array:
     """Return a minimiser of ``Σ w_k δ_k²`` over the inputs.
 
     In at most two free directions on a polygon, else by proximal points. Where rows differ too much
@@ -102,7 +97,7 @@ def least_cost(inputs: "SolverInputs", soft: SoftRows) -> Array:
     return _exactly(inputs, soft) if u is None else u
 
 
-def _on_polygon(inputs: "SolverInputs", soft: SoftRows) -> Array:
+def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array:
     """Minimise in one or two free directions."""
     rows, lower = inputs.reduced()
     free = inputs.basis.shape[1]
@@ -115,7 +110,7 @@ def _on_polygon(inputs: "SolverInputs", soft: SoftRows) -> Array:
     return inputs.point + inputs.basis @ np.array(z[:free])
 
 
-def _proximal(inputs: "SolverInputs", soft: SoftRows, steepest: float) -> Array | None:
+def _proximal(inputs: Remaining, soft: SoftRows, steepest: float) -> Array | None:
     """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
     steep = soft._replace(weight=soft.weight * (PULL / steepest**2))
     nearest_to, u = trader(inputs, steep), inputs.nearest()
@@ -126,7 +121,7 @@ def _proximal(inputs: "SolverInputs", soft: SoftRows, steepest: float) -> Array 
     return None
 
 
-def _exactly(inputs: "SolverInputs", soft: SoftRows) -> Array:
+def _exactly(inputs: Remaining, soft: SoftRows) -> Array:
     """Minimise in rational arithmetic."""
     inputs.solver.fallbacks += 1
     binding = steepness(inputs.a, inputs.basis)[1] > DEPENDENT

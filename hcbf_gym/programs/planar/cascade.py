@@ -167,7 +167,7 @@ def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) 
 @njit(cache=True, error_model="numpy", inline="always")
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
-    k = row.index
+    k: int = row.index
     row.ax, row.ay, row.b = rows.a[k, 0], rows.a[k, 1], rows.b[k]
     row.norm = np.hypot(row.ax, row.ay)
     gamma0 = _gamma0(weights, rows.priority[k])

@@ -4,10 +4,8 @@ The reduced-order model under a held input, looked at every millisecond. Run it 
 """
 
 import json
-import os
-import tempfile
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +13,6 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
-from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.rollouts import in_parallel
@@ -53,24 +50,6 @@ def main(args: Args) -> None:
     console = Console(width=200)
     for table in tables({"rows": results}).values():
         console.print(table.rich())
-
-
-def run(quick: bool) -> dict[str, Any]:
-    """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp.
-
-    What a killed run has left is taken up only by the sources that made it.
-
-    Args:
-        quick: few scenes, and one policy.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        output = Path(folder) / "quick" if quick else Args.output / sources_hash([Path(__file__)])
-        args = Args(output=output, workers=os.cpu_count() or 1)
-        if quick:
-            args = replace(args, episodes=4, chunk=4, policies=("pd",))
-        held = compare(args)
-        others = compare(replace(args, rows=("continuous", "continuous + 1 cm"), programs=("lex",)))
-    return {"rows": held + others}
 
 
 def compare(args: Args) -> list[dict[str, Any]]:

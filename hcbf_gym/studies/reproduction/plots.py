@@ -11,8 +11,8 @@ from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.envs.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.envs.scene_plot import draw_scene, legend_below
+from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
+from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.episode_plot import new_figure
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.studies.reproduction.trajectories import Trajectories

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import hcbf_gym
 from hcbf_gym import scenarios
 from hcbf_gym.compilation import sources_hash
-from hcbf_gym.envs.palette import PROGRAM_COLORS
+from hcbf_gym.drawing.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.rollouts import Case, Episode, in_parallel, make_policy
 from hcbf_gym.records import whole

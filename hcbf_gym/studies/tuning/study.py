@@ -9,7 +9,7 @@ work on one storage.
 import contextlib
 import json
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.exceptions import UpdateFinishedTrialError
 from optuna.samplers import BaseSampler
+from optuna.storages import RDBStorage
 from optuna.study import Study
 from optuna.trial import FrozenTrial, Trial, TrialState
 
@@ -180,7 +181,18 @@ class TuningStudy:
         """
         if samples < 1:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
-        study = self._open()
+        with _connected(self.storage) as storage:
+            return self._extend(self._open(storage), samples, workers, backend, on_done)
+
+    def _extend(
+        self,
+        study: Study,
+        samples: int,
+        workers: int,
+        backend: str,
+        on_done: Callable[[int], None],
+    ) -> Samples:
+        """Bring an open study to at least so many samples; see `run`."""
         generation = SAMPLERS[self.sampler].generation
         if not self.problem.batched:
             generation = min(generation, _EPISODES)
@@ -215,10 +227,8 @@ class TuningStudy:
             return 0
         return sum(self.normal.draw(self.seed, number).rejected for number in range(samples))
 
-    def _open(self) -> Study:
-        study = optuna.create_study(
-            storage=self.storage, study_name=self.sampler, load_if_exists=True
-        )
+    def _open(self, storage: Any) -> Study:
+        study = optuna.create_study(storage=storage, study_name=self.sampler, load_if_exists=True)
         settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
         fresh = not _trials(study)  # asked first: whoever adds a trial has left settings before
         known = study.user_attrs.get(_SETTINGS)
@@ -262,6 +272,20 @@ class TuningStudy:
         done = [t for t in _trials(study, TrialState.COMPLETE) if t.number < samples]
         values = [(t.params["gamma0"], t.params["delta_gamma"], t.value) for t in done]
         return Samples(*np.array(values, dtype=np.float64).T)
+
+
+@contextlib.contextmanager
+def _connected(storage: Any) -> Iterator[Any]:
+    """Give the storage that Optuna takes; connections that a database's URL opens are closed."""
+    if not isinstance(storage, str):
+        yield storage
+        return
+    database = RDBStorage(storage)
+    try:
+        yield database
+    finally:
+        database.remove_session()
+        database.engine.dispose()
 
 
 def _trials(study: Study, *states: TrialState) -> list[FrozenTrial]:

@@ -1,0 +1,30 @@
+"""`python -m benchmarks` takes figures; with the name of pictures, it draws them."""
+
+import sys
+from collections.abc import Sequence
+
+from hcbf_gym import cli
+
+PICTURES = {
+    "gallery": "benchmarks.pictures.gallery",
+    "guidance": "benchmarks.pictures.guidance",
+    "input-plane": "benchmarks.pictures.input_plane",
+}
+"""name → module with `Args` and `main(args)`."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Take figures or draw pictures; an error of the package ends it in one line.
+
+    Args:
+        arguments: those of the figures, or a name of `PICTURES` and its own; None for those of the
+            process.
+    """
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    name = arguments.pop(0) if arguments and arguments[0] in PICTURES else ""
+    module = PICTURES.get(name, "benchmarks.command")
+    cli.run(module, f"python -m benchmarks {name}".rstrip(), arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""Count what a reader of the package meets: `python -m benchmarks.house --against REVISION`.
+
+Of `hcbf_gym` without `studies`, which are built on everything else.
+"""
+
+import ast
+import io
+import re
+import statistics
+import sys
+import tempfile
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+
+from benchmarks.history import ROOT, take_out
+from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.evaluation.tables import Table
+
+MANY = 8
+"""Parameters, above which a function has many."""
+LONG = 60
+"""Lines, above which a function is long."""
+
+_ANY = re.compile(r"\bAny\b")
+_BLANK = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
+_BLANK += (tokenize.ENCODING, tokenize.ENDMARKER)
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def count(root: Path) -> dict[str, str]:
+    """Return what is counted in a checkout, in words.
+
+    Args:
+        root: the checkout.
+
+    Raises:
+        InvalidInputError: if it holds no package.
+    """
+    package = root / "hcbf_gym"
+    files = [f for f in package.rglob("*.py") if not f.is_relative_to(package / "studies")]
+    if not files:
+        raise InvalidInputError(f"house: got {root}, expected a checkout with hcbf_gym/ in it")
+    texts = [file.read_text(encoding="utf-8") for file in files]
+    nodes = [node for text in texts for node in ast.walk(ast.parse(text))]
+    functions = [node for node in nodes if isinstance(node, Function)]
+    lengths = {node: (node.end_lineno or 0) - node.lineno + 1 for node in functions}
+    longest = max(functions, key=lengths.__getitem__)
+    assignments = [node for node in nodes if isinstance(node, ast.Assign)]
+    outside = sorted(set(_imported(nodes)) - set(sys.stdlib_module_names) - {"hcbf_gym"})
+    several = sum(_several(node) for node in assignments)
+    return {
+        "files": f"{len(files)}",
+        "lines": f"{sum(len(text.splitlines()) for text in texts):,}",
+        "lines of code": f"{sum(map(_lines_of_code, texts)):,}",
+        "functions": f"{len(functions):,}",
+        "longest function": f"{lengths[longest]} lines, {longest.name}",
+        "median function": f"{statistics.median(lengths.values()):g} lines",
+        f"functions over {LONG} lines": f"{sum(n > LONG for n in lengths.values())}",
+        f"functions over {MANY} parameters": f"{sum(_parameters(f) > MANY for f in functions)}",
+        "several-part assignments": f"{several} of {len(assignments)}, "
+        f"{several / len(assignments):.1%}",
+        "Any": f"{sum(len(_ANY.findall(text)) for text in texts)}",
+        "imported from outside": f"{len(outside)}: {', '.join(outside)}",
+        "words of README": f"{len((root / 'README.md').read_text(encoding='utf-8').split()):,}",
+    }
+
+
+def _lines_of_code(text: str) -> int:
+    """Return the number of lines that hold more than a comment or a docstring."""
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in _BLANK:
+            lines.update(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str):
+            lines.difference_update(range(node.lineno, (node.end_lineno or 0) + 1))
+    return len(lines)
+
+
+def _parameters(function: Function) -> int:
+    """Return how many parameters a caller meets; neither self nor cls."""
+    given = function.args
+    named = [arg.arg for arg in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+    return len([name for name in named if name not in ("self", "cls")])
+
+
+def _several(assignment: ast.Assign) -> bool:
+    """Return whether a tuple written out is assigned to names written out."""
+    return isinstance(assignment.value, ast.Tuple) and isinstance(assignment.targets[0], ast.Tuple)
+
+
+def _imported(nodes: list[ast.AST]) -> Iterator[str]:
+    """Yield the first name of every module that is imported."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield (node.module or "").partition(".")[0]
+
+
+def main(path: tyro.conf.Positional[Path] = ROOT, against: str = "") -> None:
+    """Print the counts.
+
+    Args:
+        path: the checkout.
+        against: a revision of this checkout, counted beside it; none without one.
+    """
+    columns = {"now": count(path)}
+    if against:
+        with tempfile.TemporaryDirectory() as folder:
+            take_out(against, Path(folder), "hcbf_gym", "README.md")
+            columns = {against: count(Path(folder))} | columns
+    rows = [(name, *(column[name] for column in columns.values())) for name in columns["now"]]
+    Console().print(Table("hcbf_gym without studies", ("", *columns), rows).rich())
+
+
+if __name__ == "__main__":
+    try:
+        tyro.cli(main, description=__doc__)
+    except HcbfError as error:
+        sys.exit(f"error: {error}")

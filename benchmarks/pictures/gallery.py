@@ -1,0 +1,163 @@
+"""Film the loops of the site: the A1 in each kind of scene, twice as fast, as small WebP files.
+
+Each loop ends with a line: how near the robot came to rank 1, and the size of the file.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from hcbf_gym import policies, wrappers
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import choose
+from hcbf_gym.evaluation import attacks
+
+STEPS = 10
+"""Control steps between two pictures."""
+SPEED = 2.0
+"""Of the loop, relative to the robot."""
+SIZE = (400, 300)
+"""Of a picture [pixels]."""
+QUALITY = 35
+"""Of the WebP file, of 100."""
+_STRIP = 22  # [pixels] under the picture, for the line of text
+
+Policy = Callable[[Any, Any], NDArray[np.floating]]
+
+
+class Loop(NamedTuple):
+    """One film.
+
+    Attributes:
+        scenario: its name.
+        seed: of the environment and of the attack.
+        policy: "pd", or the name of an attack of `evaluation.attacks`.
+        seconds: how long it lasts at most [s].
+        filter_options: arguments of `SafetyFilter`; None for no filter.
+        env_options: further arguments of the environment.
+    """
+
+    scenario: str
+    seed: int
+    policy: str
+    seconds: float
+    filter_options: Mapping[str, Any] | None
+    env_options: Mapping[str, Any] = {}
+
+
+LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
+H: dict[str, Any] = {"program": "h-cbf-qp", "delta_gamma": 1.3}
+GUIDED = LEX | {"guidance": "geodesic"}
+LOOPS = {
+    "attack": Loop("random", 1, "edge", 14.0, LEX, {"body": "footprint"}),
+    "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
+    "paper-simulation": Loop("paper-simulation", 0, "pd", 18.0, H | {"gamma0": 5.0}),
+    "paper-experiment": Loop("paper-experiment", 0, "pd", 18.0, H | {"gamma0": 0.5}),
+    "random-clutter": Loop("random-clutter", 1, "pd", 18.0, GUIDED),
+    "random-traps": Loop("random-traps", 2, "pd", 20.0, GUIDED),
+    "random-moving": Loop("random-moving", 5, "pd", 14.0, LEX),
+    "rough": Loop("random", 7, "pd", 14.0, LEX, {"terrain": "rough"}),
+}
+"""The loops of the site by name."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which loops to film."""
+
+    loops: tuple[str, ...] = field(default_factory=lambda: tuple(LOOPS))
+    """Their names."""
+    output: Path = Path("docs/images/gallery")
+    """Folder for the files."""
+
+
+def main(args: Args) -> None:
+    """Film the loops one after the other."""
+    chosen = {name: choose("loop", name, LOOPS) for name in args.loops}
+    args.output.mkdir(parents=True, exist_ok=True)
+    for name, loop in chosen.items():
+        pictures, least = film(loop)
+        path = args.output / f"{name}.webp"
+        save(path, pictures)
+        size = path.stat().st_size / 1024
+        print(f"{name}: {len(pictures)} pictures, least h of rank 1 {least:+.3f} m, {size:.0f} KiB")
+
+
+def film(loop: Loop) -> tuple[list[Image.Image], float]:
+    """Return the pictures of a loop, and the least h of its strict regions and walls [m].
+
+    Args:
+        loop: what to film.
+    """
+    options: Any = {"scenario": loop.scenario, "render_mode": "rgb_array"} | dict(loop.env_options)
+    env: gym.Env = gym.make("HCBF-A1Regions-v0", **options)
+    if loop.filter_options is not None:
+        env = wrappers.SafetyFilter(env, **loop.filter_options)
+    inner: Any = env.unwrapped
+    pictures, least = [], np.inf
+    try:
+        observation, info = env.reset(seed=loop.seed)
+        policy = _policy(loop, env)
+        strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
+        for step in range(round(loop.seconds / CONTROL_DT)):
+            action = policy(observation, info)
+            observation, _, terminated, truncated, info = env.step(action)
+            least = min(least, _height(info, strict, "min_"))
+            if step % STEPS == 0:
+                now = _height(info, strict)
+                pictures.append(_captioned(np.asarray(env.render()), inner.time, now))
+            if terminated or truncated:
+                break
+    finally:
+        env.close()
+    return pictures, least
+
+
+def save(path: Path, pictures: list[Image.Image]) -> None:
+    """Write pictures as a WebP file that starts over without end.
+
+    Args:
+        path: of the file.
+        pictures: of one size, at least one.
+    """
+    pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
+    pictures[0].save(
+        path,
+        save_all=True,
+        append_images=pictures[1:],
+        duration=[*[pause] * (len(pictures) - 1), 1500],
+        loop=0,
+        quality=QUALITY,
+        method=4,
+    )
+
+
+def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
+    """Return the least of the strict h [m], of the whole robot where that must stay outside."""
+    heights = info.get(f"{least}body_h", info[f"{least}h"])
+    return float(np.asarray(heights)[strict].min())
+
+
+def _policy(loop: Loop, env: gym.Env) -> Policy:
+    if loop.policy == "pd":
+        return policies.PDTracker.for_env(env)
+    attack = attacks.make(loop.policy, loop.seed)
+    return lambda _observation, _info: attack.wants(attacks.look(env))
+
+
+def _captioned(frame: NDArray[np.uint8], time: float, h: float) -> Image.Image:
+    """Return a frame made smaller, over a line that says how near rank 1 is."""
+    picture = Image.new("RGB", (SIZE[0], SIZE[1] + _STRIP), "white")
+    picture.paste(Image.fromarray(frame).resize(SIZE, Image.Resampling.LANCZOS))
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=14)
+    text = f"distance to rank 1: {h:+.2f} m"
+    draw.text((6, SIZE[1] + 3), text, font=font, fill="#b2182b" if h < 0.0 else "#222222")
+    clock = f"{time:4.1f} s, {SPEED:.0f} x"
+    draw.text((SIZE[0] - 6, SIZE[1] + 3), clock, font=font, fill="#222222", anchor="ra")
+    return picture

@@ -1,0 +1,148 @@
+"""Every suite of figures: where it is, what it depends on, how long it takes.
+
+A suite is a module with ``run(quick) -> figures``, figures of JSON types, and, where a page shows
+them, ``tables(figures) -> {name: Table}``. Registering one is a line in `SUITES`.
+"""
+
+import importlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hcbf_gym.compilation import sources_hash
+from hcbf_gym.evaluation.tables import Table
+
+_ROOT = Path(__file__).parents[1]
+
+ROM = ("hcbf_gym/envs/regions.py", "hcbf_gym/envs/regions_vector.py")
+"""What the reduced-order environments are made of, and through their imports all below them."""
+A1 = ("hcbf_gym/envs/a1_regions.py", "hcbf_gym/robots/a1/a1.xml")
+"""The same of the walking robot."""
+BASELINES = ("hcbf_gym/policies/baselines/*",)
+"""The policies that come with the package."""
+
+
+class Suite(NamedTuple):
+    """One suite.
+
+    Attributes:
+        module: below `benchmarks`.
+        does: one line.
+        minutes: what a full run takes on two cores.
+        also: patterns of files of the checkout that it depends on without importing them.
+        extra: the extra that it needs, if any.
+        needs: the modules of that extra that must be there.
+    """
+
+    module: str
+    does: str
+    minutes: float
+    also: tuple[str, ...] = ()
+    extra: str = ""
+    needs: tuple[str, ...] = ()
+
+    def run(self, quick: bool) -> dict[str, Any]:
+        """Return its figures."""
+        return importlib.import_module(f"benchmarks.{self.module}").run(quick)
+
+    def tables(self, figures: dict[str, Any]) -> dict[str, Table]:
+        """Return the tables of its figures by name; none where the suite shows none."""
+        module = importlib.import_module(f"benchmarks.{self.module}")
+        return module.tables(figures) if hasattr(module, "tables") else {}
+
+    def sources(self) -> str:
+        """Return the hash of the sources that its figures depend on."""
+        own = _ROOT.joinpath("benchmarks", *self.module.split(".")).with_suffix(".py")
+        return sources_hash([own, *(file for p in self.also for file in _ROOT.glob(p))])
+
+
+SUITES = {
+    "course": Suite("suites.course", "the paper's course on the A1, the README's table", 1, A1),
+    "reproduction": Suite(
+        "suites.reproduction",
+        "the paper's figures drawn anew, and its claims",
+        5,
+        (*ROM, *A1, "hcbf_gym/evaluation/rollouts.py"),
+        extra="studies",
+        needs=("optuna",),
+    ),
+    "filter": Suite(
+        "suites.filter",
+        "what SafetyFilter adds to a step, beside cbfpy",
+        1,
+        ROM,
+        extra="benchmark",
+        needs=("cbfpy",),
+    ),
+    "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
+    "strict": Suite(
+        "strict.suite",
+        "attacks, search and pushes against the strict rank",
+        45,
+        (*A1, *BASELINES),
+        extra="studies",
+        needs=("optuna", "cmaes"),
+    ),
+    "soak": Suite(
+        "suites.soak", "memory over an hour of simulated time, with resets and faults", 10, A1
+    ),
+    "programs": Suite("suites.programs", "time of each filter, beside peers", 4),
+    "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
+    "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
+    "versions": Suite(
+        "suites.versions",
+        "this version beside 0.1, in turn",
+        8,
+        (*ROM, *A1, "benchmarks/suites/version_worker.py"),
+    ),
+    "monte-carlo": Suite(
+        "suites.monte_carlo", "programs in random conflicting scenes, by priority", 6
+    ),
+    "learned-policies": Suite(
+        "suites.learned_policies",
+        "success and safety of policies under every program",
+        20,
+        (*ROM, *A1, *BASELINES),
+    ),
+    "locomotion": Suite("suites.locomotion", "quality, robustness and speed of the walk", 15, A1),
+    "guidance": Suite(
+        "suites.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
+    ),
+    "held-rows": Suite(
+        "suites.held_rows",
+        "held rows under friendly and hostile policies, without margin",
+        4,
+        ROM,
+    ),
+    "estimation": Suite(
+        "suites.estimation",
+        "how well the A1 knows where it is",
+        2,
+        A1,
+    ),
+    "foreign": Suite(
+        "suites.foreign",
+        "foreign environments and models behind the filter",
+        10,
+        extra="examples",
+        needs=("gymnasium_robotics", "jax", "stable_baselines3"),
+    ),
+    "functions": Suite(
+        "suites.functions",
+        "users' functions beside the analytic shapes",
+        1,
+        extra="benchmark",
+        needs=("cbfpy",),
+    ),
+    "play": Suite(
+        "suites.playground",
+        "the playground's pace, updates and memory over ten minutes",
+        11,
+        A1,
+        extra="play",
+        needs=("viser",),
+    ),
+    "mutations": Suite(
+        "suites.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
+    ),
+}
+"""name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``."""

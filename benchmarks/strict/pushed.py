@@ -1,0 +1,166 @@
+"""Pushes into a strict region: whether the filter says so, and when the robot comes out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from benchmarks.strict.outcomes import OutcomeFile
+from hcbf_gym import wrappers
+from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, make_policy
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.policies import learned
+from hcbf_gym.programs import FilterStatus
+
+PROGRAMS = ("r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+POLICIES = ("pd", *learned.names())
+SEEDS = 10
+"""For each program and policy."""
+FIRST_SEED = 80_000
+
+NEAR = 0.12
+"""How near an edge the robot is when it is pushed [m]."""
+IMPULSE = (25.0, 30.0)
+"""Of the push [N·s]."""
+STEPS = 5
+"""How long the push lasts [control steps]."""
+SECONDS = 5.0
+"""How long the robot is watched from the push on."""
+OUT_WITHIN = 2.5
+"""How long it may take to come out [s]."""
+
+
+@dataclass(frozen=True)
+class PushedEpisode:
+    """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on.
+
+    Args:
+        program: of the filter.
+        policy: that goes on from the push on.
+        seed: of the environment, and of the push's strength.
+    """
+
+    program: str
+    policy: str
+    seed: int
+
+    def run(self) -> "PushedOutcome":
+        """Run the episode until `SECONDS` after the push."""
+        env = gym.make("HCBF-A1Regions-v0", scenario="random", max_episode_steps=None)
+        options = SHOWN_OPTIONS.get(self.program, {})
+        env = wrappers.SafetyFilter(env, program=self.program, **options)
+        try:
+            return self._rollout(env)
+        finally:
+            env.close()
+
+    def _rollout(self, env: gym.Env) -> "PushedOutcome":
+        observation, info = env.reset(seed=self.seed)
+        inner: Any = env.unwrapped
+        rng = np.random.default_rng(self.seed)
+        approach, policy = attacks.Nearest(rng), make_policy(self.policy, env)
+        around = attacks.look(env)
+        while around.h[0] > NEAR and inner.time < 20.0:
+            observation, _, _, _, info = env.step(approach.wants(around))
+            around = attacks.look(env)
+        force = rng.uniform(*IMPULSE) / (STEPS * 0.02)
+        inner.simulation.push(np.array([*(-force * around.normal[0]), 0.0]))
+        near, h, status, fell = float(around.h[0]), [], [], False
+        for step in range(round(SECONDS / 0.02)):
+            if step == STEPS:
+                inner.simulation.push(np.zeros(3))
+            h.append(float(attacks.look(env).h[0]))
+            action = np.asarray(policy(observation, info), dtype=np.float64)
+            observation, _, ended, _, info = env.step(action)
+            status.append(int(info["safety_filter"]["status"]))
+            fell = fell or bool(info["fallen"])
+            if ended:
+                break
+        inside = np.flatnonzero(np.array(h) < 0.0)
+        told = np.array(status)[inside] == FilterStatus.UNSAFE
+        return PushedOutcome(
+            near=near,
+            depth=max(0.0, -min(h)),
+            inside=len(inside),
+            told=int(told.sum()),
+            seconds=0.02 * float(inside[-1] + 1 - inside[0]) if len(inside) else 0.0,
+            fell=fell,
+        )
+
+
+@dataclass(frozen=True)
+class PushedOutcome:
+    """What one push showed, on the truth at every control step.
+
+    Attributes:
+        near: distance from the edge when the push began [m].
+        depth: how deep the robot got [m].
+        inside: control steps that began inside a strict region.
+        told: those of them at which the filter said UNSAFE.
+        seconds: from the first of them to the end of the last [s].
+        fell: whether the robot fell.
+    """
+
+    near: float
+    depth: float
+    inside: int
+    told: int
+    seconds: float
+    fell: bool
+
+
+def run(quick: bool, file: OutcomeFile) -> list[dict[str, Any]]:
+    """Push the robot under every program and policy; return a row for each program.
+
+    Args:
+        quick: one push for each program.
+        file: knows the outcomes of an interrupted run.
+    """
+    rows = []
+    for program in PROGRAMS:
+        episodes = [
+            PushedEpisode(program, policy, FIRST_SEED + seed)
+            for policy in POLICIES[: 1 if quick else None]
+            for seed in range(1 if quick else SEEDS)
+        ]
+        outcomes = file.of(PushedOutcome, episodes, f"pushed: {program}")
+        rows.append({"program": program} | summary(outcomes))
+    return rows
+
+
+def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
+    """Return what a row says of its pushes."""
+    seconds = [o.seconds for o in outcomes]
+    return {
+        "pushes": len(outcomes),
+        "farthest": max(o.near for o in outcomes),
+        "entered": sum(o.inside > 0 for o in outcomes),
+        "deepest": max(o.depth for o in outcomes),
+        "steps_inside": sum(o.inside for o in outcomes),
+        "told": sum(o.told for o in outcomes),
+        "longest": max(seconds),
+        "median": float(np.median([s for s in seconds if s > 0.0] or [0.0])),
+        "late": sum(s > OUT_WITHIN for s in seconds),
+        "falls": sum(o.fell for o in outcomes),
+    }
+
+
+def table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Return the table of all programs."""
+    header = (
+        "program", "pushes", "pushed in", "deepest [m]", "steps inside", "of these UNSAFE",
+        "median time inside [s]", "longest [s]", f"longer than {OUT_WITHIN} s", "falls",
+    )  # fmt: skip
+    cells = [
+        (
+            row["program"], str(row["pushes"]), str(row["entered"]), f"{row['deepest']:.2f}",
+            str(row["steps_inside"]), str(row["told"]), f"{row['median']:.2f}",
+            f"{row['longest']:.2f}", str(row["late"]), str(row["falls"]),
+        )
+        for row in rows
+    ]  # fmt: skip
+    title = f"{IMPULSE[0]:.0f} to {IMPULSE[1]:.0f} N·s within {100 * NEAR:.0f} cm of an edge"
+    return Table(title, header, cells)

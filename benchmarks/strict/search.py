@@ -1,0 +1,70 @@
+"""A search for the worst attacker: CMA-ES over its six numbers, maximising the depth."""
+
+from typing import Any
+
+import numpy as np
+from rich.progress import track
+
+from benchmarks.strict.outcomes import OutcomeFile
+from hcbf_gym.errors import require
+from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
+from hcbf_gym.evaluation.attacks import PARAMETERS
+
+SEED = 7
+FIRST_SEED = 90_000
+FAMILIES = ("random", "random-moving")
+SECONDS = 8.0
+POPULATION = 16
+
+
+def worst_attack(trials: int, file: OutcomeFile) -> dict[str, Any]:
+    """Search for the attacker that gets deepest, and return what all of them did.
+
+    The attackers of one generation meet the same scene for `SECONDS`, the next generation another:
+    CMA-ES compares within a generation alone. The objective is the least strict h of the episode
+    [m].
+
+    Args:
+        trials: how many attackers are tried.
+        file: knows the outcomes of an interrupted search.
+
+    Raises:
+        MissingDependencyError: without the extra `studies`.
+    """
+    require("a search for attacks", "studies", "optuna", "cmaes")
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.CmaEsSampler(
+        seed=SEED, popsize=POPULATION, n_startup_trials=POPULATION
+    )
+    study = optuna.create_study(sampler=sampler, direction="minimize")
+    outcomes: list[Outcome] = []
+    for generation in track(range(-(-trials // POPULATION)), "search"):
+        asked = [study.ask() for _ in range(min(POPULATION, trials - len(outcomes)))]
+        episodes = [
+            AttackedEpisode(
+                "searched",
+                FAMILIES[generation % 2],
+                FIRST_SEED + generation,
+                env_options={"max_episode_steps": round(SECONDS / 0.02)},
+                parameters=tuple(trial.suggest_float(name, 0.0, 1.0) for name in PARAMETERS),
+            )
+            for trial in asked
+        ]
+        found = file.of(Outcome, episodes)
+        for trial, outcome in zip(asked, found, strict=True):
+            study.tell(trial, outcome.least_h)
+        outcomes.extend(found)
+    least = np.array([o.least_h for o in outcomes])
+    speed = np.array([o.least_speed_h for o in outcomes])
+    return {
+        "trials": len(outcomes),
+        "entered": int((least < 0.0).sum()),
+        "least_h": float(least.min()),
+        "speed_passed": int((speed < 0.0).sum()),
+        "least_speed_h": float(speed.min()),
+        "falls": int(sum(o.fell for o in outcomes)),
+        "qp_failures": int(sum(o.qp_failures for o in outcomes)),
+        "worst": study.best_params,
+    }

@@ -1,0 +1,184 @@
+"""Time of a filtered action, rows included: every program, single and batched, beside others.
+
+Peers are measured in the same run where they are installed (the extra `benchmark`).
+"""
+
+import functools
+import importlib.util
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import programs
+from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.programs import CbfRows
+from hcbf_gym.programs.general.qp import solver_names
+
+Array = NDArray[np.float64]
+
+BATCH, QUICK_BATCH = 4096, 256
+COMPARED_SOLVERS = ("daqp", "clarabel", "piqp", "osqp", "proxqp", "quadprog")
+ROW_COUNTS = (4, 8, 16, 32, 64)
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Take all figures; times in µs, medians."""
+    repeats, size = (50, QUICK_BATCH) if quick else (400, BATCH)
+    figures: dict[str, Any] = {
+        "single": _single(repeats),
+        "solvers": _solvers(repeats // 2),
+        "batch": _batch(5 if quick else 25, size),
+        "growth": _growth(3 if quick else 15, size),
+        "peers": _peers(repeats, 3 if quick else 15, size),
+    }
+    single, batch = figures["single"], figures["batch"]
+    figures["batch_gain"] = {name: single[name] / batch[name] for name in batch}
+    figures["actions_per_second"] = {name: 1e6 / batch[name] for name in batch}
+    rows = np.log(np.array(ROW_COUNTS[-1] / ROW_COUNTS[0]))
+    figures["growth_exponent"] = {
+        name: float(np.log(times[-1] / times[0]) / rows)
+        for name, times in figures["growth"].items()
+    }
+    return figures
+
+
+def scene(m: int, rng: np.random.Generator) -> tuple[Barrier, ...]:
+    """Return m barriers of four priorities around the origin, such that about half are active."""
+    barriers: list[Barrier] = [HalfPlane("wall", 1, (-1.0, 0.0), -1.0)]
+    while len(barriers) < m:
+        k = len(barriers)
+        angle, radius = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.5, 2.0)
+        distance = radius + rng.uniform(-0.2, 1.0)
+        center = (float(distance * np.cos(angle)), float(distance * np.sin(angle)))
+        barriers.append(Disc(f"disc {k}", min(1 + k % 4, k + 1), center, radius))
+    return tuple(barriers)
+
+
+@functools.cache
+def states(count: int, m: int) -> tuple[BarrierSet, Array, Array, Array]:
+    """Return scenes of m barriers, states (N, 4), times (N,) and nominal inputs (N, 2)."""
+    rng = np.random.default_rng(0)
+    barriers = BarrierSet([scene(m, rng) for _ in range(count)])
+    x = np.concatenate((rng.normal(0.0, 0.2, (count, 2)), rng.normal(0.0, 0.5, (count, 2))), axis=1)
+    return barriers, x, np.zeros(count), rng.normal(0.0, 3.0, (count, 2))
+
+
+def medians(calls: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
+    """Return each call's median time [µs]; they take turns, so that all see the same machine."""
+    for call in calls:
+        call()
+    times = np.empty((repeats, len(calls)))
+    for i in range(repeats):
+        for k, call in enumerate(calls):
+            start = time.perf_counter()
+            call()
+            times[i, k] = time.perf_counter() - start
+    return (1e6 * np.median(times, axis=0)).tolist()
+
+
+def _filter_in_turn(name: str, solver: str | None = None) -> Callable[[], Any]:
+    """Return a call that filters the next of 64 states of 4 barriers, rows included.
+
+    Without a solver's name it is the compiled program, as users get it.
+    """
+    _, x, t, u = states(64, 4)
+    scenes = [BarrierSet([scene(4, np.random.default_rng(i))]) for i in range(64)]
+    cases = [(scenes[i], x[i : i + 1], t[:1], u[i]) for i in range(64)]
+    program, settings = programs.make(name, solver=solver), RowSettings()
+    turn = iter(range(10**9))
+
+    def call() -> None:
+        barriers, x, t, u = cases[next(turn) % len(cases)]
+        a, b, h, priority, alpha2_psi = barriers.rows(x, t, settings)
+        assert alpha2_psi is not None
+        program(u, CbfRows(a[0], b[0], h[0], priority[0], alpha2_psi[0]))
+
+    return call
+
+
+def _single(repeats: int) -> dict[str, float]:
+    names = programs.names()
+    times = medians([_filter_in_turn(name) for name in names], repeats)
+    return dict(zip(names, times, strict=True))
+
+
+def _solvers(repeats: int) -> dict[str, dict[str, float]]:
+    chosen = [None, *(name for name in COMPARED_SOLVERS if name in solver_names())]
+    table = {}
+    for name in ("h-cbf-qp", "lex-cbf-qp"):
+        times = medians([_filter_in_turn(name, solver) for solver in chosen], repeats)
+        table[name] = {solver or "compiled": t for solver, t in zip(chosen, times, strict=True)}
+    return table
+
+
+def _filter_batch(name: str, m: int, size: int) -> Callable[[], Any]:
+    barriers, x, t, u = states(size, m)
+    batch, settings = programs.make_batch(name), RowSettings()
+    return lambda: batch(u, barriers.rows(x, t, settings))
+
+
+def _batch(repeats: int, size: int) -> dict[str, float]:
+    names = programs.names()
+    times = medians([_filter_batch(name, 4, size) for name in names], repeats)
+    return {name: time / size for name, time in zip(names, times, strict=True)}
+
+
+def _growth(repeats: int, size: int) -> dict[str, list[float]]:
+    table = {}
+    for name in programs.names():
+        times = medians([_filter_batch(name, m, size) for m in ROW_COUNTS], repeats)
+        table[name] = [time / size for time in times]
+    return table
+
+
+def _peers(repeats: int, batch_repeats: int, size: int) -> dict[str, float]:
+    """Return the peers' times; our own programs take turns with cbfpy's filter."""
+    if importlib.util.find_spec("cbfpy") is None or importlib.util.find_spec("qpax") is None:
+        return {}
+    from benchmarks import peers
+
+    ours = ("lex-cbf-qp", "h-cbf-qp", "eh-cbf-qp")
+    calls = [peers.cbfpy_filter(), *(_filter_in_turn(name) for name in ours)]
+    times = dict(zip(("cbfpy safety_filter", *ours), medians(calls, repeats), strict=True))
+    (time_of_batch,) = medians([peers.qpax_batch(size)], batch_repeats)
+    return times | {"qpax vmap, per action": time_of_batch / size}
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the programs' times, those of the general form by solver, and the peers'."""
+    names = list(figures["single"])
+    program = Table(
+        "A filtered action, 4 rows, rows included: medians",
+        ("program", "single [µs]", "batch [µs]", "actions/s", "gain", "m^p, 4 to 64"),
+        [
+            (
+                f"`{name}`",
+                f"{figures['single'][name]:.0f}",
+                f"{figures['batch'][name]:.2f}",
+                f"{figures['actions_per_second'][name]:,.0f}",
+                f"{figures['batch_gain'][name]:.0f}",
+                f"{figures['growth_exponent'][name]:.2f}",
+            )
+            for name in names
+        ],
+    )
+    solvers = list(next(iter(figures["solvers"].values())))
+    solver = Table(
+        "The same through a QP solver [µs]",
+        ("program", *solvers),
+        [
+            (f"`{name}`", *(f"{times[solver]:.0f}" for solver in solvers))
+            for name, times in figures["solvers"].items()
+        ],
+    )
+    peers = Table(
+        "In turn with peers [µs]",
+        ("filter", "a filtered action"),
+        [(name, f"{time:.1f}") for name, time in figures["peers"].items()],
+    )
+    return {"programs": program, "solvers": solver, "peers": peers}

@@ -1,0 +1,256 @@
+"""Every program against its solution in rational arithmetic, on random problems of every kind."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+from benchmarks.judges.judge import Judge
+from hcbf_gym import programs
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.models.input_sets import Ball, Box, InputSet
+from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Largest |Δu| that counts as the same input."""
+GROUP = 100
+"""Problems that share a program with its options."""
+INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "7 inputs": 7}
+"""The forms that are compared, and their numbers of inputs: `make_batch`, `make`, DAQP's."""
+FORMS = tuple(INPUTS)
+
+INPUT_SETS: tuple[InputSet, ...] = (
+    Box.symmetric(5.0),
+    Box([-1.0, 0.0], [4.0, 2.5]),
+    Ball(5.0),
+)
+
+
+@dataclass
+class Tally:
+    """What came out of the comparison of one program in one form.
+
+    Attributes:
+        problems: how many were compared.
+        largest_difference: the largest |Δu| among those that are not wrong.
+        wrong: how many differ by more than `TOLERANCE`.
+        backups: answers with status BACKUP.
+        fallbacks: problems with a stage that the second solver or rational arithmetic answered.
+    """
+
+    problems: int = 0
+    largest_difference: float = 0.0
+    wrong: int = 0
+    backups: int = 0
+    fallbacks: int = 0
+
+    def add(self, answer: FilterResult, wanted: Array) -> None:
+        """Compare one answer with the exact input."""
+        difference = float(np.abs(answer.u - wanted).max())
+        self.problems += 1
+        self.backups += int(answer.status == FilterStatus.BACKUP)
+        self.fallbacks += int(answer.fallbacks > 0)
+        if difference <= TOLERANCE:
+            self.largest_difference = max(self.largest_difference, difference)
+        else:
+            self.wrong += 1
+
+    def __add__(self, other: "Tally") -> "Tally":
+        """Return the tally of both."""
+        both = {
+            field.name: getattr(self, field.name) + getattr(other, field.name)
+            for field in fields(self)
+        }
+        both["largest_difference"] = max(self.largest_difference, other.largest_difference)
+        return Tally(**both)
+
+
+def random_rows(rng: np.random.Generator, count: int, m: int, n_u: int = 2) -> CbfRows:
+    """Return m rows for each of `count` states, a share of them degenerate.
+
+    Beside plain ones there are rows with gradients down to 1e-9, zero rows, and copies of an
+    earlier row, scaled by a power of two (so that they are parallel exactly), with the same or the
+    opposite sign, and with the same bound or another.
+    """
+    direction = rng.normal(0.0, 1.0, (count, m, n_u))
+    length = rng.lognormal(0.0, 0.7, (count, m))
+    a = direction * (length / np.linalg.norm(direction, axis=-1))[..., None]
+    b = (
+        length
+        * rng.normal(0.0, 4.0, (count, m))
+        * rng.choice([1.0, 10.0], (count, m), p=[0.9, 0.1])
+    )
+    kind = rng.choice(5, (count, m), p=[0.6, 0.12, 0.05, 0.15, 0.08])
+    faint = (kind == 1) * 10.0 ** rng.uniform(-9.0, -2.0, (count, m)) + (kind != 1)
+    a *= faint[..., None]
+    b *= np.where(rng.random((count, m)) < 0.7, faint, 1.0)
+    a[kind == 2] = 0.0
+    for k in range(1, m):
+        source = rng.integers(0, k, count)
+        factor = 2.0 ** rng.integers(-2, 3, count) * rng.choice([-1.0, 1.0], count)
+        copied, same = kind[:, k] >= 3, kind[:, k] == 4
+        index = np.arange(count)
+        a[:, k] = np.where(copied[:, None], factor[:, None] * a[index, source], a[:, k])
+        b[:, k] = np.where(same, factor * b[index, source], b[:, k])
+    levels = rng.integers(1, m + 1, (count, 1))
+    drawn = rng.integers(0, levels, (count, m))
+    priority = np.stack([np.unique(p, return_inverse=True)[1] for p in drawn]) + 1
+    return CbfRows(
+        a, b, rng.normal(0.0, 1.0, (count, m)), priority, rng.normal(0.0, 2.0, (count, m))
+    )
+
+
+def random_nominal(rng: np.random.Generator, count: int, input_set: InputSet) -> np.ndarray:
+    """Return nominal inputs inside U, on its border, at its corners and far outside."""
+    u = rng.normal(0.0, 3.0, (count, input_set.n_u)) * rng.choice(
+        [1.0, 30.0], (count, 1), p=[0.8, 0.2]
+    )
+    vertices = input_set.vertices()
+    corner = vertices[rng.integers(0, len(vertices), count)]
+    border = np.stack([input_set.project(point) for point in 10.0 * u])
+    kind = rng.choice(3, (count, 1), p=[0.7, 0.2, 0.1])
+    return np.where(kind == 0, u, np.where(kind == 1, border, corner))
+
+
+def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
+    """Return options of a program, weights from 0 to 1e6 among them."""
+
+    def weight() -> float:
+        return float(rng.choice([0.0, 5.0, 10.0 ** rng.uniform(-3.0, 6.0)], p=[0.1, 0.3, 0.6]))
+
+    every = {
+        "gamma0": [weight() for _ in range(rng.integers(1, 4))],
+        "delta_gamma": float(rng.choice([0.0, 1.3])),
+        "lambda_u": float(rng.choice([0.0, 1.0, 10.0 ** rng.uniform(-2.0, 2.0)])),
+        "epsilon": str(rng.choice(["zero", "known"])),
+        "weights": [None, *[None if rng.random() < 0.6 else weight() for _ in range(3)]],
+    }
+    return {key: value for key, value in every.items() if key in programs.options(name)}
+
+
+def verify(
+    name: str, samples: int, jobs: int = 1, forms: Sequence[str] = FORMS, size: int = GROUP
+) -> Iterator[dict[str, Tally]]:
+    """Compare the forms of a program with its exact solution; yield the tallies as they grow.
+
+    Args:
+        name: the program.
+        samples: how many problems, rounded up to whole groups.
+        jobs: how many processes share the work; −1 is one for each core.
+        forms: among `FORMS`.
+        size: of a group.
+
+    Yields:
+        The tallies of each form, after each group of problems.
+    """
+    groups = range(-(-samples // size))
+    work = (joblib.delayed(verify_group)(name, [0, group], forms, size) for group in groups)
+    total: dict[str, Tally] = {}
+    done: Any = joblib.Parallel(jobs, return_as="generator")(work)
+    for tallies in done:
+        total = {form: total.get(form, Tally()) + tally for form, tally in tallies.items()}
+        yield total
+
+
+def verify_group(
+    name: str, seed: list[int], forms: Sequence[str] = FORMS, size: int = GROUP
+) -> dict[str, Tally]:
+    """Compare a program, under options of the group's own, on `size` problems."""
+    tallies = {form: Tally() for form in forms}
+    for n_u in sorted({INPUTS[form] for form in forms}):
+        rng = np.random.default_rng([programs.names().index(name), *seed, n_u])
+        input_set = _input_set(rng, n_u)
+        options = random_options(rng, name)
+        rows = random_rows(rng, size, int(rng.integers(1, 9)), n_u)
+        u_nominal = random_nominal(rng, size, input_set)
+        exact = None
+        for form in forms:
+            if INPUTS[form] != n_u:
+                continue
+            if exact is None:
+                exact = _exact(name, input_set, u_nominal, rows, options)
+            answers = _answers(form, name, input_set, u_nominal, rows, options)
+            for answer, wanted in zip(answers, exact, strict=True):
+                tallies[form].add(answer, wanted)
+    return tallies
+
+
+def _input_set(rng: np.random.Generator, n_u: int) -> InputSet:
+    if n_u == 2:
+        return INPUT_SETS[rng.integers(len(INPUT_SETS))]
+    lopsided = Box(-rng.uniform(0.5, 2.0, n_u), rng.uniform(1.0, 5.0, n_u))
+    return lopsided if rng.random() < 0.5 else Box.symmetric(5.0, n_u=n_u)
+
+
+def _one(rows: CbfRows, i: int) -> CbfRows:
+    return CbfRows(*(field[i] for field in rows if field is not None))
+
+
+def _exact(
+    name: str, input_set: InputSet, u_nominal: Array, rows: CbfRows, options: dict[str, Any]
+) -> list[Array]:
+    program = programs.make(name, input_set=input_set, **options)
+    return [
+        np.array(Judge.of(input_set, u, _one(rows, i), program).solve(name), dtype=np.float64)
+        for i, u in enumerate(u_nominal)
+    ]
+
+
+def _answers(
+    form: str,
+    name: str,
+    input_set: InputSet,
+    u_nominal: Array,
+    rows: CbfRows,
+    options: dict[str, Any],
+) -> list[FilterResult]:
+    if form == "batch":
+        together = programs.make_batch(name, input_set=input_set, **options)(u_nominal, rows)
+        return [FilterResult(*(field[i] for field in together)) for i in range(len(u_nominal))]
+    solver = None if form == "single" else "daqp"
+    program = programs.make(name, input_set=input_set, solver=solver, **options)
+    return [program(u, _one(rows, i)) for i, u in enumerate(u_nominal)]
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Verify every program and return the tallies.
+
+    Two inputs on 100,000 problems (40 if quick), one, three and seven on 20,000 (20).
+    """
+    figures: dict[str, Any] = {name: {} for name in programs.names()}
+    planar, general = ("batch", "single"), ("1 input", "3 inputs", "7 inputs")
+    counts = {planar: 40 if quick else 100_000, general: 20 if quick else 20_000}
+    size = 20 if quick else GROUP
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        for forms, samples in counts.items():
+            for name in programs.names():
+                bar = progress.add_task(f"{name}, {forms[0]}", total=samples)
+                for tallies in verify(name, samples, jobs=-1, forms=forms, size=size):
+                    progress.update(bar, completed=tallies[forms[0]].problems)
+                    figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
+    return figures
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the tallies of every program in every form."""
+    rows = [
+        (
+            f"`{name}`",
+            form,
+            f"{tally['problems']:,}",
+            f"{tally['largest_difference']:.1e}",
+            *(f"{tally[key]:,}" for key in ("wrong", "backups", "fallbacks")),
+        )
+        for name, forms in figures.items()
+        for form, tally in forms.items()
+    ]
+    header = ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks")
+    return {"all": Table("Against rational arithmetic", header, rows)}

@@ -1,0 +1,98 @@
+"""Pictures of the full-physics scene: offscreen, or in a window."""
+
+import os
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.drawing.scene_artist import SceneArtist
+from hcbf_gym.errors import RenderingError
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+HEIGHT, WIDTH = 480, 640
+
+_SLICES, _STACKS = 56, 6  # of round shapes: more cost time, fewer show corners
+
+
+class OffscreenRenderer:
+    """Renders RGB frames without a display.
+
+    Args:
+        model: the compiled scene.
+
+    Raises:
+        RenderingError: if no OpenGL context can be made; the message says what to install.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        quality = model.vis.quality
+        quality.numslices, quality.numstacks = _SLICES, _STACKS
+        try:
+            self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=2000)
+        except Exception as error:  # MuJoCo raises whatever the GL library does
+            raise RenderingError(
+                f"render_mode 'rgb_array': got no OpenGL context ({error}), expected EGL "
+                "(Debian: apt-get install libegl1 libgl1-mesa-dri) and MUJOCO_GL=egl or unset "
+                "before MuJoCo is imported"
+            ) from error
+
+    def frame(
+        self, data: mujoco.MjData, artist: SceneArtist, scenario: Scenario, t: float
+    ) -> NDArray[np.uint8]:
+        """Return a picture (480, 640, 3) that follows the robot."""
+        self._renderer.update_scene(data, camera=chase_camera(data))
+        artist.draw(self._renderer.scene, scenario, t, *_pose(data))
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        self._renderer.close()
+
+
+class WindowRenderer:
+    """Shows the scene in MuJoCo's own viewer, which needs a display.
+
+    Raises:
+        RenderingError: if no window can be opened.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise RenderingError(
+                "render_mode 'human': got no DISPLAY, expected a desktop session; "
+                "without one use render_mode='rgb_array'"
+            )
+        import mujoco.viewer
+
+        self._data = data
+        self._viewer: Any = mujoco.viewer.launch_passive(model, data)
+
+    def show(self, artist: SceneArtist, scenario: Scenario, t: float) -> None:
+        """Draw the present state."""
+        with self._viewer.lock():
+            self._viewer.user_scn.ngeom = 0
+            artist.draw(self._viewer.user_scn, scenario, t, *_pose(self._data))
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()
+
+
+def chase_camera(data: mujoco.MjData) -> mujoco.MjvCamera:
+    """Return a camera that follows the robot, looking down from the south."""
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:] = data.subtree_com[1]
+    camera.distance, camera.azimuth, camera.elevation = 3.2, 110.0, -32.0
+    return camera
+
+
+def _pose(data: mujoco.MjData) -> tuple[Array, float]:
+    """Return position (2,) [m] and heading [rad] of the trunk, the first body of the scene."""
+    forward = data.xmat[1].reshape(3, 3)[:, 0]
+    return data.xpos[1, :2].copy(), float(np.arctan2(forward[1], forward[0]))

@@ -1,0 +1,85 @@
+"""A scene seen from above, drawn on matplotlib axes: regions, walls, boxes and the reference."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Ellipse as EllipsePatch
+
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.drawing import palette
+from hcbf_gym.scenarios import Scenario
+
+_FAR = 100.0
+
+
+def outline(barrier: Barrier, t: float = 0.0) -> Patch | None:
+    """Return what a planar barrier forbids at time t as a patch; None for a speed limit."""
+    if not isinstance(barrier, PlanarBarrier):
+        return None
+    shift = barrier.frame_velocity * t
+    if isinstance(barrier, HalfPlane):
+        normal = np.array(barrier.normal)
+        along = np.array([-normal[1], normal[0]])
+        foot = barrier.offset * normal
+        corners = [foot - _FAR * along, foot + _FAR * along]
+        return Polygon([*corners, corners[1] - _FAR * normal, corners[0] - _FAR * normal])
+    if isinstance(barrier, Disc):
+        return Circle(tuple(np.array(barrier.center) + shift), barrier.radius)
+    if isinstance(barrier, Ellipse):
+        width, height = 2 * np.array(barrier.semi_axes)
+        center = np.array(barrier.center) + shift
+        return EllipsePatch(tuple(center), width, height, angle=np.degrees(barrier.angle))
+    if isinstance(barrier, ConvexPolygon):
+        return Polygon(np.array(barrier.vertices) + shift)
+    return None
+
+
+def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
+    """Draw a scenario's regions at time t, its boxes, its reference, start and goal.
+
+    Args:
+        axes: where to draw; limits, labels and aspect are set.
+        scenario: the scene.
+        t: time [s], for regions that move.
+    """
+    for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
+        patch = outline(barrier, t)
+        if patch is not None:
+            color = palette.priority_color(barrier.priority)
+            patch.set(facecolor=palette.paler(color, 0.6), edgecolor=color, lw=1.2, zorder=1)
+            axes.add_patch(patch)
+    for box in scenario.obstacles:
+        cos, sin = np.cos(box.yaw), np.sin(box.yaw)
+        half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(box.size[:2]) / 2
+        corners = half @ np.array([[cos, sin], [-sin, cos]]) + np.array(box.center)
+        color = palette.LIGHT_BOX if box.mass is not None else palette.FIXED_BOX
+        axes.add_patch(Polygon(corners, facecolor=color, edgecolor="k", lw=0.6, zorder=2))
+    times = np.linspace(0.0, scenario.reference.duration, 200)
+    reference = np.array([scenario.reference(s)[0] for s in times])
+    axes.plot(*reference.T, "--", color=palette.REFERENCE, lw=1.0, zorder=3, label="reference")
+    axes.plot(*scenario.start, "o", color="k", ms=4, zorder=3)
+    axes.plot(*scenario.goal, "*", color="k", ms=10, zorder=3)
+    low, high = limits(scenario)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
+
+
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Put the legend of `axes` under the panels of a figure, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    columns = min(len(labels), 4)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
+
+
+def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (2,), (2,) of a window that shows start, goal and the bounded regions."""
+    times = np.linspace(0.0, scenario.reference.duration, 50)
+    points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
+    for barrier in scenario.barriers:
+        patch = outline(barrier)
+        if patch is not None and not isinstance(barrier, HalfPlane):
+            points.extend(patch.get_extents().corners())
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    pad = 0.05 * np.max(high - low) + 0.3
+    return low - pad, high + pad

@@ -1,0 +1,179 @@
+"""One attacked episode, and what it says of the promise that rank 1 is never entered."""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from scipy.stats import chi2
+
+from hcbf_gym import wrappers
+from hcbf_gym.envs.body import Footprint
+from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots import a1
+
+CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
+"""The 95 % band of the NEES of position and velocity at one instant."""
+
+
+@dataclass(frozen=True)
+class AttackedEpisode:
+    """What to run.
+
+    Args:
+        attack: a name of `attacks.ATTACKS`, "searched", or a policy's name ("pd", "ppo", …).
+        scenario: its name, or a scene as a dict.
+        seed: of the environment and the attack.
+        env: the id of an environment of this package.
+        env_options: further arguments of the environment.
+        filter_options: arguments of `SafetyFilter`.
+        parameters: of a searched attack.
+        inside: a wrapper between the filter and the environment; None for none.
+    """
+
+    attack: str
+    scenario: Any
+    seed: int
+    env: str = "HCBF-A1Regions-v0"
+    env_options: Mapping[str, Any] | None = None
+    filter_options: Mapping[str, Any] | None = None
+    parameters: tuple[float, ...] | None = None
+    inside: Callable[[gym.Env], gym.Env] | None = None
+
+    def run(self) -> "Outcome":
+        """Run the episode to its end."""
+        env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
+        env = env if self.inside is None else self.inside(env)
+        options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
+        env = wrappers.SafetyFilter(env, **options)
+        try:
+            with warnings.catch_warnings(record=True) as raised:
+                warnings.simplefilter("always")
+                outcome = self._rollout(env)
+            warned = any("does not apply" in str(one.message) for one in raised)
+            return replace(outcome, warned=warned)
+        finally:
+            env.close()
+
+    def _rollout(self, env: gym.Env) -> "Outcome":
+        observation, info = env.reset(seed=self.seed)
+        inner: Any = env.unwrapped
+        hostile = self.parameters is not None or self.attack in attacks.ATTACKS
+        attack = attacks.make(self.attack, self.seed, self.parameters) if hostile else None
+        policy = None if hostile else make_policy(self.attack, env)
+        strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
+        position = [k for k in strict if inner.barriers[k].reads_position]
+        speed = [k for k in strict if not inner.barriers[k].reads_position]
+        second = [k for k, b in enumerate(inner.barriers) if b.priority == 2]
+        least = np.asarray(info["min_h"]).copy()
+        body = np.asarray(info.get("min_body_h", np.full(len(least), np.inf)))
+        counts = np.zeros(len(FilterStatus), dtype=np.int64)
+        margins, errors, changed, reach = [], [], False, 0.0
+        footprint = Footprint(inner.model, a1.TRUNK) if "min_body_h" in info else None
+        terminated = truncated = False
+        while not (terminated or truncated):
+            if attack is not None:
+                u_nominal = attack.wants(attacks.look(env))
+            else:
+                assert policy is not None
+                u_nominal = np.asarray(policy(observation, info), dtype=np.float64)
+            observation, _, terminated, truncated, info = env.step(u_nominal)
+            report = info["safety_filter"]
+            least = np.minimum(least, info["min_h"])
+            body = np.minimum(body, info.get("min_body_h", np.inf))
+            counts[int(report["status"])] += 1
+            margins.append(report["margin"][position].max())
+            changed = changed or bool(report["intervention"] > 1e-3)
+            if inner.estimate.covariance is not None:
+                errors.append(_error(inner))
+            if footprint is not None:
+                reach = max(reach, footprint.reach(inner.data))
+        fell = bool(info.get("fallen", 0.0))
+        return Outcome(
+            least_h=float(least[position].min()),
+            least_speed_h=float(least[speed].min()) if speed else np.inf,
+            least_second_h=float(least[second].min()) if second else np.inf,
+            least_body_h=float(body[position].min()),
+            fell=fell,
+            reached=bool(terminated) and not fell,
+            seconds=float(inner.time),
+            qp_failures=int(info.get("qp_failures", 0)),
+            status_counts=[int(count) for count in counts],
+            median_margin=float(np.median(margins)),
+            changed=changed,
+            reach=reach,
+            **_consistency(errors),
+        )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one episode showed; every h is the truth's, at every physics step.
+
+    Attributes:
+        least_h: least h of the strict barriers on the position [m].
+        least_speed_h: of the strict speed limit [m/s].
+        least_second_h: of the barriers of priority 2 [m].
+        least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
+        fell: whether the robot fell.
+        reached: whether it reached the goal.
+        seconds: how long it took [s].
+        qp_failures: task-space QPs without a solution.
+        status_counts: steps in each `FilterStatus`.
+        median_margin: of the largest margin of a strict row on the position [m].
+        changed: whether the filter changed u.
+        reach: the greatest horizontal distance of the body from the trunk's centre [m].
+        position_error: root mean square of the estimated position's error [m]; None where the
+            state is known.
+        nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
+        nees_inside: share of the instants at which it lies in its 95 % band.
+        warned: whether the filter said that the environment does not apply what it chose.
+    """
+
+    least_h: float
+    least_speed_h: float
+    least_second_h: float
+    least_body_h: float
+    fell: bool
+    reached: bool
+    seconds: float
+    qp_failures: int
+    status_counts: Sequence[int]
+    median_margin: float
+    changed: bool
+    reach: float = 0.0
+    position_error: float | None = None
+    nees: float | None = None
+    nees_inside: float | None = None
+    warned: bool = False
+
+
+class _Error(NamedTuple):
+    """Of an estimate at one instant: the squared error of the position [m²], and the NEES."""
+
+    position: float
+    nees: float
+
+
+def _error(env: Any) -> _Error:
+    estimate = env.estimate
+    error = estimate.model + estimate.lag - env.truth  # the body's estimate beside the body
+    nees = error @ np.linalg.solve(estimate.covariance, error)
+    return _Error(float(error[:2] @ error[:2]), float(nees))
+
+
+def _consistency(errors: Sequence[_Error]) -> dict[str, Any]:
+    """Return the fields of an outcome that tell of an estimator; none where there was none."""
+    if not errors:
+        return {}
+    position, nees = np.array(errors).T
+    inside = (nees >= CONSISTENT[0]) & (nees <= CONSISTENT[1])
+    return {
+        "position_error": float(np.sqrt(position.mean())),
+        "nees": float(nees.mean()),
+        "nees_inside": float(inside.mean()),
+    }

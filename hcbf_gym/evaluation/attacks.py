@@ -1,0 +1,233 @@
+"""Policies that try to push the robot into a strict region with the full input.
+
+One of your own is a class and a name in `ATTACKS`, by which `attacked.AttackedEpisode` runs it.
+
+>>> class Spiral(Attack):
+...     def wants(self, s: Surroundings) -> Array:
+...         turn = np.array([np.cos(3.0 * s.time), np.sin(3.0 * s.time)])
+...         return full(0.5 * turn - s.normal[0])
+>>> one = np.array([[1.0, 0.0]])
+>>> s = Surroundings(np.zeros(2), np.zeros(2), np.array([0.3]), one, 0.0)
+>>> Spiral(np.random.default_rng(0)).wants(s)
+array([-5.,  0.])
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.locomotion.gait import GAITS
+
+Array = NDArray[np.float64]
+
+FULL = 5.0
+"""The limit of each input [m/s²]; the filter cuts what its own U does not hold."""
+GAIT_PERIOD = GAITS["trot"].period
+"""Of the default trot [s]; the attack in step with the gait reverses with it."""
+
+
+@dataclass
+class Surroundings:
+    """What an attacker sees: the truth.
+
+    Attributes:
+        position: (2,) of the trunk [m].
+        velocity: (2,) of the trunk [m/s].
+        h: (k,) of the strict barriers on the position, nearest first [m]; at least one.
+        normal: (k, 2) their unit gradients, away from the regions.
+        time: [s].
+    """
+
+    position: Array
+    velocity: Array
+    h: Array
+    normal: Array
+    time: float
+
+    @property
+    def second(self) -> Array:
+        """(2,) the second nearest's unit gradient; zero where there is but one barrier."""
+        return self.normal[1] if len(self.normal) > 1 else np.zeros(2)
+
+
+def look(env: Any) -> Surroundings:
+    """Return what an attacker sees of an environment of this package.
+
+    Raises:
+        InvalidInputError: if no strict barrier of its scene reads the position.
+    """
+    inner = env.unwrapped
+    x, t = inner.truth[None], np.array([inner.time])
+    h, sensed = inner.barrier_set.sense(x, t)
+    strict = np.flatnonzero(inner.barrier_set.keeps_margin[0] > 0.0)
+    if not strict.size:
+        raise InvalidInputError(
+            f"attack: scene {inner.scenario.name!r} has no strict barrier on the position, "
+            "expected at least one"
+        )
+    order = strict[np.argsort(h[0, strict])]
+    return Surroundings(x[0, :2], x[0, 2:], h[0, order], sensed[0, order, 1:3], float(inner.time))
+
+
+def full(direction: Array) -> Array:
+    """Return the greatest input of the box |u_i| ≤ `FULL` along a direction (2,)."""
+    size = np.abs(direction).max()
+    return direction * (FULL / size) if size > 1e-9 else np.zeros(2)
+
+
+def _left(normal: Array) -> Array:
+    return np.array([-normal[1], normal[0]])
+
+
+@dataclass
+class Attack:
+    """One hostile policy: what it wants given what it sees.
+
+    Args:
+        rng: decides what is random about it.
+    """
+
+    rng: np.random.Generator
+    until: float = field(default=-1.0, init=False)
+    choice: Any = field(default=None, init=False)
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return u* (2,) [m/s²]."""
+        raise NotImplementedError
+
+    def draw(self, s: Surroundings, low: float, high: float, pick: Callable[[], Any]) -> Any:
+        """Return a choice that is held for a random time between `low` and `high` [s]."""
+        if s.time >= self.until:
+            self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
+        return self.choice
+
+
+class Nearest(Attack):
+    """Straight at the nearest strict region."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the full input against the nearest normal."""
+        return full(-s.normal[0])
+
+
+class BangBang(Attack):
+    """Corners of the box, each held .1 to .5 s."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the corner chosen last."""
+        return self.draw(s, 0.1, 0.5, lambda: self.rng.choice([-FULL, FULL], 2))
+
+
+class Rotating(Attack):
+    """The full input, turning once in two seconds."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the direction of the moment."""
+        angle = np.pi * s.time
+        return full(np.array([np.cos(angle), np.sin(angle)]))
+
+
+class Corner(Attack):
+    """Into the corner of the two nearest strict rows."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the full input along −(n₁ + .9 n₂)."""
+        return full(-(s.normal[0] + 0.9 * s.second))
+
+
+class Edge(Attack):
+    """1.6 m/s along a strict edge, reversing at random, pressed against it."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return a chase of the speed along the edge, with the rest of the input against it."""
+        side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
+        along = _left(s.normal[0])
+        chase = 10.0 * (1.6 * side - s.velocity @ along)
+        return np.clip(chase * along - FULL * s.normal[0], -FULL, FULL)
+
+
+class GaitPhase(Attack):
+    """Against the nearest region, sideways in step with the gait."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the push with a lateral part that reverses with every half period."""
+        half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
+        return full(-s.normal[0] + (2.0 * half - 1.0) * _left(s.normal[0]))
+
+
+class Slam(Attack):
+    """Backs off from the nearest region, and slams into it."""
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return away or towards, each held for a random time."""
+        sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
+        return full(sign * s.normal[0])
+
+
+PARAMETERS = ("second", "sideways", "period", "jitter", "speed", "back")
+"""What a searched attacker is made of, each number in [0, 1]."""
+
+
+@dataclass
+class Searched(Attack):
+    """An attacker with six numbers in [0, 1] that a search sets.
+
+    Args:
+        rng: decides what is random about it.
+        parameters: (6,) share of the second row, sideways share, reversal period, jitter of it,
+            speed chased along the edge, share of time backed off.
+    """
+
+    parameters: tuple[float, ...] = (0.5,) * 6
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return a mixture of the attacks above."""
+        second, sideways, period, jitter, speed, back = self.parameters
+        length = 0.1 + 1.9 * period
+        low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
+        sign, away = self.draw(
+            s,
+            low,
+            high,
+            lambda: (
+                -self.choice[0] if self.choice is not None else 1.0,
+                self.rng.random() < 0.6 * back,
+            ),
+        )
+        along = _left(s.normal[0])
+        chase = np.clip(4.0 * (2.0 * speed * sign - s.velocity @ along) / FULL, -1.0, 1.0)
+        press = -(s.normal[0] + second * s.second) * (-1.0 if away else 1.0)
+        return full(press + 3.0 * sideways * chase * along)
+
+
+ATTACKS: dict[str, type[Attack]] = {
+    "nearest": Nearest,
+    "bang-bang": BangBang,
+    "rotating": Rotating,
+    "corner": Corner,
+    "edge": Edge,
+    "gait": GaitPhase,
+    "slam": Slam,
+}
+"""name → hostile policy. Processes see names that the modules they import have added."""
+
+
+def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
+    """Return an attack.
+
+    Args:
+        name: one of `ATTACKS`, or "searched" with its parameters.
+        seed: decides what is random about it.
+        parameters: of `Searched`.
+
+    Raises:
+        UnknownNameError: if there is no such attack.
+    """
+    rng = np.random.default_rng(seed)
+    if parameters is not None:
+        return Searched(rng, parameters)
+    return choose("attack", name, ATTACKS)(rng)

@@ -1,1 +1,0 @@
-"""Measurements of the package, each with the command that repeats it."""

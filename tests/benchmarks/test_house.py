@@ -1,0 +1,57 @@
+"""What the count of the package counts."""
+
+import pytest
+
+from benchmarks import house
+from hcbf_gym.errors import InvalidInputError
+
+CODE = '''"""Two lines
+of docstring."""
+
+from typing import Any  # a comment counts for nothing
+
+import numpy
+
+
+def short(self, a, b, c, d, e, f, g, h):
+    """Say nothing."""
+    x, y = 1, 2
+    z = x
+    text = """two
+    lines"""
+
+
+def many(a, b, c, d, e, f, g, h, i) -> Any: ...
+'''
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for folder in ("hcbf_gym/rooms/studies", "hcbf_gym/studies"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "hcbf_gym/rooms/studies/code.py").write_text(CODE)
+    (tmp_path / "hcbf_gym/studies/code.py").write_text(CODE)
+    (tmp_path / "README.md").write_text("# Three words\nand three more\n")
+    return tmp_path
+
+
+def test_each_figure_is_that_of_the_package_without_its_studies(checkout):
+    counted = house.count(checkout)
+    assert counted["files"] == "1"
+    assert counted["lines"] == str(len(CODE.splitlines()))
+    assert counted["lines of code"] == "8"
+    assert counted["functions"] == "2"
+    assert counted["longest function"] == "6 lines, short"
+    assert counted["median function"] == "3.5 lines"
+    assert counted["functions over 8 parameters"] == "1"
+    assert counted["several-part assignments"] == "1 of 3, 33.3%"
+    assert counted["Any"] == "2"
+    assert counted["imported from outside"] == "1: numpy"
+    assert counted["words of README"] == "6"
+
+
+def test_what_is_no_checkout_and_what_is_no_revision_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match="checkout"):
+        house.count(tmp_path)
+    with pytest.raises(InvalidInputError, match="no-such-revision"):
+        house.main(against="no-such-revision")

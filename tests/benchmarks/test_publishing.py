@@ -1,0 +1,125 @@
+"""Published figures: what is kept with them, and how the pages follow them."""
+
+import json
+
+import pytest
+
+from benchmarks import publishing
+from benchmarks.__main__ import main
+from benchmarks.registry import SUITES
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+
+PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
+ROW = {
+    "env": "HCBF-A1Regions-v0",
+    "scenario": "paper-simulation",
+    "policy": "pd",
+    "program": "none",
+    "episodes": 1,
+    "min_h": [0.125, 1.0, 1.0, -1.0],
+    "violation_seconds": [0.0, 0.0, 0.0, 2.0],
+    "tracking_rms": 0.0,
+    "final_error": 0.0,
+    "intervention_rms": 0.0,
+    "fell": 0.0,
+    "reached": 1.0,
+    "deadlock_share": 0.0,
+    "outside_steps": 0,
+    "status_counts": {"VIOLATED": 0, "UNSAFE": 0, "BACKUP": 0},
+}
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for folder in ("docs/results", "hcbf_gym"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "README.md").write_text(PAGE)
+    (tmp_path / "docs" / "page.md").write_text("no table\n")
+    return tmp_path
+
+
+def test_a_page_is_filled_from_its_results_and_differs_when_they_change(checkout):
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    assert publishing.fill(checkout) == [checkout / "README.md"]
+    text = (checkout / "README.md").read_text()
+    assert text.startswith("before\n<!-- results: course/all -->\n")
+    assert text.endswith("<!-- end of results -->\nafter\n")
+    assert "| +0.125 |" in text
+    assert "old" not in text
+    assert publishing.fill(checkout) == []
+    publishing.publish(checkout, "course", {"rows": [ROW | {"min_h": [0.25, 1.0, 1.0, 1.0]}]})
+    assert [page for page, _ in publishing.differing(checkout)] == [checkout / "README.md"]
+    with pytest.raises(SystemExit, match=r"README\.md"):
+        main(["--check", "--root", str(checkout)])
+
+
+def test_results_say_what_they_came_from_and_are_listed_when_their_sources_change(checkout):
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    path = checkout / "docs" / "results" / "course.json"
+    record = json.loads(path.read_text())
+    assert record["command"] == "python -m benchmarks --suite course --publish"
+    assert {"commit", "date", "machine", "sources", "figures"} <= set(record)
+    assert publishing.stale(checkout) == []
+    path.write_text(json.dumps(record | {"sources": "those of last year"}))
+    assert publishing.stale(checkout) == ["course"]
+
+
+def test_a_page_that_names_what_is_not_there_is_refused_and_no_page_changes(checkout):
+    with pytest.raises(InvalidInputError, match=r"course\.json"):
+        publishing.fill(checkout)
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    (checkout / "docs" / "page.md").write_text(PAGE.replace("course/all", "course/none"))
+    with pytest.raises(UnknownNameError, match="all"):
+        publishing.fill(checkout)
+    assert (checkout / "README.md").read_text() == PAGE
+
+
+def test_a_table_that_awaits_its_figures_stays_until_they_are_published(checkout):
+    waiting = PAGE.replace("results: course", "awaits: course")
+    (checkout / "README.md").write_text(waiting)
+    assert publishing.fill(checkout) == []
+    publishing.publish(checkout, "course", {"rows": [ROW]})
+    assert publishing.fill(checkout) == [checkout / "README.md"]
+    assert "| +0.125 |" in (checkout / "README.md").read_text()
+    assert "awaits" not in (checkout / "README.md").read_text()
+    (checkout / "README.md").write_text(waiting.replace("course/all", "no-such/all"))
+    with pytest.raises(UnknownNameError, match="no-such"):
+        publishing.fill(checkout)
+
+
+def test_figures_that_lack_what_a_table_shows_are_refused_by_the_suites_name(checkout):
+    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
+    publishing.publish(checkout, "course", {"rows": [incomplete]})
+    with pytest.raises(InvalidInputError, match=r"course\.json without .*min_h.*--suite course"):
+        publishing.fill(checkout)
+    with pytest.raises(SystemExit, match="--suite course --publish"):
+        main(["--check", "--root", str(checkout)])
+    assert (checkout / "README.md").read_text() == PAGE
+
+
+def test_a_run_whose_pages_could_not_be_filled_is_refused_before_it_starts(checkout):
+    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
+    publishing.publish(checkout, "course", {"rows": [incomplete]})
+    arguments = ["--suite", "soak", "--publish", "--root", str(checkout)]
+    with pytest.raises(SystemExit, match=r"course\.json without .*min_h"):
+        main([*arguments, "--output", str(checkout / "out")])
+    assert not (checkout / "out").exists()
+    publishing.check_results(checkout, but=["course"])
+
+
+def test_only_full_figures_of_known_suites_in_a_checkout_are_published(tmp_path):
+    for arguments, message in (
+        (["--suite", "course", "--publish", "--quick"], "full run"),
+        (["--suite", "course", "--publish", "--root", str(tmp_path)], "checkout"),
+        (["--suite", "speed"], "programs"),
+    ):
+        with pytest.raises(SystemExit, match=message):
+            main([*arguments, "--output", str(tmp_path / "out")])
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_sources_of_a_suite_are_those_it_imports_and_those_it_loads_by_name():
+    hashes = {name: suite.sources() for name, suite in SUITES.items()}
+    assert len(set(hashes.values())) == len(hashes)
+    course = SUITES["course"]
+    assert course.sources() != course._replace(also=()).sources()
