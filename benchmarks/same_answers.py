@@ -3,7 +3,7 @@
 ``python -m benchmarks.same_answers record FILE`` draws states, filters them with every program and
 writes both to a file; ``compare FILE`` filters the same states again and lists what differs. The
 file holds the rows themselves, so that only the programs are compared. To record the answers of
-another commit, put its checkout before this one on ``PYTHONPATH``.
+another commit, put a folder that holds its package alone before this one on ``PYTHONPATH``.
 """
 
 import sys
