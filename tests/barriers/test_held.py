@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,6 @@ from hcbf_gym.barriers import (
     LogClassK,
     RowSettings,
     SpeedLimit,
-    held_rows,
     row_kernels,
 )
 from hcbf_gym.errors import InvalidInputError
@@ -157,9 +157,12 @@ def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
     compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None])
-    readable = held_rows(scene, x, t, how, margin, rate)
-    for got, expected in zip(compiled, readable, strict=True):
-        np.testing.assert_allclose(got[0], expected, rtol=1e-9, atol=1e-9)
+    for k, barrier in enumerate(scene):
+        a, b, h, alpha2_psi = readable.held_row(barrier, x, t, how, margin[k], rate[k])
+        np.testing.assert_allclose(compiled.a[0, k], a, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.b[0, k], b, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.h[0, k], h, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.alpha2_psi[0, k], alpha2_psi, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", SHAPES)
