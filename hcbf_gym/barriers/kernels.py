@@ -16,32 +16,32 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def is_region(kind: int) -> bool:
     """Tell whether a barrier is a built-in one on the position."""
     return kind < SPEED_LIMIT
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def in_frame(c: Array, x: float, y: float, t: float) -> tuple[float, float]:
     """Return a point of the world (x, y) as the barrier's frame sees it at time t."""
     return x - c[layout.VELOCITY_X] * t, y - c[layout.VELOCITY_Y] * t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def jet(kind: int, c: Array, x: float, y: float, t: float) -> PlanarJet:
     """Return h of a region at a point of the world (x, y) and time t, ∇h, d and t; see `shapes`."""
     qx, qy = in_frame(c, x, y, t)
     return shapes.jet(kind, c, qx, qy)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def height(kind: int, c: Array, x: float, y: float, t: float) -> float:
     """Return h of a region at a point of the world; infinity for a user's own barrier."""
     return jet(kind, c, x, y, t)[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def value(kind: int, c: Array, x: Array, t: float) -> float:
     """Return h of one barrier at the state x (4,) and time t; infinity for a user's own."""
     if kind == SPEED_LIMIT:

@@ -23,7 +23,7 @@ IS_DISTANCE = np.zeros(layout.CUSTOM + 1, dtype=np.bool_)
 IS_DISTANCE[[shape.compiled.code for shape in SHAPES if shape.compiled.is_distance]] = True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives at a point of the shape's frame, infinity for what is no shape.
 
@@ -41,7 +41,7 @@ def jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     return np.inf, 0.0, 0.0, np.inf, 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def core(
     kind: int, c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:

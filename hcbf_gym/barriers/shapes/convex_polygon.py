@@ -51,29 +51,24 @@ def _count(c: Array) -> int:
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     corners = _count(c)
-    height, height_nx, height_ny = -np.inf, 0.0, 0.0
     nearest2, offset_x, offset_y = np.inf, 0.0, 0.0
-    on_edge, edge_nx, edge_ny = False, 0.0, 0.0
+    outside, on_edge, edge_x, edge_y = False, False, 0.0, 0.0
     for i in range(corners):
         ax, ay, ex, ey = _edge(c, i, corners)
-        length2 = ex * ex + ey * ey
-        length = np.sqrt(length2)
-        nx, ny = ey / length, -ex / length
-        above = nx * (x - ax) + ny * (y - ay)
-        if above > height:
-            height, height_nx, height_ny = above, nx, ny
-        along = min(max(((x - ax) * ex + (y - ay) * ey) / length2, 0.0), 1.0)
-        ox, oy = x - (ax + along * ex), y - (ay + along * ey)
+        ox, oy = x - ax, y - ay
+        outside |= ey * ox - ex * oy > 0.0
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        ox, oy = ox - along * ex, oy - along * ey
         distance2 = ox * ox + oy * oy
         if distance2 < nearest2:
             nearest2, offset_x, offset_y = distance2, ox, oy
-            on_edge, edge_nx, edge_ny = 0.0 < along < 1.0, nx, ny
+            on_edge, edge_x, edge_y = 0.0 < along < 1.0, ex, ey
     nearest = np.sqrt(nearest2)
-    if height <= 0.0 or nearest < TINY:
-        return height, height_nx, height_ny, np.inf, -height_ny, height_nx
-    if on_edge:
-        return nearest, edge_nx, edge_ny, np.inf, -edge_ny, edge_nx
-    return point_jet(offset_x, offset_y)
+    if outside and not on_edge and nearest >= TINY:
+        return point_jet(offset_x, offset_y)
+    length = np.sqrt(edge_x * edge_x + edge_y * edge_y)
+    nx, ny = edge_y / length, -edge_x / length
+    return nearest if outside else -nearest, nx, ny, np.inf, -ny, nx
 
 
 @njit(cache=True, error_model="numpy")
