@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hcbf_gym.barriers import ConvexPolygon, Core, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Core, Disc, Ellipse, HalfPlane, SpeedLimit
 
 TINY = 1e-9
 
@@ -23,6 +23,12 @@ def jet(barrier, q):
             scale * scaling.T @ direction,
             scale * scaling.T @ curvature @ scaling,
         )
+    if isinstance(barrier, Capsule):
+        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
+        share = np.clip((q - start) @ vector / (vector @ vector), 0.0, 1.0)
+        distance, direction, curvature = norm_jet(q - start - share * vector)
+        flat = np.zeros((2, 2))
+        return distance - barrier.radius, direction, flat if 0.0 < share < 1.0 else curvature
     assert isinstance(barrier, ConvexPolygon)
     corners = np.array(barrier.vertices)
     edges = np.roll(corners, -1, axis=0) - corners
@@ -51,6 +57,13 @@ def core(barrier, q, reach):
     if isinstance(barrier, Ellipse):
         radius = min(barrier.semi_axes)
         return Core(h + radius, radius, True)
+    if isinstance(barrier, Capsule):
+        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
+        length = float(np.linalg.norm(vector))
+        along, away = float((q - start) @ vector) / length, h + barrier.radius
+        beside = reach <= along <= length - reach and (h > 0.0 or away >= reach)
+        at_end = along <= -reach or along >= length + reach
+        return Core(np.inf if beside else away, barrier.radius, at_end)
     assert isinstance(barrier, ConvexPolygon)
     if h <= 0.0:
         return Core(np.inf, 0.0, False)

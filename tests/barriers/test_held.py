@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hcbf_gym.barriers import (
     BarrierSet,
+    Capsule,
     ConvexPolygon,
     Disc,
     Ellipse,
@@ -23,7 +24,7 @@ from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
 
 U_MAX = 5.0 * np.sqrt(2.0)
 ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
-SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon")
+SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon", "capsule")
 
 
 def shape(kind, rng, moving=True):
@@ -35,6 +36,9 @@ def shape(kind, rng, moving=True):
         return Disc(kind, 1, (0.0, 0.0), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
     if kind == "ellipse":
         return Ellipse(kind, 1, (0.0, 0.0), tuple(rng.uniform(0.05, 2.0, 2)), angle, velocity)
+    if kind == "capsule":
+        end = rng.uniform(0.05, 2.0) * np.array([np.cos(angle), np.sin(angle)])
+        return Capsule(kind, 1, (0.0, 0.0), tuple(end), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
     corners = 3 if kind == "sharp polygon" else int(rng.integers(3, 9))
     turn = angle + 2.0 * np.pi * np.arange(corners) / corners
     squeeze = np.array([1.0, 0.15 if kind == "sharp polygon" else rng.uniform(0.3, 1.0)])
