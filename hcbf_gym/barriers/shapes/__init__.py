@@ -8,24 +8,16 @@ from numba import njit
 
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import Array, PlanarJet, Shape
-from hcbf_gym.barriers.shapes import (
-    capsule,
-    convex_polygon,
-    disc,
-    ellipse,
-    half_plane,
-    superellipse,
-)
+from hcbf_gym.barriers.shapes import capsule, convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.barriers.shapes.capsule import Capsule
 from hcbf_gym.barriers.shapes.convex_polygon import ConvexPolygon
 from hcbf_gym.barriers.shapes.disc import Disc
 from hcbf_gym.barriers.shapes.ellipse import Ellipse
 from hcbf_gym.barriers.shapes.half_plane import HalfPlane
-from hcbf_gym.barriers.shapes.superellipse import Superellipse
 
-__all__ = ["Capsule", "ConvexPolygon", "Disc", "Ellipse", "HalfPlane", "Superellipse"]
+__all__ = ["Capsule", "ConvexPolygon", "Disc", "Ellipse", "HalfPlane"]
 
-SHAPES: tuple[type[Shape], ...] = (HalfPlane, Disc, Ellipse, ConvexPolygon, Capsule, Superellipse)
+SHAPES: tuple[type[Shape], ...] = (HalfPlane, Disc, Ellipse, ConvexPolygon, Capsule)
 
 IS_DISTANCE = np.zeros(layout.CUSTOM + 1, dtype=np.bool_)
 """By kind: whether ‖∇h‖ = 1 everywhere."""
@@ -49,8 +41,6 @@ def jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
         return convex_polygon.jet(c, x, y)
     if kind == capsule.CODE:
         return capsule.jet(c, x, y)
-    if kind == superellipse.CODE:
-        return superellipse.jet(c, x, y)
     return np.inf, 0.0, 0.0, np.inf, 0.0, 0.0
 
 
@@ -79,8 +69,6 @@ def core(
         return convex_polygon.core(c, x, y, h, distance, reach)
     if kind == capsule.CODE:
         return capsule.core(c, x, y, h, distance, reach)
-    if kind == superellipse.CODE:
-        return superellipse.core(c, x, y, h, distance, reach)
     return np.inf, np.inf, False
 
 
@@ -95,6 +83,4 @@ def bounds(kind: int, c: Array) -> tuple[float, float, float, float]:
         return convex_polygon.bounds(c)
     if kind == capsule.CODE:
         return capsule.bounds(c)
-    if kind == superellipse.CODE:
-        return superellipse.bounds(c)
     return half_plane.bounds(c)
