@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.class_k import ClassK
-from hcbf_gym.barriers.kernels import TINY
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.barriers.shapes import IS_DISTANCE
 from hcbf_gym.models.input_sets import InputSet
 
 Array = NDArray[np.float64]
@@ -123,8 +124,8 @@ class _Asked(NamedTuple):
         left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
         margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
-        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or an
-            ellipse, whose h grows slowly along its long axis.
+        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or one
+            whose h grows slowly somewhere, as an ellipse's does along its long axis.
     """
 
     left: Array
@@ -159,12 +160,12 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     v_max, kept = scenes.parameters[..., layout.V_MAX], scenes.own_margin + speed_margin
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    ellipses = regions & (scenes.kind == layout.ELLIPSE)
+    slow = regions & ~IS_DISTANCE[scenes.kind]
     return _Asked(
         left=left.min(axis=1, initial=np.inf),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        narrows=(regions.sum(axis=1) > 1) | ellipses.any(axis=1),
+        narrows=(regions.sum(axis=1) > 1) | slow.any(axis=1),
     )
 
 

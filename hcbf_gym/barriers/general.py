@@ -16,7 +16,7 @@ from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.barriers.shapes import SpeedLimit
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 

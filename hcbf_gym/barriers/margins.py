@@ -27,7 +27,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.plant import Uncertainty
 
@@ -76,12 +76,10 @@ def derive(
             ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
             margin[k] = settings.distance + settings.cap + ahead + spread + settings.body
             continue
-        if certain and kind[k] != layout.ELLIPSE:  # of the others, ∇h is a unit vector
+        if certain and shapes.IS_DISTANCE[kind[k]]:  # ∇h is a unit vector, whatever it is
             margin[k] = settings.distance + settings.body
             continue
-        c = parameters[k]
-        qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
-        jet = kernels.planar_jet(kind[k], c, qx, qy)
+        jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
         nx, ny = jet[1] / steepness, jet[2] / steepness
         ahead = max(0.0, nx * ahead_x + ny * ahead_y)

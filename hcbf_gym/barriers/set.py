@@ -1,29 +1,24 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout, row_kernels
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.barriers.held import held_rows, usual_rows
 from hcbf_gym.barriers.many import Shapes
+from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
-from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_WRITERS: dict[type, Callable[[Any, Array], int]] = {
-    HalfPlane: lambda b, c: layout.half_plane(c, b.normal, b.offset),
-    Disc: lambda b, c: layout.disc(c, b.velocity, b.center, b.radius),
-    Ellipse: lambda b, c: layout.ellipse(c, b.velocity, b.center, b.semi_axes, b.angle),
-    ConvexPolygon: lambda b, c: layout.convex_polygon(c, b.velocity, np.array(b.vertices)),
-    SpeedLimit: lambda b, c: layout.speed_limit(c, b.v_max),
-}
+_BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
 
 
 class BarrierSet:
@@ -84,14 +79,13 @@ class BarrierSet:
             self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
             for place in range(k, end) if self.own else ():
                 self.own.pop((i, place), None)
-            write = _WRITERS.get(type(barrier))
             if isinstance(barrier, Shapes):
                 self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
-            elif write is None:
+            elif isinstance(barrier, Shape | SpeedLimit) and type(barrier) in _BUILT_IN:
+                self.kind[i, k] = barrier.write(self.parameters[i, k])
+            else:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
-            else:
-                self.kind[i, k] = write(barrier, self.parameters[i, k])
             k = end
 
     @property
@@ -230,15 +224,10 @@ class BarrierSet:
         out: Array,
     ) -> None:
         """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
-        kept, rate = margins[0, i, k : k + 1], margins[1, i, k : k + 1]
-        if settings.held:
-            row = held_rows([barrier], x, t, settings, kept, rate)
-        else:
-            row = usual_rows(settings)([barrier], x, t, kept, rate)
-        assert row.alpha2_psi is not None
-        a[i, k], out[row_kernels.B, i, k], out[row_kernels.H, i, k] = row.a[0], row.b[0], row.h[0]
-        out[row_kernels.ALPHA2_PSI, i, k] = row.alpha2_psi[0]
-        out[row_kernels.PSI, i, k] = settings.alpha2.inverse(float(row.alpha2_psi[0]))
+        kept, rate = float(margins[0, i, k]), float(margins[1, i, k])
+        a[i, k], b, h, alpha2_psi = own_row(barrier, x, t, settings, kept, rate)
+        psi = settings.alpha2.inverse(alpha2_psi)
+        out[:, i, k] = b, h, alpha2_psi, psi  # in the order of `row_kernels.B` and the others
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, kernels, layout
+from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.row import Pull
@@ -62,11 +62,9 @@ def circulation(
     held = memory[0] != 0.0
     nearest, nx, ny = LEAVE if held else REACH, 0.0, 0.0
     for k in range(kind.size):
-        if kind[k] == layout.SPEED_LIMIT:
+        if not kernels.is_region(kind[k]):
             continue
-        c = parameters[k]
-        qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
-        h, gx, gy, _, _, _ = kernels.planar_jet(kind[k], c, qx, qy)
+        h, gx, gy, _, _, _ = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         if h < nearest and gx * u_nominal[0] + gy * u_nominal[1] < 0.0:
             norm = np.sqrt(gx * gx + gy * gy)
             nearest, nx, ny = h, gx / norm, gy / norm
