@@ -39,7 +39,7 @@ class FilterSettings(NamedTuple):
     """What the user asked of a filter.
 
     Attributes:
-        program: its name.
+        program: its name, or a plan.
         rows: "held" or "usual".
         guidance: "geodesic", "local", a plain dict with more of it, or None.
         margin: [m]; None derives it.
@@ -49,7 +49,7 @@ class FilterSettings(NamedTuple):
         options: α₁, α₂ and the program's own.
     """
 
-    program: str
+    program: programs.Named
     rows: str
     guidance: Any
     margin: float | None

@@ -15,7 +15,7 @@ from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
-from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings, make_workspace
+from hcbf_gym.programs.planar.records import Settings, make_workspace
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers.senses import Sensed, look, watch
@@ -39,7 +39,7 @@ STATUS, REASON = range(2)
 
 Numbers8 = tuple[float, float, float, float, float, float, float, float]
 Constants = tuple[
-    tuple[int, float, float, bool, Array, Array],
+    tuple[int, bool, int, bool, bool, float, float, bool, Array, Array],
     Array,
     Numbers8,
     float,
@@ -80,7 +80,7 @@ class Way(NamedTuple):
 
 
 class Work(NamedTuple):
-    """The rows of the call, kept for states that go on to rational arithmetic.
+    """The rows of the call.
 
     Attributes:
         a: (N, M, 2) gradients; M is m, and one more with guidance.
@@ -175,8 +175,7 @@ def filter_plants(
 
     Returns:
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
-        written; or `ASKS` where a state is left to rational arithmetic or there is a reason to
-        speak.
+        written; or `ASKS` where there is a reason to speak.
     """
     program, row_settings, uncertainty, period, through, pull, brakes = borrowed(constants)
     barriers, plants = Scene(*borrowed(scene)), Sensed(*borrowed(sensed))
@@ -227,7 +226,7 @@ def filter_plants(
                 i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer
             )
             past.input[0], past.input[1] = result.u[i, 0], result.u[i, 1]
-            asks |= status[i] < 0 or reason[i] != 0
+            asks |= reason[i] != 0
     return ASKS if asks else DONE
 
 
@@ -345,7 +344,7 @@ def _guide(
 ) -> int:
     """Let guidance, if there is any, act on one state; return through which rank its way leads.
 
-    A lexicographic program gets its row, the others' u* is shaped by it.
+    A program that has a last rank gets its row, the others' u* is shaped by it.
     """
     rank = 0
     if way.field.shape[1]:
@@ -356,7 +355,7 @@ def _guide(
         a_x, a_y, b = way.row[i, 0], way.row[i, 1], way.row[i, 2]
     else:
         return rank
-    if settings.kind != LEXICOGRAPHIC:
+    if not settings.guided:
         w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
         return rank
     last = w.priority.shape[1] - 1
@@ -395,11 +394,10 @@ def _conclude(
     answer.fallbacks[i] = result.fallbacks[i]
     for k in range(barriers.priority.shape[1]):
         answer.margin[i, k] = w.margin[0, i, k]
-    if result.status[i] >= 0:
-        m = barriers.priority.shape[1]
-        moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
-        unsafe = is_unsafe(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
-        result.status[i] = conclude(result.status[i], moved, unsafe, result.slack[i, :m])
+    m = barriers.priority.shape[1]
+    moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
+    unsafe = is_unsafe(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
+    result.status[i] = conclude(result.status[i], moved, unsafe, result.slack[i, :m])
     speed2 = plants.x[i, 2] ** 2 + plants.x[i, 3] ** 2
     asked2 = u_nominal[i, 0] ** 2 + u_nominal[i, 1] ** 2
     stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING

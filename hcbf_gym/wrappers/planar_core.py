@@ -11,7 +11,7 @@ from hcbf_gym import programs
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import derive_all
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
     UNREADABLE,
@@ -25,9 +25,6 @@ from hcbf_gym.guidance.local import Local
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.programs.exact.program import filter_exactly
-from hcbf_gym.programs.planar.cascade import GRADED
-from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
 from hcbf_gym.wrappers import fused, senses
 from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
@@ -59,14 +56,15 @@ class PlanarCore(FilterCore):
         self.program = programs.make_batch(
             settings.program, input_set=input_set, **self.program_options
         )
-        self.program.cascade.weights.check(count)
+        program = self.program.settings_of(count)
+        self._guides_by_row = program.guided
         held = settings.rows == "held" and plant.period is not None
         hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
         self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
         self.uncertainty = kept(plant, settings.margin, held)
         self._way, self._through = _guidance(settings.guidance, count)
         self._constants: Any = (
-            tuple(self.program.settings),
+            tuple(program),
             self.row_settings.packed.copy(),
             tuple(map(float, self.uncertainty)),
             0.0 if plant.period is None else float(plant.period),
@@ -219,9 +217,7 @@ class PlanarCore(FilterCore):
         return report
 
     def _finish(self, report: dict[str, Any], codes: Any) -> None:
-        """Solve in rational arithmetic what was left to it; brake as the user asks; warn."""
-        for i in np.flatnonzero(codes[fused.STATUS] == GRADED):
-            self._solve_exactly(int(i), report)
+        """Brake as the user asks; warn."""
         if self.plant.brake is not None:
             for i in np.flatnonzero(codes[fused.STATUS] == programs.FilterStatus.BACKUP):
                 at = ... if self._alone else i
@@ -240,27 +236,6 @@ class PlanarCore(FilterCore):
             asked = asked(self._x[i].copy()) if self._memory[i]["known"] else None
         wanted = real_numbers(asked, (2,))
         return self.input_set.project(np.zeros(2) if wanted is None else wanted)
-
-    def _solve_exactly(self, i: int, report: dict[str, Any]) -> None:
-        """Answer for one state in rational arithmetic."""
-        scene, (a, rows, priority, _, wanted) = self._scene, self._work
-        m = scene.kind.shape[1]
-        state = CbfRows(a[i], rows[0, i], rows[1, i], priority[i], rows[2, i])
-        exact = filter_exactly(self.program.cascade, self.input_set, wanted[i], state, i)
-        u_nominal = np.atleast_2d(report["u_nominal"])[i]
-        moved = bool((np.abs(exact.u - u_nominal) > 0.0).any())
-        sensed = scene.kind[i], scene.priority[i], a[i], rows[1, i]
-        unsafe = fused.is_unsafe(*sensed, self.uncertainty.body)
-        at = ... if self._alone else i
-        report["u_safe"][at] = exact.u
-        report["slack"][at], report["delta"][at] = exact.slack[:m], exact.delta[:m]
-        for name, value in (
-            ("status", np.int64(fused.conclude(int(exact.status), moved, unsafe, exact.slack[:m]))),
-            ("intervention", np.linalg.norm(exact.u - u_nominal)),
-            ("fallbacks", np.float64(exact.fallbacks)),
-        ):
-            self._write(report, name, i, value)
-        self._memory[i]["input"] = exact.u
 
     def _write(self, report: dict[str, Any], name: str, i: int, value: Any) -> None:
         """Set the entry of plant `i` in a report."""
@@ -340,7 +315,7 @@ class PlanarCore(FilterCore):
 
     def _space(self, m: int) -> Any:
         """Return working space for m rows, and one for guidance under a lexicographic program."""
-        guided = self._way is not None and self.program.settings.kind == LEXICOGRAPHIC
+        guided = self._way is not None and self._guides_by_row
         if not self._work or self._work[3].shape[2] != m:
             n, total = self.count, m + guided
             self._work = (

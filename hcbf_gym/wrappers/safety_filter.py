@@ -44,7 +44,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
             that change actions belong outside the filter.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
         rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
             than the planar double integrator, or of unknown period, have usual rows.
@@ -84,7 +84,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: gym.Env,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
         guidance: Any = None,
@@ -96,7 +96,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             plant=plant,
             rows=rows,
             guidance=guidance,
@@ -169,7 +169,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, possibly wrapped.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         rows: as `SafetyFilter` takes it.
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
@@ -185,7 +185,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: VectorEnv,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         rows: str = "held",
         guidance: Any = None,
         margin: float | None = None,
@@ -194,7 +194,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             rows=rows,
             guidance=guidance,
             margin=margin,
@@ -269,8 +269,7 @@ def _sensed(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> t
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
     """Return the core that fits a plant: compiled for the planar double integrator."""
-    compiled = settings.solver is None and programs.is_compiled(settings.program)
-    if plant.model == DoubleIntegrator() and compiled:
+    if plant.model == DoubleIntegrator() and settings.solver is None:
         return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
 
