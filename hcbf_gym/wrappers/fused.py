@@ -47,6 +47,8 @@ CONSTANTS = np.dtype(
             ("radius", "f8"),
             ("lambda_u", "f8"),
             ("known_offset", "?"),
+            ("corners", "i8"),  # of U
+            ("weights", "i8"),  # of a state
             # what the rows keep, and how they are made
             *((name, "f8") for name in Uncertainty._fields),
             ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
@@ -61,12 +63,19 @@ CONSTANTS = np.dtype(
 """What a filter never changes."""
 
 
-def constants(numbers: dict[str, Any]) -> Records:
-    """Return (1,) `CONSTANTS` with these numbers by their names."""
-    record = np.zeros(1, dtype=CONSTANTS)
-    for name, number in numbers.items():
+def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Array]:
+    """Return (1,) `CONSTANTS`, and the corners of U with the program's weights behind them.
+
+    Args:
+        settings: of the program.
+        others: the rest of the constants, by their names.
+    """
+    record, own = np.zeros(1, dtype=CONSTANTS), settings._asdict()
+    vertices, weights = own.pop("vertices"), own.pop("weights")
+    sizes = {"corners": len(vertices), "weights": weights.shape[1]}
+    for name, number in (own | sizes | others).items():
         record[name] = number
-    return record
+    return record, np.concatenate([vertices.ravel(), weights.ravel()])
 
 
 OWN_ROW = np.dtype(
@@ -84,9 +93,8 @@ class Plants(NamedTuple):
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
         sensed: (N,) `senses.PLANT`, written to.
-        u_nominal: (N, 2) u*.
         own: (N, m) `OWN_ROW` where the rows were made beforehand, else (0, 0).
-        told: (N,) `report.PLANT`, written to.
+        told: (N,) `report.PLANT`, with u*; the rest is written.
         rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.
     """
 
@@ -95,7 +103,6 @@ class Plants(NamedTuple):
     priority: Integers
     own_margin: Array
     sensed: Records
-    u_nominal: Array
     own: Records
     told: Records
     rows: Records
@@ -125,10 +132,10 @@ class Work(NamedTuple):
 
 @njit(cache=True)
 def filter_plants(
-    constants: tuple[Records, Array, Array],
+    constants: Records,
+    program: Array,
     scene: tuple[Integers, Array, Integers, Array],
     sensed: Records,
-    u_nominal: Array,
     own: Records,
     told: Records,
     rows: Records,
@@ -136,36 +143,29 @@ def filter_plants(
     """Filter the nominal inputs of N planar double integrators; `Plants` has the arrays.
 
     Args:
-        constants: (1,) `CONSTANTS`, the corners of U (V, 2) and the program's weights.
+        constants: (1,) `CONSTANTS`.
+        program: the corners of U and the weights, see `constants`.
         scene: kind, parameters, priority and own margin.
         sensed: what is not believed is replaced.
-        u_nominal: u*.
         own: where there are such rows, the states have been looked at, too.
-        told: written to; with own rows, the reasons stand there already.
+        told: with u*; with own rows, the reasons stand there already.
         rows: written to.
 
     Returns:
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
         written; or `ASKS` where there is a reason to speak.
     """
-    numbers, vertices, weights = borrowed(constants)
-    kind, parameters, priority, own_margin = borrowed(scene)
+    c, numbers = borrowed(constants)[0], borrowed(program)
     plants = Plants(
-        kind,
-        parameters,
-        priority,
-        own_margin,
-        borrowed(sensed),
-        borrowed(u_nominal),
-        borrowed(own),
-        borrowed(told),
-        borrowed(rows),
+        *borrowed(scene), borrowed(sensed), borrowed(own), borrowed(told), borrowed(rows)
     )
-    if not np.isfinite(plants.u_nominal).all():
-        return NOT_FINITE
+    count, m = plants.kind.shape
+    for i in range(plants.told.size):
+        u_nominal = plants.told[i].u_nominal
+        if not np.isfinite(u_nominal[0] + u_nominal[1]):
+            return NOT_FINITE
     if not _fits(plants):
         return MISSHAPED
-    c = numbers[0]
     settings = Settings(
         c.lower,
         c.by_level,
@@ -175,12 +175,10 @@ def filter_plants(
         c.radius,
         c.lambda_u,
         c.known_offset,
-        vertices,
-        weights,
+        numbers[: 2 * c.corners].reshape(c.corners, 2),
+        numbers[2 * c.corners :].reshape(-1, c.weights),
     )
-    count, total = plants.rows.shape
-    work = _make_work(settings, min(count, TOGETHER), kind.shape[1], total)
-    asks = False
+    work, asks = _make_work(settings, min(count, TOGETHER), m, plants.rows.shape[1]), False
     for first in range(0, count, TOGETHER):
         asks |= _filter(c, settings, _some(plants, first, min(first + TOGETHER, count)), work)
     return ASKS if asks else DONE
@@ -237,7 +235,6 @@ def _some(p: Plants, first: int, end: int) -> Plants:
         p.priority[first:end],
         p.own_margin[first:end],
         p.sensed[first:end],
-        p.u_nominal[first:end],
         p.own[first:end],
         p.told[first:end],
         p.rows[first:end],
@@ -316,7 +313,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         told.reason = plant.alarm
     else:
         plant.follows = 0
-    w.u[i, 0], w.u[i, 1] = p.u_nominal[i, 0], p.u_nominal[i, 1]
+    w.u[i, 0], w.u[i, 1] = told.u_nominal[0], told.u_nominal[1]
     told.reachable = 0.0
     if _stops(told.reason, plant.alarm, c.brakes):
         w.u[i, 0], w.u[i, 1] = _braking_input(settings, plant, c.period)
@@ -390,7 +387,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
 def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
     plant, told, m = p.sensed[i], p.told[i], p.kind.shape[1]
-    u, u_nominal, slack, delta = w.answer.u[i], p.u_nominal[i], w.answer.slack[i], w.answer.delta[i]
+    u, u_nominal, slack, delta = w.answer.u[i], told.u_nominal, w.answer.slack[i], w.answer.delta[i]
     if _stops(told.reason, plant.alarm, c.brakes):
         _brake(told.reason == plant.alarm and told.reason != MOTION, w, i)
     dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]

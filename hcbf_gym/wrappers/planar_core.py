@@ -54,13 +54,12 @@ class PlanarCore(FilterCore):
         self.uncertainty = kept(plant, settings.margin, held)
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._way = Way(settings.guidance, count)
-        numbers = program._asdict() | self.uncertainty._asdict()
+        numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": self._period}
-        numbers |= {"has_way": bool(self._way), "through": self._way.through}
+        numbers |= {"has_way": self._way.guides, "through": self._way.through}
         numbers |= {"brakes": self.brakes_on_alarm}
-        vertices, weights = numbers.pop("vertices"), numbers.pop("weights")
-        self._constants = fused.constants(numbers), vertices, weights
-        self._guides_by_row = program.guided and bool(self._way)
+        self._constants, self._program = fused.constants(program, numbers)
+        self._guides_by_row = program.guided and self._way.guides
         self._intake = Intake(plant, count)
         self._sheet = Sheet(batch)
         self._sheet.plants["alpha1_scale"] = self.alpha1_scale
@@ -87,7 +86,7 @@ class PlanarCore(FilterCore):
         with contextlib.suppress(UnreachableError):  # its rows brake
             self._check_inputs()
         self._doubt(self.check_scene(self._scene.of(self._fresh)))
-        self._way.begin(self._scene, intake.x, kept_clear, goal, extent, self._fresh)
+        self._way.begin(self._scene, intake.x, kept_clear, (goal, extent), self._fresh)
         self._fresh[:] = False
         self._sheet.plants["covered"] = self._coverage
         remembered, counted = intake.plants.copy(), self._steps.copy()
@@ -106,22 +105,23 @@ class PlanarCore(FilterCore):
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
-        intake, sheet = self._intake, self._sheet
+        intake, sheet, way = self._intake, self._sheet, self._way
         intake.take(estimate, None if estimate.time is not None else self._time(estimate))
         self._take_barriers(barriers)
-        scene, wanted = self._scene, u_nominal[None] if self._alone else u_nominal
+        scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._make_room(scene.kind.shape[1])
         sheet.renew()
-        if scene.own and np.isfinite(wanted).all():
+        sheet.plants["u_nominal"] = u_nominal
+        if scene.own and np.isfinite(u_nominal).all():
             self._make_rows(scene)
-        if self._way:
-            self._way.lead(scene, intake, wanted)
+        if way.guides:
+            way.lead(scene, intake, sheet.plants["u_nominal"])
         said = fused.filter_plants(
             self._constants,
+            self._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin),
             intake.plants,
-            wanted,
             self._own_rows if scene.own else self._no_rows,
             sheet.plants,
             sheet.rows,
@@ -136,8 +136,8 @@ class PlanarCore(FilterCore):
         if estimate.time is None:
             self._steps += 1.0
         if said == fused.ASKS:
-            self._finish(wanted)
-        report = sheet.report(u_nominal)
+            self._finish()
+        report = sheet.report()
         return report["u_safe"], report
 
     def _check_inputs(self) -> None:
@@ -152,14 +152,14 @@ class PlanarCore(FilterCore):
             check_inputs(self.plant.model, own, self.settings.allow_late_inputs)
             self._checked = own
 
-    def _finish(self, u_nominal: Array) -> None:
+    def _finish(self) -> None:
         """Brake as the user asks, and warn."""
         told, rows = self._sheet.plants, self._sheet.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(told["status"] == programs.FilterStatus.BACKUP):
                 u = self._users_brake(int(i))
                 told["u_safe"][i] = self._intake.plants["input"][i] = u
-                told["intervention"][i] = np.linalg.norm(u - u_nominal[i])
+                told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons, counts = np.unique(told["reason"], return_counts=True)
         for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):

@@ -1,12 +1,9 @@
 """What ``info["safety_filter"]`` says: its layout stands here, once; a line here is a field of it.
 
-Beside these fields stands `u_nominal`, u* (n_u,), as the filter received it. Plants other than the
-planar double integrator add `conditioning` (m,): 0 where no input matters to a row, less than 1
-near a kink of its function. A field that a filter does not write is 0.
+Plants other than the planar double integrator add `conditioning` (m,): 0 where no input matters to
+a row, less than 1 near a kink of its function. A field that a filter does not write is 0.
 """
 
-import operator
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,6 +16,7 @@ PLANT = np.dtype(
     (
         np.record,
         [
+            ("u_nominal", "f8", 2),  # u*, as the filter received it
             ("u_safe", "f8", 2),  # u, what the environment receives
             ("intervention", "f8"),  # ‖u − u*‖
             ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
@@ -46,22 +44,22 @@ ROW = np.dtype(
 )
 """What is said of each row (m,)."""
 
-WORD = 8
-"""Bytes of a number or a code."""
+_ROWS = ROW.names or ()
+_PLANTS = PLANT.names or ()
+_WORD = 8  # bytes of a number or a code
 
 
-def of_one(u_nominal: Array, u_safe: Array, rows: dict[str, Array], told: dict[str, Any]) -> Any:
+def of_one(u: dict[str, Array], rows: dict[str, Array], told: dict[str, Any]) -> dict[str, Any]:
     """Return the report of one plant of any number of inputs.
 
     Args:
-        u_nominal: (n_u,) u*.
-        u_safe: (n_u,) u.
-        rows: what is said of the rows, (m,) each.
+        u: inputs (n_u,) by their names.
+        rows: what is said of the rows (m,) by its names.
         told: numbers and codes by their names; the others are 0.
     """
-    report: dict[str, Any] = {"u_nominal": u_nominal.copy(), "u_safe": u_safe.copy()}
-    report |= {name: column.copy() for name, column in rows.items()}
-    return report | {name: kind.type(told.get(name, 0)) for name, kind, _ in _scalars()}
+    scalars = {name: PLANT[name] for name in _PLANTS if PLANT[name].shape == ()}
+    report: dict[str, Any] = {name: value.copy() for name, value in (u | rows).items()}
+    return report | {name: kind.type(told.get(name, 0)) for name, kind in scalars.items()}
 
 
 class Sheet:
@@ -82,54 +80,46 @@ class Sheet:
 
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""
-        count, told = len(self.plants), self.plants
-        words = count * (PLANT.itemsize + total * ROW.itemsize) // WORD
-        self._m, self._total, self._memory = m, total, np.zeros(words)
-        self._divide()
+        told, words = self.plants, total * len(self.plants) * ROW.itemsize // _WORD
+        self._m, self._total = m, total
+        self._divide(np.zeros(len(told) * PLANT.itemsize // _WORD + words))
         self.plants[...] = told
         if self._alone:
-            start = PLANT.itemsize // WORD
-            step = ROW.itemsize // WORD
-            rows = [
-                (name, slice(start + k, start + m * step, step)) for k, name in enumerate(_ROWS)
-            ]
-            numbers = [(name, at) for name, kind, at in _scalars() if kind == np.float64]
-            codes = [(name, at) for name, kind, at in _scalars() if kind == np.int64]
-            names, places = zip(("u_safe", slice(0, 2)), *rows, *numbers, strict=True)
-            code_names, code_places = zip(*codes, strict=True)
-            self._names = (*names, *code_names)
-            self._numbers_of = operator.itemgetter(*places)
-            self._codes_of, self._codes = operator.itemgetter(*code_places), self._memory.view("i8")
-
-    def _divide(self) -> None:
-        """Let the two records be parts of one memory, which is copied at once."""
-        words = len(self.plants) * PLANT.itemsize // WORD
-        self.plants = self._memory[:words].view(PLANT)
-        self.rows: Records = self._memory[words:].view(ROW).reshape(len(self.plants), self._total)
+            self._places = _places(m)
 
     def renew(self) -> None:
         """Give a batch's next report memory of its own; that of one plant is copied."""
         if not self._alone:
-            self._memory = self._memory.copy()
-            self._divide()
+            self._divide(self._numbers.copy())
 
-    def report(self, u_nominal: Array) -> dict[str, Any]:
+    def _divide(self, memory: Array) -> None:
+        """Let the two records be parts of one memory, which is copied at once."""
+        words = len(self.plants) * PLANT.itemsize // _WORD
+        self._numbers, self._codes = memory, memory.view(np.int64)
+        self.plants: Records = memory[:words].view(PLANT)
+        self.rows: Records = memory[words:].view(ROW).reshape(len(self.plants), self._total)
+
+    def report(self) -> dict[str, Any]:
         """Return what was written, by its names."""
-        if self._alone:
-            told = (*self._numbers_of(self._memory.copy()), *self._codes_of(self._codes))
-            report: dict[str, Any] = dict(zip(self._names, told, strict=True))
-            report["u_nominal"] = u_nominal
-            return report
-        report = {"u_nominal": u_nominal}
-        report |= {name: self.rows[name][:, : self._m] for name in _ROWS}
-        return report | {name: self.plants[name] for name in PLANT.names or ()}
+        if not self._alone:
+            report = {name: self.plants[name] for name in _PLANTS}
+            return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
+        report, numbers, codes = _BLANK.copy(), self._numbers.copy(), self._codes
+        for name, place, is_code in self._places:
+            report[name] = codes[place] if is_code else numbers[place]
+        return report
 
 
-_ROWS = ROW.names or ()
+_BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
 
 
-def _scalars() -> Iterator[tuple[str, np.dtype[Any], int]]:
-    """Yield each scalar of `PLANT`, its kind, and at which word of the record it stands."""
-    for name, (kind, at, *_) in (PLANT.fields or {}).items():
-        if kind.shape == ():
-            yield name, kind, at // WORD
+def _places(m: int) -> list[tuple[str, int | slice, bool]]:
+    """Return where one plant's memory holds each field, and whether that is a code."""
+    start, step = PLANT.itemsize // _WORD, ROW.itemsize // _WORD
+    places: list[tuple[str, int | slice, bool]] = []
+    for name, (kind, offset, *_) in (PLANT.fields or {}).items():
+        at, size = offset // _WORD, kind.itemsize // _WORD
+        places.append((name, slice(at, at + size) if size > 1 else at, kind == np.int64))
+    for k, name in enumerate(_ROWS):
+        places.append((name, slice(start + k, start + k + m * step, step), False))
+    return places

@@ -25,6 +25,7 @@ class Way:
         count: N.
 
     Attributes:
+        guides: whether anything does.
         through: the highest rank that gives way to guidance, 0 for none.
 
     Raises:
@@ -34,7 +35,7 @@ class Way:
 
     def __init__(self, choice: Any, count: int):
         self._guide: Geodesic | Local | None = None
-        self.through = 0
+        self.guides, self.through = choice is not None, 0
         if choice is not None:
             options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
             check_options("guidance", options, ("kind", "through"))
@@ -42,12 +43,8 @@ class Way:
             self._guide = choose("guidance", options.get("kind", "geodesic"), kinds)(count)
             self.through = int(options.get("through", 0))
 
-    def __bool__(self) -> bool:
-        """Whether anything guides them."""
-        return self._guide is not None
-
     def begin(
-        self, scenes: BarrierSet, x: Array, clearance: float, goal: Any, extent: Any, mask: Mask
+        self, scenes: BarrierSet, x: Array, clearance: float, world: tuple[Any, Any], mask: Mask
     ) -> None:
         """Look at the scenes that begin.
 
@@ -55,14 +52,14 @@ class Way:
             scenes: of all plants.
             x: (N, 4) their states.
             clearance: what strict edges keep [m].
-            goal: as the plant gives it [m].
-            extent: as the plant gives it [m].
+            world: the goal and the extent, as the plant gives them [m].
             mask: (N,) which scenes begin.
         """
         if isinstance(self._guide, Local):
             self._guide.reset(scenes, mask=mask)
         elif self._guide is not None:
             start = np.where(np.isfinite(x[:, :2]), x[:, :2], 0.0)
+            goal, extent = world
             self._guide.reset(scenes, goal, extent, clearance, start=start, mask=mask)
 
     def lead(self, scenes: BarrierSet, intake: Intake, u_nominal: Array) -> None:
