@@ -2,12 +2,13 @@
 
 ``python -m benchmarks.same_answers record FILE`` draws states, filters them with every program and
 writes both to a file; ``compare FILE`` filters the same states again and lists what differs. The
-file holds the rows themselves, so that only the programs are compared.
+file holds the rows themselves, so that only the programs are compared. To record the answers of
+another commit, put a folder that holds its package alone before this one on ``PYTHONPATH``.
 """
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,8 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from hcbf_gym import programs, scenarios
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
+from benchmarks.drawn_states import FAMILIES, GROUP, draw, pool_of_scenes
+from hcbf_gym import programs
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult
 
@@ -25,15 +25,11 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9
 """Largest difference of u, slack or δ that counts as the same answer; slack relative to 1 + |b|."""
-GROUP = 250
-"""States that share the number of rows, U and the options of the programs."""
 GENERAL = 6
 """States of a group that QP solvers filter as well; they take a thousand times longer."""
-FAMILIES = ("random", "random-moving", "paper-simulation", "conflicts", "steep", "graded")
-"""Where rows come from: scenes; states inside several regions; gradients from .03 to 30; gradients
-that differ by up to 1e9 within one level."""
 SETS: tuple[InputSet, ...] = (Box.symmetric(5.0), Ball(5.0), Box([-1.0, 0.0], [4.0, 2.5]))
 FIELDS = ("a", "b", "h", "priority", "alpha2_psi", "u_nominal")
+ANSWERS = ("u", "slack", "delta", "status", "fallbacks")
 
 
 @dataclass
@@ -72,13 +68,13 @@ def main(command: Record | Compare) -> int:
 
 def record(file: Path, states: int, seed: int) -> None:
     """Draw states, filter them and write both to a file."""
-    pool, stored = _pool(), {}
+    pool, stored = pool_of_scenes(), {}
     for group in range(-(-states // GROUP)):
         rng = np.random.default_rng([seed, group])
-        drawn = _draw(rng, FAMILIES[group % len(FAMILIES)], pool)
+        drawn = draw(rng, FAMILIES[group % len(FAMILIES)], pool)
         stored |= {f"{group}/{name}": drawn[name] for name in FIELDS}
         for key, answer in answers(group, drawn):
-            for name in ("u", "slack", "delta", "status"):
+            for name in ANSWERS:
                 stored[f"{group}/{key}/{name}"] = np.asarray(getattr(answer, name))
     with file.open("wb") as out:
         np.savez(out, **stored, seed=np.array(seed))
@@ -86,43 +82,70 @@ def record(file: Path, states: int, seed: int) -> None:
 
 def compare(file: Path) -> int:
     """Filter a file's states again and print what differs; return 1 if anything does."""
-    counts: dict[tuple[str, str], list[float]] = {}
+    counts: dict[str, Tally] = {}
     with np.load(file) as stored:
         group = 0
         while f"{group}/b" in stored:
             drawn = {name: stored[f"{group}/{name}"] for name in FIELDS}
+            tally = counts.setdefault(FAMILIES[group % len(FAMILIES)], Tally())
             for key, answer in answers(group, drawn):
-                old = {
-                    name: stored[f"{group}/{key}/{name}"]
-                    for name in ("u", "slack", "delta", "status")
-                }
-                scale = 1.0 + np.abs(drawn["b"][: len(old["u"])])
-                line = counts.setdefault((key, FAMILIES[group % len(FAMILIES)]), [0] * 6)
-                _count(line, old, answer, scale)
+                old = {name: stored[f"{group}/{key}/{name}"] for name in ANSWERS}
+                tally.add(key, old, answer, 1.0 + np.abs(drawn["b"][: len(old["u"])]))
             group += 1
-    print(
-        f"{'program form':24} {'family':16} {'states':>7} {'differ':>7} {'status':>7}  largest |Δ|"
-    )
-    for (key, family), (total, status, other, *largest) in sorted(counts.items()):
-        if other:
-            sizes = " ".join(f"{n} {gap:.1e}" for n, gap in zip("usδ", largest, strict=True))
-            print(f"{key:24} {family:16} {total:7} {other:7} {status:7}  {sizes}")
-    total, differ = (sum(line[k] for line in counts.values()) for k in (0, 2))
-    print(f"{differ} of {total} answers differ by more than {TOLERANCE:g} or in their status")
+    differ = sum(tally.differ for tally in counts.values())
+    for family, tally in counts.items():
+        print(f"{family}: {tally}")
+    print(f"{differ} answers differ by more than {TOLERANCE:g} or in their status")
     return int(differ > 0)
 
 
-def _count(line: list[float], old: dict[str, Any], new: FilterResult, scale: Array) -> None:
-    gaps = (
-        np.abs(new.u - old["u"]).max(axis=1),
-        (np.abs(new.slack - old["slack"]) / scale).max(axis=1, initial=0.0),
-        (np.abs(new.delta - old["delta"]) / scale).max(axis=1, initial=0.0),
-    )
-    status = np.asarray(new.status) != old["status"]
-    line[0] += len(status)
-    line[1] += int(status.sum())
-    line[2] += int((status | (np.max(gaps, axis=0) > TOLERANCE)).sum())
-    line[3:] = [max(most, float(gap.max())) for most, gap in zip(line[3:], gaps, strict=True)]
+@dataclass
+class Tally:
+    """How the answers to one family of states compare.
+
+    Attributes:
+        answers: how many were compared.
+        differ: how many differ by more than `TOLERANCE` or in their status.
+        given_up: how many fell back on rational arithmetic and now do not.
+        largest: the largest differences of u, slack and δ.
+        largest_given_up: the largest difference of u among those that were given up.
+        where: the programs and forms with answers that differ, and how many each has.
+    """
+
+    answers: int = 0
+    differ: int = 0
+    given_up: int = 0
+    largest: Array = field(default_factory=lambda: np.zeros(3))
+    largest_given_up: float = 0.0
+    where: dict[str, int] = field(default_factory=dict)
+
+    def add(self, key: str, old: dict[str, Any], new: FilterResult, scale: Array) -> None:
+        """Compare the answers that a form of a program gives to a group of states."""
+        gaps = np.stack(
+            (
+                np.abs(new.u - old["u"]).max(axis=1),
+                (np.abs(new.slack - old["slack"]) / scale).max(axis=1, initial=0.0),
+                (np.abs(new.delta - old["delta"]) / scale).max(axis=1, initial=0.0),
+            )
+        )
+        given_up = (old["fallbacks"] > 0) & (np.asarray(new.fallbacks) == 0)
+        other = (np.asarray(new.status) != old["status"]) | ~(gaps.max(axis=0) <= TOLERANCE)
+        self.answers += other.size
+        self.differ += int(other.sum())
+        self.given_up += int(given_up.sum())
+        self.largest = np.maximum(self.largest, gaps.max(axis=1))
+        self.largest_given_up = max(self.largest_given_up, gaps[0, given_up].max(initial=0.0))
+        if other.any():
+            self.where[key] = self.where.get(key, 0) + int(other.sum())
+
+    def __str__(self) -> str:
+        """Return the figures in a line."""
+        sizes = ", ".join(f"{n} {gap:.1e}" for n, gap in zip("usδ", self.largest, strict=True))
+        return (
+            f"{self.answers} answers, {self.differ} differ {self.where or ''} (largest: {sizes}); "
+            f"{self.given_up} no longer in rational arithmetic (largest: "
+            f"u {self.largest_given_up:.1e})"
+        )
 
 
 # ------------------------------------------------------------------ answers
@@ -192,84 +215,6 @@ def _of_state(options: dict[str, Any], i: int) -> dict[str, Any]:
     if "delta_gamma" in own:
         own["delta_gamma"] = own["delta_gamma"][0]
     return options | own
-
-
-# ------------------------------------------------------------------ states
-
-
-def _pool() -> dict[str, list[Any]]:
-    """Return barriers of the package's own scenes by family."""
-    rng = np.random.default_rng(0)
-    made = {name: [scenarios.make(name, rng) for _ in range(60)] for name in FAMILIES[:2]}
-    made["paper-simulation"] = [scenarios.make("paper-simulation")]
-    return {name: [list(one.barriers) for one in scenes] for name, scenes in made.items()}
-
-
-def _draw(rng: np.random.Generator, family: str, pool: dict[str, list[Any]]) -> dict[str, Any]:
-    """Return the rows of a group's states and their nominal inputs."""
-    m = int(rng.integers(1, 13))
-    drawn = _degenerate(rng, m) if family == "graded" else _of_scenes(rng, family, m, pool)
-    if family == "steep":
-        factor = 10.0 ** rng.uniform(-1.5, 1.5, (GROUP, m))
-        drawn |= {"a": drawn["a"] * factor[..., None], "b": drawn["b"] * factor}
-    levels = rng.integers(0, rng.integers(1, m + 1, (GROUP, 1)), (GROUP, m))
-    ranks = np.stack([np.unique(p, return_inverse=True)[1] for p in levels]) + 1
-    drawn["priority"] = ranks.astype(np.int64)
-    u = rng.normal(0.0, 3.0, (GROUP, 2)) * rng.choice([1.0, 30.0], (GROUP, 1), p=[0.85, 0.15])
-    return drawn | {"u_nominal": u}
-
-
-def _of_scenes(
-    rng: np.random.Generator, family: str, m: int, pool: dict[str, list[Any]]
-) -> dict[str, Any]:
-    """Return rows of m barriers of one scene, or of several where one has fewer."""
-    scenes = pool[family] if family in pool else [*pool["random"], *pool["random-moving"]]
-    chosen, x = [], np.empty((GROUP, 4))
-    for i in range(GROUP):
-        barriers = list(scenes[rng.integers(len(scenes))])
-        while len(barriers) < m:
-            barriers += scenes[rng.integers(len(scenes))]
-        barriers = [barriers[k] for k in rng.permutation(len(barriers))[:m]]
-        chosen.append(tuple(barriers))
-        places = [_place(barrier) for barrier in barriers]
-        places = [place for place in places if place is not None]
-        spread = 0.15 if family == "conflicts" else 0.8
-        middle = np.mean(places[:2], axis=0) if places else np.zeros(2)
-        x[i] = *(middle + rng.normal(0.0, spread, 2)), *rng.normal(0.0, 0.7, 2)
-    held = rng.random() < 0.5
-    settings = RowSettings(period=0.02, u_max=float(np.hypot(5.0, 5.0))) if held else RowSettings()
-    rows = BarrierSet(chosen).rows(x, rng.uniform(0.0, 5.0, GROUP), settings)
-    assert rows.alpha2_psi is not None
-    return {"a": rows.a, "b": rows.b, "h": rows.h, "alpha2_psi": rows.alpha2_psi}
-
-
-def _place(barrier: Any) -> Any:
-    """Return the middle of a region, None for what has none."""
-    if hasattr(barrier, "center"):
-        return np.array(barrier.center, dtype=float)
-    corners = getattr(barrier, "corners", getattr(barrier, "vertices", None))
-    return None if corners is None or callable(corners) else np.mean(corners, axis=0)
-
-
-def _degenerate(rng: np.random.Generator, m: int) -> dict[str, Any]:
-    """Return rows with gradients down to 1e-9, zero rows, and exactly parallel copies."""
-    direction = rng.normal(0.0, 1.0, (GROUP, m, 2))
-    length = rng.lognormal(0.0, 0.7, (GROUP, m))
-    a = direction * (length / np.linalg.norm(direction, axis=-1))[..., None]
-    b = length * rng.normal(0.0, 4.0, (GROUP, m))
-    kind = rng.choice(5, (GROUP, m), p=[0.6, 0.12, 0.05, 0.15, 0.08])
-    faint = np.where(kind == 1, 10.0 ** rng.uniform(-9.0, -2.0, (GROUP, m)), 1.0)
-    a, b = a * faint[..., None], b * np.where(rng.random((GROUP, m)) < 0.7, faint, 1.0)
-    a[kind == 2] = 0.0
-    index = np.arange(GROUP)
-    for k in range(1, m):
-        source = rng.integers(0, k, GROUP)
-        factor = 2.0 ** rng.integers(-2, 3, GROUP) * rng.choice([-1.0, 1.0], GROUP)
-        copied, same = kind[:, k] >= 3, kind[:, k] == 4
-        a[:, k] = np.where(copied[:, None], factor[:, None] * a[index, source], a[:, k])
-        b[:, k] = np.where(same, factor * b[index, source], b[:, k])
-    h = rng.normal(0.0, 1.0, (GROUP, m))
-    return {"a": a, "b": b, "h": h, "alpha2_psi": rng.normal(0.0, 2.0, (GROUP, m))}
 
 
 if __name__ == "__main__":

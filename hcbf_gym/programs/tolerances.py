@@ -43,7 +43,8 @@ SURELY_PAID = 1e-6
 guess which rows pay is not believed."""
 
 SURELY_MET = 1e-14
-"""A row that is missed by more, relative to ‖a_k‖ max‖u‖ + |b_k|, is not met: likewise."""
+"""A row that is missed by more, relative to ‖a_k‖ max‖u‖ + |b_k|, is not met: likewise. By less, it
+is at its kink, and pushes nowhere."""
 
 # ------------------------------------------------------------------ any number of inputs
 

@@ -66,9 +66,9 @@ class Weights(NamedTuple):
         ]
         return cls(np.array([[slope, *levels, np.inf]]))
 
-    def of(self, priority: NDArray[np.int64], h: Array, state: int = 0) -> Array:
-        """Return λ_δ(h) (m,) of rows of one state; those of priority 1 have no use for it."""
-        table = self.table[state if self.states else 0]
+    def of(self, priority: NDArray[np.int64], h: Array) -> Array:
+        """Return λ_δ(h) (m,) of one state's rows; those of priority 1 have no use for it."""
+        table = self.table[0]
         gamma0 = table[np.minimum(np.maximum(priority - 1, 1), table.size - 1)]
         return gamma0 * (1.0 + table[0] * np.maximum(0.0, -h))
 

@@ -1,6 +1,7 @@
 """The filter of one plant of any model, with any barriers, inputs and solver."""
 
 import warnings
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +43,10 @@ class Conditions(NamedTuple):
 
 
 class GeneralCore(FilterCore):
-    """The filter of one plant: usual rows from jets, and a program of any number of inputs.
+    """The filter of one plant: its rows, and a program of any number of inputs.
+
+    Plants of the planar double integrator have the rows that the compiled core gives them, held
+    ones too; those of other models have usual rows from jets.
 
     Whatever is not finite, misshaped or too old on the way from the plant to the rows makes it
     brake, see `Backup`, for as long as that lasts; an alarm, if the plant or the user asks for
@@ -70,9 +74,12 @@ class GeneralCore(FilterCore):
         self.program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
-        self.uncertainty = kept(plant, settings.margin, held=False)
+        self._planar = plant.model == DoubleIntegrator()
+        held = settings.rows == "held" and self._planar and plant.period is not None
+        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
+        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
+        self.uncertainty = kept(plant, settings.margin, held)
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
-        self._usual = RowSettings(self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._monitor = Monitor(plant.model, plant.period, input_set)
@@ -80,7 +87,7 @@ class GeneralCore(FilterCore):
         self._last_time, self._alarm = -np.inf, Reason.NONE
         self._m = 0
         if not callable(plant.barriers):
-            late = self._check(plant.barriers)
+            late = self._check(self._scene(plant.barriers))
             if late:
                 raise InvalidInputError(late)
 
@@ -102,8 +109,8 @@ class GeneralCore(FilterCore):
         if sensed is not None:
             self._backup.know(sensed.model)
             found = self._conditions(barriers, sensed, beginning=True)
-            if found is not None and isinstance(barriers, BarrierSet):
-                self._doubt(self.check_scene(barriers))
+            if found is not None and self._planar:
+                self._doubt(self.check_scene(self._scene(barriers)))
         zeros = np.zeros(self.input_set.n_u)
         if found is None:
             return self._brake(zeros, zeros, reason or Reason.BARRIERS)
@@ -197,8 +204,9 @@ class GeneralCore(FilterCore):
         """
         try:
             with np.errstate(all="ignore"):
-                late = self._check(barriers)
-                found = self._rows(barriers, sensed)
+                scene = self._scene(barriers)
+                late = self._check(scene)
+                found = self._rows(scene, sensed)
             check_rows(_without_gaps(found.rows), self.input_set.n_u)
         except UNREADABLE:
             return None
@@ -228,6 +236,18 @@ class GeneralCore(FilterCore):
             np.linalg.norm(x[at : at + 2]) < STANDING and np.linalg.norm(u_nominal) > ASKING
         )
 
+    def _scene(self, barriers: Any) -> Any:
+        """Return barriers of the planar double integrator as a set of one scene; others as given.
+
+        Raises:
+            InvalidInputError: if they are no sequence of barriers.
+        """
+        if not self._planar or isinstance(barriers, BarrierSet):
+            return barriers
+        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
+            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+        return BarrierSet([tuple(barriers)])
+
     def _check(self, barriers: Any) -> str:
         """Refuse what is no list of barriers, and return what is late in it; "" for nothing.
 
@@ -235,7 +255,7 @@ class GeneralCore(FilterCore):
             InvalidInputError: on other values, or if no input reaches a barrier.
         """
         if isinstance(barriers, BarrierSet):
-            if self.plant.model != DoubleIntegrator() or len(barriers.kind) != 1:
+            if not self._planar or len(barriers.kind) != 1:
                 raise InvalidInputError(
                     f"plant: got a BarrierSet of {len(barriers.kind)} scenes with "
                     f"{self.plant.model}, expected a sequence of barriers: a set makes rows of the "
@@ -269,7 +289,7 @@ class GeneralCore(FilterCore):
             margin, rate = derive_all(
                 self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
             )
-            batch = barriers.rows(*now, self._usual, margin, rate)
+            batch = barriers.rows(*now, self.row_settings, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             seen = barriers.kind[0], rows.priority, rows.a, rows.h
             unsafe = bool(is_unsafe(*seen, self.uncertainty.body))

@@ -119,6 +119,23 @@ def test_rows_of_one_level_may_differ_in_steepness_by_any_factor(name, lambda_u)
             np.testing.assert_allclose(batch.u[i], wanted, atol=1e-8)
 
 
+def test_a_steep_row_that_pays_next_to_nothing_holds_back_a_flat_one():
+    # at the exact input the last row is missed by 3e-10; where it is met, u is 1.4e-3 away
+    a = np.array(
+        [
+            [-4.8873597831976683e-05, 1.7364811107275848e-04],
+            [2.3227096218702284e-06, 4.1720428636774012e-06],
+            [-1.8582371707051304e-01, -4.7164560228609270e-01],
+        ]
+    )
+    b = np.array([-1.3858869883575072e-04, 2.0365601512877568e-05, 6.6065979564072919e-01])
+    rows = CbfRows(a, b, np.zeros(3), np.array([1, 2, 2]))
+    u_nominal, program = np.array([4.077634613017361, 0.9765663756775531]), programs.make("cbf-qp")
+    judge = Judge.of(program.input_set, u_nominal, rows, program)
+    wanted = np.array(judge.solve("cbf-qp"), dtype=float)
+    np.testing.assert_allclose(program(u_nominal, rows).u, wanted, rtol=0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "group"),
     [
