@@ -241,9 +241,10 @@ def _some(p: Plants, first: int, end: int) -> Plants:
     )
 
 
-@njit(cache=True, inline="always")
-def _filter(c: Any, settings: Settings, p: Plants, w: Work) -> bool:
+@njit(cache=True)
+def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     """Filter as many plants as there is room for, and tell whether there is a reason to speak."""
+    settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count, asks = p.kind.shape[0], False
     if p.own.size > 0:
         _take_rows(p, w)
