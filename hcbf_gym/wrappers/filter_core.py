@@ -104,7 +104,6 @@ class FilterCore(ABC):
         self._announcer = Announcer(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._fresh: Mask = np.ones(count, dtype=np.bool_)
-        self._scale: Array = np.full(count, self.alpha1_scale)
 
     def cover(self, coverage: Any) -> None:
         """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).

@@ -19,6 +19,7 @@ from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.programs.program import check_rows
+from hcbf_gym.wrappers import report
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
@@ -138,13 +139,13 @@ class GeneralCore(FilterCore):
             self._last_time = self._last_time if sensed.time is None else sensed.time
             self._backup.know(sensed.model)
             self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
-        report = self._filter(wanted, barriers, sensed, reason)
+        told = self._filter(wanted, barriers, sensed, reason)
         self._steps += 1.0
-        u = report["u_safe"].copy()
+        u = told["u_safe"].copy()
         self._backup.apply(u)
         if sensed is not None:
             self._monitor.expect(sensed.body, sensed.model, u)
-        return u, report
+        return u, told
 
     def _filter(
         self, wanted: Array, barriers: Any, sensed: Belief | None, reason: Reason
@@ -317,23 +318,20 @@ class GeneralCore(FilterCore):
         stands: bool = False,
     ) -> dict[str, Any]:
         """Return what ``info["safety_filter"]`` says of one call."""
-        return {
-            "u_nominal": u_nominal.copy(),
-            "u_safe": result.u.copy(),
-            "slack": result.slack.copy(),
-            "delta": result.delta.copy(),
-            "margin": found.margin.copy(),
-            "conditioning": found.conditioning.copy(),
-            "intervention": np.sqrt((result.u - u_nominal) @ (result.u - u_nominal)),
-            "status": np.int64(result.status),
-            "reason": np.int64(reason),
+        change = result.u - u_nominal
+        rows = {"slack": result.slack, "delta": result.delta, "margin": found.margin}
+        told = {
+            "intervention": np.sqrt(change @ change),
+            "fallbacks": result.fallbacks,
+            "model_error": self._monitor.error,
+            "deadlock": stands,
+            "alpha1_scale": self.alpha1_scale,
+            "status": result.status,
+            "reason": reason,
             "covered": self._coverage[0],
-            "alpha1_scale": self._scale[0],
-            "fallbacks": np.float64(result.fallbacks),
-            "model_error": np.float64(self._monitor.error),
-            "reachable": np.float64(0.0),
-            "deadlock": np.float64(stands),
         }
+        inputs = {"u_nominal": u_nominal, "u_safe": result.u}
+        return report.of_one(inputs, rows | {"conditioning": found.conditioning}, told)
 
 
 def _without_gaps(rows: CbfRows) -> CbfRows:

@@ -30,15 +30,12 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
-    ``info["safety_filter"]`` holds `u_nominal` (n_u,), `u_safe` (n_u,), `slack` (m,) each row's
-    violation, `delta` (m,) the program's own relaxation, `status` (a
-    `hcbf_gym.programs.FilterStatus`), `reason` (a `hcbf_gym.models.plant.Reason`, 0 where there is
-    none), `covered` (a `hcbf_gym.models.plant.Coverage`), `alpha1_scale` by how much α₁ was scaled
-    down to what U can brake, `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each row
-    reserves between h and zero, `model_error` how far the plant's response is from the chosen input
-    [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
-    u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
-    `conditioning` (m,): 0 where no input matters to a row, less than 1 near a kink of its function.
+    ``info["safety_filter"]`` holds the fields of `hcbf_gym.wrappers.report`: u* and u, each row's
+    slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
+    `hcbf_gym.models.plant.Reason`, 0 where there is none), `covered` (a
+    `hcbf_gym.models.plant.Coverage`), and what is measured on the way, such as `intervention`
+    ‖u − u*‖ and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though u* asks it to move
+    (‖u*‖ > 0.3 m/s²).
     `reset` reports the same keys.
 
     Args:
