@@ -27,7 +27,7 @@ def own_row(
         x: (4,) position [m] and velocity [m/s].
         t: time [s].
         settings: α₁, α₂, and whether u is held.
-        margin: what the row keeps between h and zero.
+        margin: what the row reserves between h and zero.
         margin_rate: its rate of change.
     """
     if settings.held and isinstance(barrier, PlanarBarrier):

@@ -13,7 +13,16 @@ Records = NDArray[np.void]
 
 
 class TaskSpaceQp:
-    """A tick on which no bound binds is one compiled call."""
+    """The program of each tick, and its torques; where no bound binds, a tick is one compiled call.
+
+    Attributes:
+        feedforward: (12,) τ of the latest solution [N·m]; a view, which every tick changes.
+        program: that of the latest tick; views, too.
+
+    Args:
+        settings: (1,) `tick.SETTINGS`.
+        memory: (1,) `tick.MEMORY`, moved on by every tick.
+    """
 
     def __init__(self, settings: Records, memory: Records) -> None:
         self._settings, self._memory = settings, memory

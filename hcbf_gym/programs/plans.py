@@ -157,8 +157,10 @@ def register(name: str, plan: Plan) -> None:
         plan: the program.
 
     Raises:
-        InvalidInputError: if the name is taken, or the plan is none.
+        InvalidInputError: if the name is taken or no text, or the plan is none.
     """
+    if not isinstance(name, str) or not name:
+        raise InvalidInputError(f"program name: got {name!r}, expected a text that is not empty")
     if not isinstance(plan, Plan):
         raise InvalidInputError(f"plan: got {plan!r}, expected a Plan")
     if _PLANS.get(name, plan) != plan:

@@ -372,6 +372,9 @@ def test_a_plan_that_makes_no_sense_is_refused():
         programs.make({"strict": "all", "levels": 3})
     with pytest.raises(InvalidInputError, match="taken"):
         programs.register("lex-cbf-qp", Plan("all"))
+    for name in (None, 1, "", ["mine"]):
+        with pytest.raises(InvalidInputError, match="text"):
+            programs.register(name, Plan("all"))
 
 
 def test_a_plan_of_your_own_filters_an_environment_by_name_and_as_it_is(monkeypatch):
