@@ -11,8 +11,8 @@ import gymnasium as gym
 import numpy as np
 import tyro
 
+from hcbf_gym.drawing.rendering import chase_camera
 from hcbf_gym.envs.a1_regions import A1RegionsEnv
-from hcbf_gym.envs.rendering import chase_camera
 
 ROUNDS = 5
 FRAMES = 40

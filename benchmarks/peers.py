@@ -1,35 +1,74 @@
 """What others offer for the same job, as calls to be timed; needs the extra `benchmark`.
 
-They run with what cbfpy's README recommends: 64 bit, and one thread each for Eigen and BLAS. JAX
-reads that before its first computation, so this module is imported before anything uses JAX.
+cbfpy runs at its best: ElastiQP solves, which its README calls much faster than qpax on a CPU, to
+the tolerance that it asks for, in 64 bit, with one thread each for Eigen and BLAS. JAX reads that
+before its first computation, so this module is imported before anything uses JAX.
 """
 
 import importlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-os.environ |= {
+from hcbf_gym.barriers import Disc, HalfPlane
+
+ENVIRONMENT = {
     "JAX_ENABLE_X64": "1",
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
     "OPENBLAS_NUM_THREADS": "1",
 }
+JAX = {"jax_enable_x64": True, "jax_cpu_enable_async_dispatch": False}
+OPTIONS: dict[str, Any] = {"relax_qp": True, "backend": "elastiqp", "solver_tol": 1e-6}
+
+os.environ |= ENVIRONMENT
 
 # by name, so that the types check where they are not installed
 cbfpy: Any = importlib.import_module("cbfpy")
 jax: Any = importlib.import_module("jax")
-jax.config.update("jax_enable_x64", True)  # where JAX had been imported before
+for _name, _value in JAX.items():
+    jax.config.update(_name, _value)  # where JAX had been imported before
 jnp: Any = importlib.import_module("jax.numpy")
 qpax: Any = importlib.import_module("qpax")
 
+Array = NDArray[np.float64]
+Shape = Disc | HalfPlane
 
-class _TwoDiscs(cbfpy.CBFConfig):
-    """cbfpy's double integrator between two discs, |u_i| ≤ 5."""
+TWO_DISCS = (Disc("a", 1, (1.2, 0.1), 1.0), Disc("b", 1, (-0.9, 0.8), 0.8))
+MOVING, WANTED = np.array([0.0, 0.0, 0.5, -0.2]), np.array([2.0, 1.0])
 
-    def __init__(self) -> None:
-        super().__init__(n=4, m=2, u_min=[-5.0, -5.0], u_max=[5.0, 5.0])
+
+def settings() -> dict[str, Any]:
+    """Return the versions and the settings that cbfpy runs with."""
+    packages = ("cbfpy", "elastiqp", "jax", "numpy")
+    return {
+        "versions": {name: version(name) for name in packages},
+        "options": OPTIONS,
+        "environment": ENVIRONMENT,
+        "jax": JAX,
+    }
+
+
+class _Shapes(cbfpy.CBFConfig):
+    """cbfpy's double integrator among shapes, |u_i| ≤ 5, and its usual ``α(h) = h``, twice.
+
+    It knows no ranks: every row may be violated at its usual price.
+
+    Args:
+        shapes: discs and half-planes.
+    """
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        discs = [shape for shape in shapes if isinstance(shape, Disc)]
+        planes = [shape for shape in shapes if isinstance(shape, HalfPlane)]
+        self.centers = np.array([disc.center for disc in discs])
+        self.radii = np.array([disc.radius for disc in discs])
+        self.normals = np.array([plane.normal for plane in planes]).reshape(-1, 2)
+        self.offsets = np.array([plane.offset for plane in planes])
+        super().__init__(n=4, m=2, u_min=[-5.0, -5.0], u_max=[5.0, 5.0], **OPTIONS)
 
     def f(self, z: Any) -> Any:
         return jnp.array([z[2], z[3], 0.0, 0.0])
@@ -38,15 +77,24 @@ class _TwoDiscs(cbfpy.CBFConfig):
         return jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
     def h_2(self, z: Any) -> Any:
-        centers, radii = jnp.array([[1.2, 0.1], [-0.9, 0.8]]), jnp.array([1.0, 0.8])
-        return jnp.linalg.norm(z[:2] - centers, axis=1) - radii
+        discs = jnp.linalg.norm(z[:2] - self.centers, axis=1) - self.radii
+        if not self.offsets.size:
+            return discs
+        return jnp.concatenate((self.normals @ z[:2] - self.offsets, discs))
 
 
-def cbfpy_filter() -> Callable[[], Any]:
-    """Return a call of cbfpy's compiled `safety_filter`, NumPy in and out."""
-    cbf = cbfpy.CBF.from_config(_TwoDiscs())
-    z, u = np.array([0.0, 0.0, 0.5, -0.2]), np.array([2.0, 1.0])
-    return lambda: np.asarray(cbf.safety_filter(z, u))
+def cbfpy_filter(
+    shapes: Sequence[Shape] = TWO_DISCS, x: Array = MOVING, u_nominal: Array = WANTED
+) -> Callable[[], Array]:
+    """Return a call of cbfpy's compiled `safety_filter`, NumPy in and out.
+
+    Args:
+        shapes: discs and half-planes, one disc at least.
+        x: (4,) position [m] and velocity [m/s].
+        u_nominal: (2,) u* [m/s²].
+    """
+    cbf = cbfpy.CBF.from_config(_Shapes(shapes))
+    return lambda: np.asarray(cbf.safety_filter(x, u_nominal))
 
 
 def qpax_batch(count: int) -> Callable[[], Any]:

@@ -25,7 +25,7 @@ from benchmarks.strict import lines
 from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.evaluation.attacked import wants
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 
@@ -97,9 +97,7 @@ class Episode:
 
     def _drive(self, env: gym.Env, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
         inner: Any = env.unwrapped
-        hostile = self.policy in attacks.ATTACKS
-        attack = attacks.make(self.policy, self.seed) if hostile else None
-        policy = None if hostile else make_policy(self.policy, env)
+        wanted = wants(self.policy, env, self.seed)
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
         position = [k for k in strict if inner.barriers[k].reads_position]
         speed = [k for k in strict if not inner.barriers[k].reads_position]
@@ -110,12 +108,7 @@ class Episode:
             if not changed and inner.time >= self.when - 1e-9:
                 _change(inner.simulation, *self.change)  # type: ignore[misc]
                 changed = True
-            if attack is not None:
-                u = attack.wants(attacks.look(env))
-            else:
-                assert policy is not None
-                u = np.asarray(policy(observation, info), dtype=np.float64)
-            observation, _, terminated, truncated, info = env.step(u)
+            observation, _, terminated, truncated, info = env.step(wanted(observation, info))
             report = info["safety_filter"]
             least.append(float(info["min_h"][position].min()))
             fastest = min(fastest, float(info["min_h"][speed].min(initial=np.inf)))

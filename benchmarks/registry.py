@@ -71,7 +71,7 @@ SUITES = {
         1,
         ROM,
         extra="benchmark",
-        needs=("cbfpy",),
+        needs=("cbfpy", "elastiqp"),
     ),
     "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
     "strict": Suite(
@@ -131,7 +131,7 @@ SUITES = {
         "users' functions beside the analytic shapes",
         1,
         extra="benchmark",
-        needs=("cbfpy",),
+        needs=("cbfpy", "elastiqp"),
     ),
     "play": Suite(
         "suites.playground",

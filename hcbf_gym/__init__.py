@@ -13,7 +13,7 @@ from hcbf_gym.errors import HcbfError  # noqa: E402
 from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
 from hcbf_gym.online import VelocityFilter  # noqa: E402
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Estimate",
     "HcbfError",

@@ -1,4 +1,4 @@
-"""One family of errors; a message says what was got, what was expected and the choices."""
+"""One family of errors; a message says what is wrong, what was expected and the choices."""
 
 import importlib.util
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ class InvalidInputError(HcbfError, ValueError):
 
 
 class UnreachableError(InvalidInputError):
-    """No input of a model reaches a barrier by a derivative that could keep it."""
+    """No input of a model reaches a barrier by a derivative that could preserve it."""
 
 
 class UnknownNameError(InvalidInputError):

@@ -38,7 +38,7 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
     """
     check_mapping(what, data)
     if "kind" not in data:
-        raise InvalidInputError(f"{what}: got no 'kind', expected one of {sorted(kinds)}")
+        raise InvalidInputError(f"{what}: 'kind' is missing, expected one of {sorted(kinds)}")
     cls = choose(f"{what} kind", data["kind"], kinds)
     return build(f"{what} ({data['kind']})", cls, {k: v for k, v in data.items() if k != "kind"})
 
@@ -102,7 +102,7 @@ def whole(path: Path) -> Iterator[Path]:
     Whoever else writes the same file meanwhile writes another part of the disk; the last one wins.
 
     Args:
-        path: of the file; its suffix is kept, as some writers add one of their own.
+        path: of the file; its suffix is retained, as some writers add one of their own.
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

@@ -1,5 +1,6 @@
 """What README and docs show is run as it stands there."""
 
+import ast
 import importlib
 import json
 import re
@@ -12,6 +13,7 @@ import pytest
 import tyro
 from needs import imported, needs
 
+import hcbf_gym
 from benchmarks import publishing
 from benchmarks.__main__ import PICTURES
 from benchmarks.pictures import gallery
@@ -19,33 +21,48 @@ from benchmarks.registry import SUITES
 from hcbf_gym import scenarios
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.errors import MissingDependencyError
-from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.parent.name != "api"),
+]
+
+EXTRA = r"(?:\.|hcbf-gym)\[([a-z,]+)\]"
+
+
+def read(page):
+    return page.read_text(encoding="utf-8")
 
 
 def blocks(page, language):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+    return re.findall(rf"```{language}\n(.*?)```", read(ROOT / page), flags=re.DOTALL)
+
+
+def pages_with(pattern):
+    """Return the pages in whose text a pattern is found: the others would pass any test of it."""
+    return [page for page in PAGES if re.search(pattern, read(page))]
+
+
+def named(page):
+    """Return a page's path, which tells evidence/guidance from guidance."""
+    return str(page.relative_to(ROOT).with_suffix(""))
+
+
+def test_the_readme_is_short():
+    assert len(read(ROOT / "README.md").split()) <= 300
 
 
 @pytest.mark.physics
 def test_the_readmes_code_runs_and_does_what_it_says():
     names: dict = {}
-    loop, vector, alone = blocks("README.md", "python")
+    (loop,) = blocks("README.md", "python")
     exec(loop, names)
-    assert set(names["info"]["safety_filter"]) >= {"u_nominal", "u_safe", "slack", "status"}
-    assert names["truncated"]
-    assert not names["terminated"]
-    exec(vector, names)
-    names["envs"].reset(seed=0)
-    exec(alone, names)
-    result = names["result"]
-    assert result.u == pytest.approx([1.0, 0.0], abs=1e-9)
-    assert result.slack == pytest.approx([0.0, 1.5], abs=1e-9)
-    assert result.status == FilterStatus.RELAXED
+    assert names["info"]["is_success"]
+    assert names["info"]["safety_filter"]["covered"] == 1
+    assert names["info"]["min_h"][:2].min() > 0.0  # the two walls
 
 
 def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
@@ -64,9 +81,10 @@ def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
     "page",
     [
         pytest.param(page, marks=needs(*imported("".join(blocks(page, "python")))))
-        for page in sorted((ROOT / "docs").rglob("*.md"))
+        for page in pages_with("```python")
+        if page.name != "README.md"
     ],
-    ids=lambda page: page.stem,
+    ids=named,
 )
 def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -79,7 +97,7 @@ def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
 
 def shown_commands(page):
     """Yield what every command that a page shows runs: a module, and the words that it is given."""
-    text = page.read_text(encoding="utf-8")
+    text = read(page)
     lines = re.findall(r"`((?:hcbf |python scripts/|python -m benchmarks\b(?!\.))[^`\n]*)`", text)
     for block in re.findall(r"```bash\n(.*?)```", text, flags=re.DOTALL):
         lines += re.split(r"\n|&&", block.replace("\\\n", " "))
@@ -97,7 +115,7 @@ def shown_commands(page):
                 yield COMMANDS[name].module, rest
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", pages_with("hcbf |python scripts/"), ids=named)
 def test_every_command_that_is_shown_is_understood(page):
     missing = {}
     for name, rest in shown_commands(page):
@@ -113,23 +131,32 @@ def test_every_command_that_is_shown_is_understood(page):
         pytest.skip("; ".join(missing.values()))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", pages_with(EXTRA), ids=named)
 def test_every_extra_that_is_named_exists(page):
     with open(ROOT / "pyproject.toml", "rb") as file:
         extras = set(tomllib.load(file)["project"]["optional-dependencies"])
-    text = page.read_text(encoding="utf-8")
-    for named in re.findall(r"(?:\.|hcbf-gym)\[([a-z,]+)\]", text):
-        assert set(named.split(",")) <= extras
+    text = read(page)
+    for asked in re.findall(EXTRA, text):
+        assert set(asked.split(",")) <= extras
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", pages_with("```"), ids=named)
 def test_a_block_that_says_no_language_is_a_formula_or_a_drawing(page):
-    text = page.read_text(encoding="utf-8")
+    text = read(page)
     parts = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", text, flags=re.DOTALL | re.MULTILINE)
     for language, block in parts:
         assert language in {"", "bash", "python", "json", "yaml"}
         runs = re.search(r"^ *(?:pip|hcbf|python|import|from|env|\w+\.\w+\()", block, re.MULTILINE)
         assert language or not runs, block
+
+
+def test_the_version_is_the_same_everywhere_and_leads_the_changelog():
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    assert hcbf_gym.__version__ == version
+    assert f"version: {version}\n" in read(ROOT / "CITATION.cff")
+    newest = re.search(r"^## (\S+)", read(ROOT / "CHANGELOG.md"), re.MULTILINE)
+    assert newest[1] == version
 
 
 def test_the_site_lists_every_page():
@@ -142,37 +169,63 @@ def test_the_site_lists_every_page():
 def test_every_loop_is_shown_and_all_together_are_small():
     files = {path.stem: path for path in (ROOT / "docs/images/gallery").glob("*.webp")}
     assert set(files) == set(gallery.LOOPS)
-    page = (ROOT / "docs/gallery.md").read_text(encoding="utf-8")
+    page = read(ROOT / "docs/gallery.md")
     assert all(f"images/gallery/{name}.webp" in page for name in files)
     assert sum(path.stat().st_size for path in files.values()) < 10e6
 
 
 def test_every_suite_is_listed():
-    page = (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8")
+    page = read(ROOT / "docs/benchmarks.md")
     assert [name for name in SUITES if f"`{name}`" not in page] == []
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
-def test_every_registry_that_is_named_exists(page):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    named = re.findall(r"`(\w+)` in `([\w/]+)\.py`", text)
-    assert named
-    for registry, file in named:
-        name = file.removesuffix("/__init__").replace("/", ".")
-        inside = name.startswith(("hcbf_gym.", "benchmarks."))
-        module = importlib.import_module(name if inside else f"hcbf_gym.{name}")
-        assert hasattr(module, registry), f"{registry} in {file}.py"
+def defined(file):
+    """Return every name that a Python file defines, in classes too; of another file, its words."""
+    text = read(file)
+    if file.suffix != ".py":
+        return set(re.findall(r"\w+", text)) | set(re.findall(r"^#+ (.*)$", text, re.MULTILINE))
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+def ways():
+    """Yield what is sought, its files and its names, from the tables of CONTRIBUTING."""
+    text = read(ROOT / "CONTRIBUTING.md")
+    for table in ("Find your way", "To add"):
+        section = re.search(rf"^## {table}\n(.*?)(?=^## )", text, re.DOTALL | re.MULTILINE)
+        assert section, f"CONTRIBUTING.md has no section {table}"
+        rows = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", section[1], re.MULTILINE)
+        for what, where, names in rows[1:]:  # below the head
+            files = [name for name in re.findall(r"`([^`]+)`", where) if "=" not in name]
+            yield pytest.param(what, files, re.findall(r"`([^`]+)`", names), id=what)
+
+
+@pytest.mark.parametrize(("what", "files", "names"), list(ways()))
+def test_every_way_that_is_shown_leads_there(what, files, names):
+    assert files, f"{what}: no file is named"
+    assert names, f"{what}: no name is given"
+    lost = [file for file in files if not (ROOT / file).exists()]
+    assert not lost, f"{what}: no {', '.join(lost)} in the repository"
+    known = set().union(*(defined(ROOT / file) for file in files if (ROOT / file).is_file()))
+    unknown = sorted(set(names) - known)
+    assert not unknown, f"{what}: {', '.join(unknown)} is defined in none of {', '.join(files)}"
 
 
 def headings(page):
     """The anchors of a page, as the site's generator and code hosts make them."""
-    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    titles = re.findall(r"^#+ (.*)$", read(page), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title).strip().lower().replace(" ", "-") for title in titles}
 
 
 def test_every_link_of_the_pages_leads_somewhere():
     for page in PAGES:
-        text = page.read_text(encoding="utf-8")
+        text = read(page)
         for target, anchor in re.findall(r"\]\((?!http)([^)#]*)(?:#([^)]+))?\)", text):
             linked = page.parent / target if target else page
             assert linked.exists(), f"{page.name}: {target}"
@@ -183,4 +236,17 @@ def test_every_link_of_the_pages_leads_somewhere():
 def test_every_table_is_that_of_its_results_and_every_result_is_known():
     assert not [str(page) for page, _ in publishing.differing(ROOT)]
     assert {path.stem for path in (ROOT / "docs" / "results").glob("*.json")} <= set(SUITES)
-    assert "<!-- results: course/all -->" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_result_is_shown_on_one_page_of_evidence_or_more():
+    shown = set(re.findall(r"<!-- results: ([\w-]+)/", "".join(map(read, PAGES))))
+    assert {path.stem for path in (ROOT / "docs" / "results").glob("*.json")} <= shown
+
+
+def test_every_page_of_evidence_shows_the_command_that_makes_it():
+    for page in sorted((ROOT / "docs" / "evidence").glob("*.md")):
+        made = set(re.findall(r"<!-- results: ([\w-]+)/", read(page)))
+        told = "".join(blocks(page, "bash"))
+        missing = [name for name in made if f" --suite {name}\n" not in told]
+        assert made, page.name
+        assert not missing, f"{page.name}: {missing}"

@@ -123,12 +123,12 @@ class Judge:
         """Return the problem that the doubles describe, with a program's weights."""
         a, b = input_set.halfspaces()
         low = input_set.vertices().min(axis=0) - 1.0
-        weight = program.cascade.weights.of(rows.priority, rows.h)
+        weight = program.prices.weights.of(rows.priority, rows.h)
         strict = np.isinf(weight)
-        weight, least = np.where(strict, 1.0, weight), program.cascade.least_slack(rows)
+        weight, least = np.where(strict, 1.0, weight), program.prices.least_slack(rows)
         region = Region(np.asarray(a, dtype=np.float64), exactly(b).tolist(), low, u_nominal)
         known = Rows(rows.a, rows.b, weight, least)
-        return cls(region, known, rows.priority, strict, float(program.cascade.lambda_u))
+        return cls(region, known, rows.priority, strict, float(program.prices.lambda_u))
 
     def solve(self, name: str) -> Rationals:
         """Return the input (n,) that the program of that name hands back."""

@@ -1,7 +1,10 @@
-"""What `SafetyFilter` adds to a step in a user's loop, in turn with cbfpy's whole filter.
+"""What `SafetyFilter` adds to a step in a user's loop, in turn with what cbfpy's filter adds to it.
 
-cbfpy runs with what its documentation recommends: 64 bit, one thread of Eigen, compiled; both are
-pinned to one core and take turns, so that they see the same machine.
+Both have the same barriers and input set. For the ratio both have the same rows, too: linear α₁ and
+α₂, as cbfpy has them by default, usual rows, no margin. Beside it stands what the filter adds as it
+is shipped, with the paper's logarithm and rows for a held input. All are pinned to one core and
+take turns, so that they see the same machine, in loops around the same environment, so that what
+the environment does to the caches is done to both.
 """
 
 import os
@@ -11,78 +14,120 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
-import hcbf_gym  # noqa: F401 - registers the environments
 from benchmarks import peers
+from benchmarks.shares import shares
+from hcbf_gym.barriers import Disc, HalfPlane, to_dict
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.wrappers import SafetyFilter
 
 PROGRAMS = ("h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
-SCENE: dict[str, Any] = {
-    "name": "four rows",
-    "barriers": [
-        {
-            "kind": "half-plane",
-            "name": "wall",
-            "priority": 1,
-            "normal": [-1.0, 0.0],
-            "offset": -1.0,
-        },
-        {"kind": "disc", "name": "a", "priority": 1, "center": [-2.0, 0.2], "radius": 1.0},
-        {"kind": "disc", "name": "b", "priority": 2, "center": [0.3, 0.2], "radius": 0.8},
-        {"kind": "disc", "name": "c", "priority": 3, "center": [-0.3, -0.6], "radius": 0.6},
-    ],
-    "reference": {"kind": "point", "goal": [3.0, 3.0]},
-}
-"""A wall and three discs; at the origin b and c contradict each other, far away nothing binds."""
+ROW_COUNTS = (2, 5, 12)
+PLACES = {"idle": (-50.0, -50.0), "conflict": (0.0, 0.0)}
+SAME_ROWS: dict[str, Any] = {"alpha1": 1.0, "alpha2": 1.0, "rows": "usual", "margin": 0.0}
+REPETITIONS = 5
+WANTED = np.array([0.5, 0.5])
+
+SHAPES = (
+    Disc("strict", 1, (-0.3, -0.2), 0.33),
+    Disc("against it", 2, (0.3, 0.2), 0.8),
+    HalfPlane("wall", 1, (-1.0, 0.0), -1.0),
+    Disc("left", 1, (-2.0, 0.2), 1.0),
+    Disc("below", 3, (0.1, -1.2), 1.0),
+    *(
+        Disc(f"around {k}", 1 + k % 3, (2.5 * np.cos(k), 2.5 * np.sin(k)), 1.0 + 0.1 * k)
+        for k in range(7)
+    ),
+)
+"""At the origin the first two ask for opposite inputs; far away nothing binds."""
 
 Timed = tuple[Callable[[], Any], Callable[[], Any]]
-"""A call to be timed, and what prepares it."""
-PLACES = {"idle": (-50.0, -50.0), "conflict": (0.0, 0.0)}
+"""What prepares a call, and the call that is timed."""
+WARM, BLOCK = 5, 25
+"""Calls of a block, the first of which are not timed: caches and XLA's threads are warm by then."""
 
 
 def run(quick: bool) -> dict[str, Any]:
     """Time every program idle and in conflict; return medians [µs] and their ratios to cbfpy's."""
-    rounds = 200 if quick else 4000
     allowed = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(allowed)})
     try:
-        return _figures(rounds)
+        rows = [
+            row
+            for count in ROW_COUNTS
+            for place in PLACES
+            for row in _rows(count, place, 2 if quick else 40)
+        ]
     finally:
         os.sched_setaffinity(0, allowed)
+    return {"cbfpy": peers.settings(), "same_rows": SAME_ROWS, "filter": rows, "shares": shares()}
 
 
-def _figures(rounds: int) -> dict[str, Any]:
-    peer = peers.cbfpy_filter()
-    rows = []
-    for program in PROGRAMS:
-        for place, position in PLACES.items():
-            bare, filtered = _steps(program, position)
-            times = in_turn([bare, filtered, (lambda: None, peer)], rounds)
-            added = times[1] - times[0]
-            rows.append(
-                {
-                    "program": program,
-                    "place": place,
-                    "bare": times[0],
-                    "added": added,
-                    "cbfpy": times[2],
-                    "ratio": added / times[2],
-                }
-            )
-    return {"filter": rows}
+def _rows(count: int, place: str, blocks: int) -> list[dict[str, Any]]:
+    """Return the figures of one scene at one place, a program each."""
+    scene = {
+        "name": f"{count} rows",
+        "barriers": [to_dict(shape) for shape in SHAPES[:count]],
+        "reference": {"kind": "point", "goal": [3.0, 3.0]},
+        "start": list(PLACES[place]),
+    }
+    x = np.array([*PLACES[place], 0.0, 0.0])
+    calls = [
+        _step(_environment(scene)),
+        _peers_step(_environment(scene), peers.cbfpy_filter(SHAPES[:count], x, WANTED)),
+        *(_step(SafetyFilter(_environment(scene), name, **SAME_ROWS)) for name in PROGRAMS),
+        *(_step(SafetyFilter(_environment(scene), name)) for name in PROGRAMS),
+    ]
+    times = np.array([_blocks_in_turn(calls, blocks) for _ in range(REPETITIONS)])
+    cbfpy, added = times[:, 1:2] - times[:, :1], times[:, 2:] - times[:, :1]
+    medians, ratios = np.median(added, axis=0), np.median(added / cbfpy, axis=0)
+    return [
+        {
+            "program": name,
+            "rows": count,
+            "place": place,
+            "step": float(np.median(times[:, 0])),
+            "cbfpy": float(np.median(cbfpy)),
+            "added": float(medians[k]),
+            "ratio": float(ratios[k]),
+            "shipped": float(medians[k + len(PROGRAMS)]),
+            "shipped_ratio": float(ratios[k + len(PROGRAMS)]),
+        }
+        for k, name in enumerate(PROGRAMS)
+    ]
 
 
-def _steps(program: str, position: tuple[float, float]) -> tuple[Timed, Timed]:
-    """Return a bare step and a filtered one, both from rest at the same place."""
-    u = np.array([0.5, 0.5], dtype=np.float32)
-    scene = SCENE | {"start": list(position)}
-    bare = gym.make("HCBF-Regions-v0", scenario=scene).unwrapped
-    filtered = SafetyFilter(gym.make("HCBF-Regions-v0", scenario=scene).unwrapped, program=program)
-    return (bare.reset, lambda: bare.step(u)), (filtered.reset, lambda: filtered.step(u))
+def _environment(scene: dict[str, Any]) -> gym.Env[Any, Any]:
+    """Return an environment with no wrapper of Gymnasium's."""
+    return gym.make("HCBF-Regions-v0", scenario=scene).unwrapped
 
 
-def in_turn(calls: Sequence[Timed], rounds: int) -> list[float]:
+def _step(env: gym.Env[Any, Any]) -> Timed:
+    """Return how an episode begins, and its next step."""
+    action = WANTED.astype(np.float32)
+    return lambda: env.reset(seed=0), lambda: env.step(action)
+
+
+def _peers_step(env: gym.Env[Any, Any], u: Callable[[], Any]) -> Timed:
+    """Return how an episode begins, and its next step under a peer's input."""
+    return lambda: env.reset(seed=0), lambda: env.step(u())
+
+
+def _blocks_in_turn(calls: Sequence[Timed], blocks: int) -> NDArray[np.float64]:
+    """Return each call's median time [µs] within blocks of it alone; the blocks take turns."""
+    times = np.empty((blocks, BLOCK, len(calls)))
+    for i in range(blocks):
+        for k, (prepare, call) in enumerate(calls):
+            prepare()
+            for j in range(BLOCK):
+                start = time.perf_counter()
+                call()
+                times[i, j, k] = time.perf_counter() - start
+    return 1e6 * np.median(times[:, WARM:], axis=(0, 1))
+
+
+def in_turn(calls: Sequence[Timed], rounds: int) -> NDArray[np.float64]:
     """Return each call's median time [µs], without its preparation.
 
     The calls take turns, so that all see the same machine.
@@ -94,21 +139,41 @@ def in_turn(calls: Sequence[Timed], rounds: int) -> list[float]:
             start = time.perf_counter()
             call()
             times[i, k] = time.perf_counter() - start
-    return (1e6 * np.median(times, axis=0)).tolist()
+    return 1e6 * np.median(times, axis=0)
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of what each program adds."""
-    header = ("program", "where", "step [µs]", "added [µs]", "cbfpy [µs]", "share of cbfpy's")
+    versions = figures["cbfpy"]["versions"]
+    header = (
+        "program",
+        "rows",
+        "where",
+        "cbfpy adds [µs]",
+        "SafetyFilter adds [µs]",
+        "share of that",
+        "as shipped [µs]",
+        "share of that",
+    )
     rows = [
         (
-            row["program"],
+            f"`{row['program']}`",
+            str(row["rows"]),
             row["place"],
-            f"{row['bare']:.0f}",
+            f"{row['cbfpy']:.1f}",
             f"{row['added']:.1f}",
-            f"{row['cbfpy']:.0f}",
             f"{row['ratio']:.2f}",
+            f"{row['shipped']:.1f}",
+            f"{row['shipped_ratio']:.2f}",
         )
         for row in figures["filter"]
     ]
-    return {"added": Table("what SafetyFilter adds to a step, four rows", header, rows)}
+    title = (
+        f"what SafetyFilter and cbfpy add to a step, in turn: cbfpy {versions['cbfpy']} "
+        f"with ElastiQP {versions['elastiqp']}"
+    )
+    parts = [(row["part"], f"{row['time']:.1f}") for row in figures["shares"]]
+    return {
+        "added": Table(title, header, rows),
+        "shares": Table("where that time goes, five rows, idle", ("part", "µs"), parts),
+    }

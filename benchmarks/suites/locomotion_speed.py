@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import hcbf_gym
 from benchmarks.suites.measure import Measure
-from hcbf_gym.locomotion import formulations, qp
+from hcbf_gym.locomotion import qp, task_space_qp
 from hcbf_gym.locomotion.controller import LocomotionController
 
 Array = NDArray[np.float64]
@@ -28,11 +28,10 @@ DT = 0.002
 def speed_figures(quick: bool) -> list[Measure]:
     """Return real-time factors, the stages of a tick and the peer's figures."""
     repetitions = 1 if quick else 5
-    condensed, full, alone = time_episodes(repetitions)
-    ratio = float(np.median(alone / condensed))
+    walking, alone = time_episodes(repetitions)
+    ratio = float(np.median(alone / walking))
     figures = [
-        Measure("speed", "real-time factor", real_time(condensed), "×", 25.0, True),
-        Measure("speed", "real-time factor, full QP form", real_time(full), "×", 18.0, True),
+        Measure("speed", "real-time factor", real_time(walking), "×", 25.0, True),
         Measure("speed", "real-time factor of MuJoCo alone", real_time(alone), "×"),
         Measure("speed", "share of MuJoCo's own speed", ratio, "", 0.3, True),
     ]
@@ -44,23 +43,17 @@ def real_time(seconds: Array) -> float:
     return float(np.median(STEPS * 0.02 / seconds))
 
 
-def time_episodes(repetitions: int) -> tuple[Array, Array, Array]:
-    """Return (n,) seconds of an episode: condensed, full, and of MuJoCo alone under its torques.
+def time_episodes(repetitions: int) -> tuple[Array, Array]:
+    """Return (n,) seconds of an episode, and of MuJoCo alone under its torques.
 
     They take turns, so that a slow spell of the machine falls on all of them.
     """
     env, torques, start = recorded_episode()
-    full = make_env("full")
-    run_episode(full)
     seconds = np.array(
-        [
-            (run_episode(env), run_episode(full), replay(env, torques, start))
-            for _ in range(repetitions)
-        ]
+        [(run_episode(env), replay(env, torques, start)) for _ in range(repetitions)]
     )
     env.close()
-    full.close()
-    return seconds[:, 0], seconds[:, 1], seconds[:, 2]
+    return seconds[:, 0], seconds[:, 1]
 
 
 def replay(env: gym.Env[Any, Any], torques: Array, start: Array) -> float:
@@ -77,17 +70,17 @@ def replay(env: gym.Env[Any, Any], torques: Array, start: Array) -> float:
     return time.process_time() - begin
 
 
-def make_env(formulation: str) -> gym.Env[Any, Any]:
-    """Return the paper's course on the A1, its controller in the form asked for."""
+def make_env() -> gym.Env[Any, Any]:
+    """Return the paper's course on the A1."""
     env = gym.make("HCBF-A1Regions-v0", scenario="paper-simulation")
     core: Any = env.unwrapped
-    core.walker.controller = LocomotionController(max_speed=1.2, formulation=formulation)
+    core.walker.controller = LocomotionController(max_speed=1.2)
     return env
 
 
 def recorded_episode() -> tuple[gym.Env[Any, Any], Array, Array]:
     """Return the environment after an episode, every torque of it (n, 12), and the first qpos."""
-    env = make_env("condensed")
+    env = make_env()
     core: Any = env.unwrapped
     simulation, torques = core.simulation, []
     step = simulation.step
@@ -117,12 +110,12 @@ def run_episode(env: gym.Env[Any, Any]) -> float:
 
 def stage_shares() -> list[Measure]:
     """Time the stages of an episode; what is left over is the environment's and Python's."""
-    env = make_env("condensed")
+    env = make_env()
     run_episode(env)
     tick = run_episode(env) / (STEPS * 0.02 / DT)
     stages: dict[str, list[tuple[Any, str]]] = {
         "physics (MuJoCo)": [(mujoco, "mj_step1"), (mujoco, "mj_step2")],
-        "dynamics, plan, tasks, QP without bounds": [(formulations, "tick_condensed")],
+        "dynamics, plan, tasks, QP without bounds": [(task_space_qp, "tick")],
         "QP solver, where a bound binds": [(qp, "solve")],
     }
     with ExitStack() as stack:

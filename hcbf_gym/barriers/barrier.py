@@ -132,7 +132,7 @@ class PlanarBarrier(Barrier):
     def core(self, q: Array, reach: float) -> Core | None:
         """Return the core of a convex region around which ∇H turns, or None if that is unknown.
 
-        Rows for a held input rest on it; without it a barrier keeps its usual row.
+        Rows for a held input rest on it; without it a barrier has its usual row.
 
         Args:
             q: (2,) position in the barrier's frame [m].

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.class_k import ClassK
-from hcbf_gym.barriers.kernels import TINY
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.barriers.shapes import IS_DISTANCE
 from hcbf_gym.models.input_sets import InputSet
 
 Array = NDArray[np.float64]
@@ -95,18 +96,18 @@ def speed_left(v_max: Any, margin: Any) -> Any:
 
     Args:
         v_max: the cap [m/s], a number or an array.
-        margin: what its row keeps between h and zero [m/s].
+        margin: what its row reserves between h and zero [m/s].
     """
     return np.sqrt(np.maximum(0.0, v_max * (v_max - 2.0 * margin)))
 
 
 class Shortcoming(NamedTuple):
-    """Something that α₁, U and a speed limit cannot keep in some of N scenes.
+    """Something that α₁, U and a speed limit cannot satisfy in some of N scenes.
 
     Attributes:
         what: in a word, so that it is said once.
         scenes: (N,) where.
-        promised: whether rank 1 is kept all the same.
+        promised: whether rank 1 is satisfied all the same.
         says: a sentence with the numbers.
     """
 
@@ -121,10 +122,10 @@ class _Asked(NamedTuple):
 
     Attributes:
         left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
-        margin: (N,) what those keep [m/s].
+        margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
-        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or an
-            ellipse, whose h grows slowly along its long axis.
+        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or one
+            whose h grows slowly somewhere, as an ellipse's does along its long axis.
     """
 
     left: Array
@@ -136,13 +137,13 @@ class _Asked(NamedTuple):
 def shortcomings(
     scenes: BarrierSet, alpha1: ClassK, input_set: InputSet, speed_margin: float
 ) -> list[Shortcoming]:
-    """Return what cannot be kept in N scenes; an empty list where everything can.
+    """Return what cannot be satisfied in N scenes; an empty list where everything can.
 
     Args:
         scenes: the N scenes.
         alpha1: α₁.
         input_set: U.
-        speed_margin: what the row of a speed limit keeps besides its own margin [m/s].
+        speed_margin: what the row of a speed limit reserves besides its own margin [m/s].
     """
     asked = _look(scenes, speed_margin)
     able = (1.0 - RESERVE) * weakest(input_set)
@@ -159,12 +160,12 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     v_max, kept = scenes.parameters[..., layout.V_MAX], scenes.own_margin + speed_margin
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    ellipses = regions & (scenes.kind == layout.ELLIPSE)
+    slow = regions & ~IS_DISTANCE[scenes.kind]
     return _Asked(
         left=left.min(axis=1, initial=np.inf),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        narrows=(regions.sum(axis=1) > 1) | ellipses.any(axis=1),
+        narrows=(regions.sum(axis=1) > 1) | slow.any(axis=1),
     )
 
 

@@ -5,20 +5,19 @@ Each takes functions, `Function` barriers or built-in shapes, and returns a func
 instead of a minimum, prefer two barriers of one priority.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
+from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function, Scalar
-from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.autodiff import import_jax
 
 Part = Scalar | Barrier
-
-_TINY = 1e-9
 
 
 def minimum(*parts: Part) -> Scalar:
@@ -88,12 +87,12 @@ def traced(barrier: Barrier) -> Scalar:
     """
     if isinstance(barrier, Function):
         return barrier.of(barrier.packed)
-    jnp = import_jax("compose").numpy
     if isinstance(barrier, SpeedLimit):
         v_max = barrier.v_max
         return lambda x, t: (v_max**2 - x[2] ** 2 - x[3] ** 2) / (2.0 * v_max)
-    if isinstance(barrier, PlanarBarrier) and type(barrier) in _PLANAR:
-        value, (wx, wy) = _PLANAR[type(barrier)](barrier, jnp), barrier.frame_velocity.tolist()
+    if isinstance(barrier, Shape) and type(barrier) in SHAPES:
+        value = barrier.traced(import_jax("compose"))
+        wx, wy = barrier.frame_velocity.tolist()
         return lambda x, t: value(x[0] - wx * t, x[1] - wy * t)
     raise InvalidInputError(
         f"{barrier.name}: got {type(barrier).__name__}, expected a built-in shape or a Function"
@@ -102,7 +101,7 @@ def traced(barrier: Barrier) -> Scalar:
 
 def _functions(parts: tuple[Part, ...]) -> list[Scalar]:
     if not parts:
-        raise InvalidInputError("compose: got nothing, expected at least one function or barrier")
+        raise InvalidInputError("compose: nothing is given, expected a function or barrier")
     return [traced(part) if isinstance(part, Barrier) else part for part in parts]
 
 
@@ -112,78 +111,3 @@ def _sharpness(value: float) -> float:
 
 def _log_sum_exp(jax: Any, values: list[Any]) -> Any:
     return jax.nn.logsumexp(jax.numpy.stack(values))
-
-
-Planar = Callable[[Any, Any], Any]
-
-
-def _half_plane(barrier: HalfPlane, jnp: Any) -> Planar:
-    (nx, ny), offset = barrier.normal, barrier.offset
-    return lambda x, y: nx * x + ny * y - offset
-
-
-def _disc(barrier: Disc, jnp: Any) -> Planar:
-    (cx, cy), radius = barrier.center, barrier.radius
-    return lambda x, y: _norm(jnp, x - cx, y - cy) - radius
-
-
-def _ellipse(barrier: Ellipse, jnp: Any) -> Planar:
-    (cx, cy), scale = barrier.center, min(barrier.semi_axes)
-    (sxx, sxy), (syx, syy) = barrier.scaling.tolist()
-
-    def value(x: Any, y: Any) -> Any:
-        dx, dy = x - cx, y - cy
-        return scale * (_norm(jnp, sxx * dx + sxy * dy, syx * dx + syy * dy) - 1.0)
-
-    return value
-
-
-def _polygon(barrier: ConvexPolygon, jnp: Any) -> Planar:
-    corners = np.array(barrier.vertices)
-    sides = np.concatenate([corners, np.roll(corners, -1, axis=0) - corners], axis=1).tolist()
-    stop_gradient = import_jax("compose").lax.stop_gradient
-
-    def nearest_side(x: Any, y: Any) -> tuple[Any, Any]:
-        """Return whether (x, y) is outside, and the side that decides h: corner and direction."""
-        height, nearest2, highest, nearest = -np.inf, np.inf, sides[0], sides[0]
-        for side in sides:
-            ax, ay, ex, ey = side
-            length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
-            above = (ey * dx - ex * dy) / np.sqrt(length2)
-            along = jnp.clip((dx * ex + dy * ey) / length2, 0.0, 1.0)
-            distance2 = (dx - along * ex) ** 2 + (dy - along * ey) ** 2
-            higher, nearer = above > height, distance2 < nearest2
-            highest = [jnp.where(higher, new, old) for new, old in zip(side, highest, strict=True)]
-            nearest = [jnp.where(nearer, new, old) for new, old in zip(side, nearest, strict=True)]
-            height, nearest2 = jnp.maximum(height, above), jnp.minimum(nearest2, distance2)
-        outside = height > 0.0
-        side = [jnp.where(outside, n, i) for n, i in zip(nearest, highest, strict=True)]
-        return outside, side
-
-    def value(x: Any, y: Any) -> Any:
-        # which side it is has no derivative: only the chosen one is differentiated
-        outside, (ax, ay, ex, ey) = nearest_side(stop_gradient(x), stop_gradient(y))
-        length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
-        above = (ey * dx - ex * dy) / jnp.sqrt(length2)
-        along = (dx * ex + dy * ey) / length2
-        end = (along <= 0.0) | (along >= 1.0)
-        far = jnp.where(along > 0.5, 1.0, 0.0)
-        to_corner = _norm(jnp, dx - far * ex, dy - far * ey)
-        return jnp.where(outside & end, to_corner, above)
-
-    return value
-
-
-def _norm(jnp: Any, x: Any, y: Any) -> Any:
-    """Return ‖(x, y)‖; at 0 its gradient is taken along +x, as the built-in shapes do."""
-    square = x * x + y * y
-    apart = square > _TINY**2
-    return jnp.where(apart, jnp.sqrt(jnp.where(apart, square, 1.0)), x)
-
-
-_PLANAR: dict[type[Barrier], Callable[[Any, Any], Planar]] = {
-    HalfPlane: _half_plane,
-    Disc: _disc,
-    Ellipse: _ellipse,
-    ConvexPolygon: _polygon,
-}

@@ -1,4 +1,4 @@
-"""Which rows of functions are compiled, and for how long that is kept."""
+"""Which rows of functions are compiled, and for how long that is retained."""
 
 import warnings
 from collections.abc import Sequence

@@ -87,7 +87,7 @@ class FunctionRows:
         Args:
             x: (n,) or (N, n) states.
             t: time [s]; (N,) for N states.
-            margin: (m,) what each row keeps between h and zero.
+            margin: (m,) what each row reserves between h and zero.
             margin_rate: (m,) d margin/dt.
 
         Returns:
@@ -222,7 +222,7 @@ def _rows_kernel(
         own = [
             parameters[end - f.packed.size : end] for f, end in zip(functions, ends, strict=True)
         ]
-        # the barriers keep XLA from fusing rows with each other, which costs time and compilation
+        # the barriers stop XLA from fusing rows with each other, which costs time and compilation
         rows = (row(k, *barrier((x, t, margin[k], rate[k], own[k]))) for k in range(len(functions)))
         return [entry for entries in rows for entry in entries]
 

@@ -1,4 +1,4 @@
-"""From barriers to rows for any model: keeping h(x, t) ≥ 0 is a condition linear in the input."""
+"""From barriers to rows for any model: h(x, t) ≥ 0 is preserved by a condition linear in u."""
 
 import math
 import operator
@@ -16,7 +16,7 @@ from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.barriers.shapes import SpeedLimit
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -33,8 +33,8 @@ class Prepared(NamedTuple):
         rest: place and barrier of the others.
         reaches: (m,) how inputs reach each of them.
         priority: (m,).
-        least: (m,) what a row keeps by itself: a speed limit's margin.
-        share: (m,) how much of a margin on the position a row keeps.
+        least: (m,) what a row reserves by itself: a speed limit's margin.
+        share: (m,) how much of a margin on the position a row reserves.
     """
 
     barriers: tuple[Barrier, ...]
@@ -47,7 +47,7 @@ class Prepared(NamedTuple):
     share: Array
 
     def margins(self, margin: float) -> Array:
-        """Return (m,) what each row keeps between h and zero."""
+        """Return (m,) what each row reserves between h and zero."""
         return self.least + margin * self.share
 
 
@@ -102,7 +102,7 @@ class GeneralRows:
             barriers: m safety conditions.
             x: (n,) state; (N, n) where all barriers are functions, and every field has N rows.
             t: time [s]; (N,) for N states.
-            margin: what rows keep between h and zero: (m,), or one number for the rows of
+            margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
 
@@ -269,12 +269,12 @@ def _is_plain(jet: Jet, n: int) -> bool:
 
 
 def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
-    """Return (m,) what each row keeps between h and zero.
+    """Return (m,) what each row reserves between h and zero.
 
     Args:
         barriers: m safety conditions.
         margin: (m,), or one number for the rows of priority 1 that read the position; a speed
-            limit then keeps its own.
+            limit then reserves its own.
     """
     given = np.asarray(margin, dtype=np.float64)
     if given.ndim:

@@ -110,9 +110,8 @@ class LateInputs:
         early = ", ".join(f"u[{j}]" for j in np.flatnonzero(reach.inputs))
         later = ", ".join(f"u[{j}] by derivative {max(degrees[j], reach.degree + 1)}" for j in late)
         return (
-            f"{barrier.name}: got a row that holds only {early}, which enters derivative "
-            f"{reach.degree} of h, and leaves other inputs of {self._model} that move h to the "
-            f"policy: {later}"
+            f"{barrier.name}: its row holds only {early}, which enters derivative {reach.degree} "
+            f"of h, and leaves other inputs of {self._model} that move h to the policy: {later}"
         )
 
 

@@ -1,4 +1,4 @@
-r"""What a row keeps between h and zero, from what is uncertain at this moment.
+r"""What a row reserves between h and zero, from what is uncertain at this moment.
 
 For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
@@ -11,7 +11,7 @@ the body reaches beyond its centre. The first three parts stand for the reduced-
 says that the body moves at the model's velocity: a body that moves faster towards the region will
 get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
 fourth is for rows that read the model's own position: as h is convex with ‖∇h‖ ≤ 1, a body that is
-nearer has no less than that of h. A speed limit keeps d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
+nearer has no less than that of h. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
 largest eigenvalue of the velocity's covariance: a body that does not follow may overshoot, too, and
 one that follows needs little.
 
@@ -27,7 +27,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.plant import Uncertainty
 
@@ -76,12 +76,10 @@ def derive(
             ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
             margin[k] = settings.distance + settings.cap + ahead + spread + settings.body
             continue
-        if certain and kind[k] != layout.ELLIPSE:  # of the others, ∇h is a unit vector
+        if certain and shapes.IS_DISTANCE[kind[k]]:  # ∇h is a unit vector, whatever it is
             margin[k] = settings.distance + settings.body
             continue
-        c = parameters[k]
-        qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
-        jet = kernels.planar_jet(kind[k], c, qx, qy)
+        jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
         nx, ny = jet[1] / steepness, jet[2] / steepness
         ahead = max(0.0, nx * ahead_x + ny * ahead_y)
@@ -119,7 +117,7 @@ def derive_all(
 
     Args:
         settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
-        scenes: N scenes, whose speed limits may keep something by themselves.
+        scenes: N scenes, whose speed limits may reserve something by themselves.
         x: (N, 4) states.
         t: (N,) times [s].
         model: (N, 4) states of the reduced-order models.

@@ -6,15 +6,13 @@ from typing import Any
 
 from hcbf_gym import records
 from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 
 _KINDS: dict[str, type[Barrier]] = {
-    "half-plane": HalfPlane,
-    "disc": Disc,
-    "ellipse": Ellipse,
-    "convex-polygon": ConvexPolygon,
-    "speed-limit": SpeedLimit,
+    **{shape.kind: shape for shape in SHAPES},
+    SpeedLimit.kind: SpeedLimit,
 }
 
 
@@ -57,7 +55,7 @@ def register(kind: str, barrier: type[Barrier]) -> None:
 
 
 def to_dict(barrier: Barrier) -> dict[str, Any]:
-    """Return the barrier as a plain dict that `from_dict` reads and JSON keeps.
+    """Return the barrier as a plain dict that `from_dict` reads and JSON can hold.
 
     Raises:
         InvalidInputError: if its class is not registered.

@@ -71,8 +71,8 @@ def first_reach(
             largest = size.max(axis=1)
             return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))
     raise UnreachableError(
-        f"{barrier.name}: got a barrier whose first {degree} derivatives no input of {model} "
-        f"enters at any of {SAMPLES} sampled states, expected a relative degree up to {degree}"
+        f"{barrier.name}: no input of {model} enters its first {degree} derivatives at any of "
+        f"{SAMPLES} sampled states, expected a relative degree up to {degree}"
         + ("" if degree != 2 else " (barriers.Function finds higher ones)")
     )
 
@@ -91,7 +91,8 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
         raise
     except UNREADABLE as error:
         raise UnreachableError(
-            f"{barrier.name}: got no jet of finite numbers ({error}), expected a barriers.Jet"
+            f"{barrier.name}: its jet is not made of finite numbers ({error}), expected a "
+            "barriers.Jet of them"
         ) from error
 
 

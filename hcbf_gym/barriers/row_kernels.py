@@ -1,15 +1,22 @@
-"""Rows of the double integrator, compiled: the usual ones, and those for an input that is held.
+r"""Rows of the double integrator, compiled: the usual ones, and those for an input that is held.
 
-`docs/rows.md` derives them; `general` and `held` hold the readable forms.
+`docs/rows.md` derives them. A held row keeps h ≥ 0 between two samples, too: with T the period, r
+the velocity in the barrier's frame, m the margin and ṁ its rate, and H convex with ‖∇H‖ ≤ 1,
+
+.. math::
+    h(τ) - m(τ) & ≥ (h - m) + (\dot h - \dot m) τ + ½ a·u τ², \\
+    \dot h(T) & ≥ \dot h + a·u T - ν,
+
+and the row asks for :math:`ψ(T) ≥ ψ - T α₂(ψ)` in terms of these bounds. It is linear in u because
+a chord bounds α₁ from below.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import class_k, layout
-from hcbf_gym.barriers.kernels import planar_jet, polygon_edge, speed_limit
-from hcbf_gym.barriers.layout import CONVEX_POLYGON, CUSTOM, DISC, ELLIPSE, HALF_PLANE, SPEED_LIMIT
+from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit
+from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, PERIOD, U_MAX
 
 Array = NDArray[np.float64]
@@ -37,7 +44,7 @@ def rows(
     Args:
         kind: (N, m) as `BarrierSet` holds it.
         parameters: (N, m, 19) as `BarrierSet` holds it.
-        margin: (2, N, m) what each row keeps between h and zero, and its rate of change.
+        margin: (2, N, m) what each row reserves between h and zero, and its rate of change.
         x: (N, 4) positions [m] and velocities [m/s].
         t: (N,) times [s].
         settings: (11,) `RowSettings.packed`.
@@ -53,15 +60,14 @@ def rows(
             if which == SPEED_LIMIT:
                 v_max = c[layout.V_MAX]
                 a[i, k, 0], a[i, k, 1] = -x[i, 2] / v_max, -x[i, 3] / v_max
-                h = speed_limit(c, x[i, 2], x[i, 3])
+                h = speed_limit.value(v_max, x[i, 2], x[i, 3])
                 b, alpha2_psi, psi = _speed_row(
                     h - margin[0, i, k], margin[1, i, k], x[i, 2], x[i, 3], v_max, alpha2, settings
                 )
             else:
-                qx = x[i, 0] - c[layout.VELOCITY_X] * t[i]
-                qy = x[i, 1] - c[layout.VELOCITY_Y] * t[i]
+                qx, qy = kernels.in_frame(c, x[i, 0], x[i, 1], t[i])
                 rx, ry = x[i, 2] - c[layout.VELOCITY_X], x[i, 3] - c[layout.VELOCITY_Y]
-                h, gx, gy, distance, tx, ty = planar_jet(which, c, qx, qy)
+                h, gx, gy, distance, tx, ty = shapes.jet(which, c, qx, qy)
                 a[i, k, 0], a[i, k, 1] = gx, gy
                 kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
                 sideways = abs(tx * rx + ty * ry)
@@ -69,13 +75,12 @@ def rows(
                     b, alpha2_psi, psi = _usual_row(kept, rate, sideways, distance, alpha1, alpha2)
                 else:
                     speed = np.sqrt(rx * rx + ry * ry)
-                    if which == CONVEX_POLYGON:
-                        reach = _reach(speed, settings)
-                        distance, sideways = _polygon_core(c, qx, qy, h, reach, sideways)
-                    kept -= _rounding(which, c, settings)
-                    b, alpha2_psi, psi = _held_row(
-                        kept, rate, speed, sideways, distance, alpha1, alpha2, settings
-                    )
+                    reach = reach_of(speed, settings)
+                    distance, radius, is_point = shapes.core(which, c, qx, qy, h, distance, reach)
+                    b, alpha2_psi, psi = held_row(
+                        kept, rate, speed, sideways, distance, radius, is_point,
+                        alpha1, alpha2, settings,
+                    )  # fmt: skip
             out[B, i, k], out[H, i, k] = b, h
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
 
@@ -92,27 +97,43 @@ def _usual_row(
 
 
 @njit(cache=True, error_model="numpy")
-def _held_row(
+def held_row(
     kept: float,
     rate: float,
     speed: float,
     sideways: float,
     distance: float,
+    radius: float,
+    is_point: bool,
     alpha1: Array,
     alpha2: Array,
     s: Array,
 ) -> Row:
-    """Return b, α₂(ψ) and ψ of a barrier on the position while u is held for T."""
+    """Return b, α₂(ψ) and ψ of a barrier on the position while u is held for T.
+
+    Args:
+        kept: h − m [m].
+        rate: ḣ − ṁ [m/s].
+        speed: ‖r‖ in the barrier's frame [m/s].
+        sideways: the speed across the direction from the core, if that is a point [m/s].
+        distance: from the core, as in `Core` [m]; infinite where the gradient does not turn.
+        radius: how far the region reaches beyond its core [m].
+        is_point: whether the core is a point.
+        alpha1: (4,) α₁.
+        alpha2: (4,) α₂.
+        s: (11,) `RowSettings.packed`.
+    """
     period = s[PERIOD]
+    half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
+    kept -= max(0.0, half - radius)  # so that the distance from the core is at least that
     psi = rate + class_k.value(alpha1, kept)
     alpha2_psi = class_k.value(alpha2, psi)
 
-    half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
     end = kept + rate * period
     chord = min(class_k.slope(alpha1, end - half), class_k.slope(alpha1, end + half))
     promised = class_k.value(alpha1, end - half) + chord * half
-    turning = _turning(speed, sideways, distance, s)
-    wanted = psi - period * alpha2_psi - rate + turning
+    nu = turning(speed, sideways if is_point else 0.0, distance, s)
+    wanted = psi - period * alpha2_psi - rate + nu
     b = (wanted - promised) / (period + 0.5 * chord * period * period)
     if kept >= 0.0 and end >= 0.0:  # h >= 0 on the way, whatever α₁
         b = max(b, -2.0 * end / (period * period))
@@ -120,11 +141,11 @@ def _held_row(
 
 
 @njit(cache=True, error_model="numpy")
-def _turning(speed: float, sideways: float, distance: float, s: Array) -> float:
+def turning(speed: float, sideways: float, distance: float, s: Array) -> float:
     """Return ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s]."""
     if distance == np.inf:
         return 0.0
-    period, u_max, reach = s[PERIOD], s[U_MAX], _reach(speed, s)
+    period, u_max, reach = s[PERIOD], s[U_MAX], reach_of(speed, s)
     mean = max(0.5 * u_max * period * period, 0.5 * (distance + max(distance - reach, 0.0)))
     loss = u_max * u_max * period**3 / (16.0 * mean)
     across = max(0.0, sideways - 0.5 * u_max * period)
@@ -133,51 +154,9 @@ def _turning(speed: float, sideways: float, distance: float, s: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _reach(speed: float, s: Array) -> float:
+def reach_of(speed: float, s: Array) -> float:
     """Return ℓ, how far the barrier's frame sees the robot get in one period [m]."""
     return speed * s[PERIOD] + 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
-
-
-@njit(cache=True, error_model="numpy")
-def _rounding(kind: int, c: Array, s: Array) -> float:
-    """Return what a held row keeps so that the distance from a core is at least ½ u_max T² [m]."""
-    radius = np.inf
-    if kind == DISC:
-        radius = c[layout.RADIUS]
-    elif kind == ELLIPSE:
-        radius = c[layout.SHORTER_AXIS]
-    elif kind != HALF_PLANE:
-        radius = 0.0
-    return max(0.0, 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD] - radius)
-
-
-@njit(cache=True, error_model="numpy")
-def _polygon_core(
-    c: Array, x: float, y: float, h: float, reach: float, sideways: float
-) -> tuple[float, float]:
-    """Return the distance from a polygon's core, and the sideways speed where it is known to count.
-
-    The core is nothing (infinitely far) where the same edge stays the nearest for all of the
-    reach, the corner where that stays the nearest, and the whole polygon in between. Inside, the
-    nearest edge is taken for the region.
-    """
-    if h <= 0.0:
-        return np.inf, 0.0
-    corners = layout.vertex_count(c)
-    ax, ay, ex, ey = polygon_edge(c, corners - 1)
-    length = np.sqrt(ex * ex + ey * ey)
-    beyond = ((x - ax) * ex + (y - ay) * ey) / length - length  # past the end of the edge before
-    for i in range(corners):
-        ax, ay, ex, ey = polygon_edge(c, i)
-        length = np.sqrt(ex * ex + ey * ey)
-        along = ((x - ax) * ex + (y - ay) * ey) / length
-        above = (ey * (x - ax) - ex * (y - ay)) / length
-        if above > 0.0 and along >= reach and along <= length - reach:
-            return np.inf, 0.0
-        if beyond >= reach and along <= -reach:
-            return h, sideways
-        beyond = along - length
-    return h, 0.0
 
 
 @njit(cache=True, error_model="numpy")

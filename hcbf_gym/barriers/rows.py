@@ -42,7 +42,7 @@ class RowSettings:
     Args:
         alpha1: α₁, applied to h at relative degree 2; the paper's logarithm unless given.
         alpha2: α₂, applied to ψ; linear with gain 2 unless given.
-        period: T, how long u is held [s]: rows then keep h ≥ 0 in between two samples, too.
+        period: T, how long u is held [s]: rows then preserve h ≥ 0 between two samples, too.
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it.
 

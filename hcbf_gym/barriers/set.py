@@ -1,29 +1,24 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout, row_kernels
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.barriers.held import held_rows, usual_rows
 from hcbf_gym.barriers.many import Shapes
+from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
-from hcbf_gym.barriers.shapes import ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_WRITERS: dict[type, Callable[[Any, Array], int]] = {
-    HalfPlane: lambda b, c: layout.half_plane(c, b.normal, b.offset),
-    Disc: lambda b, c: layout.disc(c, b.velocity, b.center, b.radius),
-    Ellipse: lambda b, c: layout.ellipse(c, b.velocity, b.center, b.semi_axes, b.angle),
-    ConvexPolygon: lambda b, c: layout.convex_polygon(c, b.velocity, np.array(b.vertices)),
-    SpeedLimit: lambda b, c: layout.speed_limit(c, b.v_max),
-}
+_BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
 
 
 class BarrierSet:
@@ -45,7 +40,7 @@ class BarrierSet:
         parameters: (N, m, 19) what that kernel reads, see `layout`.
         priority: (N, m) 1 is the highest and strict.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
-        own_margin: (N, m) what a speed limit keeps by itself [m/s], 0 for the others.
+        own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
         own: (scene, place) → a user's own barrier; empty where all are built in.
     """
 
@@ -84,14 +79,13 @@ class BarrierSet:
             self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
             for place in range(k, end) if self.own else ():
                 self.own.pop((i, place), None)
-            write = _WRITERS.get(type(barrier))
             if isinstance(barrier, Shapes):
                 self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
-            elif write is None:
+            elif isinstance(barrier, Shape | SpeedLimit) and type(barrier) in _BUILT_IN:
+                self.kind[i, k] = barrier.write(self.parameters[i, k])
+            else:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
-            else:
-                self.kind[i, k] = write(barrier, self.parameters[i, k])
             k = end
 
     @property
@@ -100,11 +94,11 @@ class BarrierSet:
         return self.kind < layout.SPEED_LIMIT
 
     def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
-        """Refuse speed limits that no input can keep.
+        """Refuse speed limits that no input can satisfy.
 
         Args:
             settings: α₁, α₂, and whether u is held.
-            speed_margin: what the rows of speed limits keep besides their own margins [m/s].
+            speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
 
         Raises:
             InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
@@ -117,7 +111,7 @@ class BarrierSet:
             worst = int(np.argmin(v_max - 2.0 * margin))
             raise InvalidInputError(
                 f"speed limit: got {v_max[worst]:g} m/s, expected above {2.0 * margin[worst]:g} "
-                f"m/s: its row keeps {margin[worst]:g} m/s, so that no speed is left"
+                f"m/s: its row reserves {margin[worst]:g} m/s, so that no speed is left"
             )
         if settings.period is None or settings.u_max is None:
             return
@@ -175,11 +169,11 @@ class BarrierSet:
         return h, sensed
 
     def margins(self, margin: Array | float) -> Array:
-        """Return (N, m) what each row keeps between h and zero.
+        """Return (N, m) what each row reserves between h and zero.
 
         Args:
             margin: (N, m); or one number [m] for strict rows on the position, while a speed limit
-                keeps its own.
+                reserves its own.
         """
         given = np.asarray(margin, dtype=np.float64)
         return given if given.ndim else self.keeps_margin * given + self.own_margin
@@ -198,7 +192,7 @@ class BarrierSet:
             x: (N, 4) positions [m] and velocities [m/s].
             t: (N,) times [s].
             settings: α₁, α₂, and whether u is held.
-            margin: (N, m) what each row keeps between h and zero; or one number, see `margins`.
+            margin: (N, m) what each row reserves between h and zero; or one number, see `margins`.
             margin_rate: (N, m) its rate of change, as far as it is known.
         """
         shape = self.kind.shape
@@ -230,15 +224,10 @@ class BarrierSet:
         out: Array,
     ) -> None:
         """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
-        kept, rate = margins[0, i, k : k + 1], margins[1, i, k : k + 1]
-        if settings.held:
-            row = held_rows([barrier], x, t, settings, kept, rate)
-        else:
-            row = usual_rows(settings)([barrier], x, t, kept, rate)
-        assert row.alpha2_psi is not None
-        a[i, k], out[row_kernels.B, i, k], out[row_kernels.H, i, k] = row.a[0], row.b[0], row.h[0]
-        out[row_kernels.ALPHA2_PSI, i, k] = row.alpha2_psi[0]
-        out[row_kernels.PSI, i, k] = settings.alpha2.inverse(float(row.alpha2_psi[0]))
+        kept, rate = float(margins[0, i, k]), float(margins[1, i, k])
+        a[i, k], b, h, alpha2_psi = own_row(barrier, x, t, settings, kept, rate)
+        psi = settings.alpha2.inverse(alpha2_psi)
+        out[:, i, k] = b, h, alpha2_psi, psi  # in the order of `row_kernels.B` and the others
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""

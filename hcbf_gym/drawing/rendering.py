@@ -35,7 +35,7 @@ class OffscreenRenderer:
             self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=2000)
         except Exception as error:  # MuJoCo raises whatever the GL library does
             raise RenderingError(
-                f"render_mode 'rgb_array': got no OpenGL context ({error}), expected EGL "
+                f"render_mode 'rgb_array': there is no OpenGL context ({error}), expected EGL "
                 "(Debian: apt-get install libegl1 libgl1-mesa-dri) and MUJOCO_GL=egl or unset "
                 "before MuJoCo is imported"
             ) from error
@@ -63,7 +63,7 @@ class WindowRenderer:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
         if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise RenderingError(
-                "render_mode 'human': got no DISPLAY, expected a desktop session; "
+                "render_mode 'human': DISPLAY is not set, expected a desktop session; "
                 "without one use render_mode='rgb_array'"
             )
         import mujoco.viewer

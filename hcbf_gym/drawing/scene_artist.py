@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.scenarios import Scenario
 
@@ -19,7 +19,7 @@ _LAYER = 0.004  # [m] between a rank and the next, the first on top
 _WALL_LENGTH, _WALL_HEIGHT, _WALL_OPACITY = 40.0, 0.25, 0.6  # [m], [m]
 _GRID_CELL, _GRID_HALF_SIZE = 0.5, 8.0  # [m]
 _STRIDE = 0.05  # [m] between two points of the path
-_PATH_POINTS = 1000  # of which the last ones are kept
+_PATH_POINTS = 1000  # of which the last ones are retained
 _REFERENCE_POINTS = 60
 _LINE_HEIGHT = 0.03  # [m]
 _GRID_WIDTH, _LINE_WIDTH, _PATH_WIDTH = 1.0, 3.0, 5.0  # [pixels]
@@ -84,27 +84,24 @@ class SceneArtist:
 
 
 def _draw_barrier(scene: mujoco.MjvScene, barrier: Barrier, t: float) -> None:
-    if not isinstance(barrier, PlanarBarrier):
+    if not isinstance(barrier, Shape):
         return
     name = palette.priority_color(barrier.priority)
     color = palette.rgba(palette.paler(name))
     height = max(1.0, 5.0 - barrier.priority) * _LAYER
-    shift = barrier.frame_velocity * t
-    if isinstance(barrier, HalfPlane):
-        normal = np.array(barrier.normal)
-        center = (barrier.offset - 0.02) * normal
+    shift, drawn = barrier.frame_velocity * t, barrier.outline()
+    if isinstance(drawn, Wall):
+        normal = np.array(drawn.normal)
+        center = (drawn.offset - 0.02) * normal
         size = (0.02, _WALL_LENGTH / 2, _WALL_HEIGHT / 2)
         rotation, wall = _turn(normal[0], normal[1]), palette.rgba(name, _WALL_OPACITY)
         _add(scene, "BOX", size, (*center, _WALL_HEIGHT / 2), wall, rotation)
-    elif isinstance(barrier, Disc):
-        size = (barrier.radius, barrier.radius, 0.0005)
-        _add(scene, "CYLINDER", size, (*(np.array(barrier.center) + shift), height), color)
-    elif isinstance(barrier, Ellipse):
-        rotation = _turn(np.cos(barrier.angle), np.sin(barrier.angle))
-        position = (*(np.array(barrier.center) + shift), height)
-        _add(scene, "CYLINDER", (*barrier.semi_axes, 0.0005), position, color, rotation)
-    elif isinstance(barrier, ConvexPolygon):
-        first, *others = np.array(barrier.vertices) + shift
+    elif isinstance(drawn, Oval):
+        rotation = _turn(np.cos(drawn.angle), np.sin(drawn.angle))
+        position = (*(np.array(drawn.center) + shift), height)
+        _add(scene, "CYLINDER", (*drawn.semi_axes, 0.0005), position, color, rotation)
+    else:
+        first, *others = drawn + shift
         for second, third in itertools.pairwise(others):
             edges = np.eye(3)  # MuJoCo's triangle (0, 0), (1, 0), (0, 1) under an affine map
             edges[:2, 0], edges[:2, 1] = second - first, third - first

@@ -3,10 +3,10 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Ellipse as EllipsePatch
+from matplotlib.patches import Patch, Polygon
 
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.scenarios import Scenario
 
@@ -14,25 +14,21 @@ _FAR = 100.0
 
 
 def outline(barrier: Barrier, t: float = 0.0) -> Patch | None:
-    """Return what a planar barrier forbids at time t as a patch; None for a speed limit."""
-    if not isinstance(barrier, PlanarBarrier):
+    """Return what a built-in region forbids at time t as a patch; None for other barriers."""
+    if not isinstance(barrier, Shape):
         return None
-    shift = barrier.frame_velocity * t
-    if isinstance(barrier, HalfPlane):
-        normal = np.array(barrier.normal)
+    shift, drawn = barrier.frame_velocity * t, barrier.outline()
+    if isinstance(drawn, Wall):
+        normal = np.array(drawn.normal)
         along = np.array([-normal[1], normal[0]])
-        foot = barrier.offset * normal
+        foot = drawn.offset * normal
         corners = [foot - _FAR * along, foot + _FAR * along]
         return Polygon([*corners, corners[1] - _FAR * normal, corners[0] - _FAR * normal])
-    if isinstance(barrier, Disc):
-        return Circle(tuple(np.array(barrier.center) + shift), barrier.radius)
-    if isinstance(barrier, Ellipse):
-        width, height = 2 * np.array(barrier.semi_axes)
-        center = np.array(barrier.center) + shift
-        return EllipsePatch(tuple(center), width, height, angle=np.degrees(barrier.angle))
-    if isinstance(barrier, ConvexPolygon):
-        return Polygon(np.array(barrier.vertices) + shift)
-    return None
+    if isinstance(drawn, Oval):
+        width, height = 2 * np.array(drawn.semi_axes)
+        center = np.array(drawn.center) + shift
+        return EllipsePatch(tuple(center), width, height, angle=np.degrees(drawn.angle))
+    return Polygon(drawn + shift)
 
 
 def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
@@ -78,8 +74,12 @@ def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
     for barrier in scenario.barriers:
         patch = outline(barrier)
-        if patch is not None and not isinstance(barrier, HalfPlane):
+        if patch is not None and not _is_wall(barrier):
             points.extend(patch.get_extents().corners())
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     pad = 0.05 * np.max(high - low) + 0.3
     return low - pad, high + pad
+
+
+def _is_wall(barrier: Barrier) -> bool:
+    return isinstance(barrier, Shape) and isinstance(barrier.outline(), Wall)

@@ -13,7 +13,7 @@ from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.scenarios import Scenario
 
 V_MAX = 1.5
-"""Strict cap on the speed [m/s] where the scenario sets none; its row keeps the trunk below some
+"""Strict cap on the speed [m/s] where the scenario sets none; its row holds the trunk below some
 1.3 m/s, so that the paper's courses can be caught up with."""
 
 FASTEST = 1.7
@@ -32,11 +32,11 @@ UNCERTAINTY = Uncertainty(
 docs/guarantees.md."""
 
 OFF_NOMINAL = 0.02
-"""What rows keep besides [m], and the speed limit's [m/s], where the arguments declare a plant
+"""What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare a plant
 unlike the nominal one: rough ground, or a randomisation of more than the start."""
 
 PER_SPEED = 0.1
-"""What rows keep besides [m] for each m/s of the cap above `V_MAX`."""
+"""What rows reserve besides [m] for each m/s of the cap above `V_MAX`."""
 
 BODIES = ("point", "footprint")
 """What must stay outside: the trunk's centre, or the whole robot."""
@@ -45,7 +45,7 @@ BELIEVED = 0.75
 """Share of the floor's least friction that the controller believes: the rest is for slips."""
 
 CARRIED = 0.85
-"""Share of µg that a component of u may take: the rest keeps the trunk on its reference."""
+"""Share of µg that a component of u may take: the rest holds the trunk on its reference."""
 
 SLIP = 0.08
 """The watch's bound of slip on the nominal plant [m/s]."""
@@ -87,7 +87,7 @@ def uncertainty_of(
     """Return how far the robot may be from its reduced-order model.
 
     A torque that comes Δτ later than on the nominal plant leaves the trunk with the velocity that u
-    changed meanwhile, ``‖u‖ Δτ``, which the speed limit keeps besides.
+    changed meanwhile, ``‖u‖ Δτ``, which the speed limit reserves besides.
 
     Args:
         declared: what the plant's conditions are drawn from.
@@ -112,7 +112,7 @@ def uncertainty_of(
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(
             f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "
-            f"speed limit keeps {known.speed:g} m/s, so that no speed is left"
+            f"speed limit reserves {known.speed:g} m/s, so that no speed is left"
         )
     return known
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import kernels
 from hcbf_gym.barriers.set import BarrierSet
 
 Array = NDArray[np.float64]
@@ -175,11 +175,9 @@ def body_h(
     for p in range(geom.size):
         x, y = _world(place[p], position[geom[p]], rotation[geom[p]])
         for k in range(kind.size):
-            if kind[k] >= layout.SPEED_LIMIT:
+            if not kernels.is_region(kind[k]):
                 continue
-            c = parameters[k]
-            qx, qy = x - c[layout.VELOCITY_X] * t, y - c[layout.VELOCITY_Y] * t
-            jet = kernels.planar_jet(kind[k], c, qx, qy)
+            jet = kernels.jet(kind[k], parameters[k], x, y, t)
             steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
             h[k] = min(h[k], jet[0] - radius[p] * steepness)
 

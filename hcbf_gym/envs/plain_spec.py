@@ -8,7 +8,7 @@ from hcbf_gym import records
 
 
 class PlainSpec:
-    """Keeps the spec that Gymnasium assigns so that ``EnvSpec.from_json(spec.to_json()) == spec``.
+    """Holds the spec that Gymnasium assigns so that ``EnvSpec.from_json(spec.to_json()) == spec``.
 
     Arguments that JSON does not know (a `Scenario`, a path, arrays, tuples) become their plain
     form, which the constructors read as well. Gymnasium declares `spec` a variable; here it is a

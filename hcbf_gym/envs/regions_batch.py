@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import kernels, layout, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.envs.task import (
@@ -62,7 +62,7 @@ class RegionsBatch:
 
     Args:
         scenes: N scenarios of one task and one number of barriers.
-        own_references: whether each keeps a reference table of its own, as `set_scene` needs it;
+        own_references: whether each has a reference table of its own, as `set_scene` needs it;
             False where all scenes are the same until `separate` is called.
 
     Attributes:
@@ -235,12 +235,11 @@ def _advance(
         for k in range(kind.shape[1]):
             which, c = kind[i, k], parameters[i, k]
             if which == layout.SPEED_LIMIT:
-                min_h[i, k] = kernels.speed_limit(c, top_speed, 0.0)
+                min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue
             least = np.inf
             for s in range(SUBSTEPS):
                 now = steps[i] * CONTROL_DT + (s + 1) * PHYSICS_DT
-                h = kernels.planar_value(which, c, px[s] - c[0] * now, py[s] - c[1] * now)
-                least = min(least, h)
+                least = min(least, kernels.height(which, c, px[s], py[s], now))
             min_h[i, k] = least
     return min_h, distance

@@ -235,7 +235,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             self._view = None
 
     def _remember(self) -> None:
-        """Keep the positions, of which a picture shows the last ``steps + 1``."""
+        """Record the positions, of which a picture shows the last ``steps + 1``."""
         if self.render_mode is not None:
             self._trace.append(self._batch.x[:, :2].copy())
 

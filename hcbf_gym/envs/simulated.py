@@ -32,7 +32,7 @@ class Simulated:
 
     def __getstate__(self) -> NoReturn:
         """Refuse copies: their views would still show this simulation's data."""
-        raise InvalidInputError("simulation: got a request to copy it, expected a new one instead")
+        raise InvalidInputError("simulation: cannot be copied; construct a new one")
 
     def push(self, force: Array) -> None:
         """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""

@@ -188,4 +188,4 @@ def check_started(started: bool) -> None:
         InvalidInputError: if there was no reset.
     """
     if not started:
-        raise InvalidInputError("step: got no reset before it, expected env.reset(seed=…) first")
+        raise InvalidInputError("step: the episode has not begun, expected env.reset(seed=…) first")

@@ -246,8 +246,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         """
         if self._started:
             raise InvalidInputError(
-                f"copy: got an environment {self.time:.2f} s into an episode, expected one before "
-                "its first reset; make another and repeat seed and actions instead"
+                f"copy: an environment {self.time:.2f} s into an episode cannot be copied, only "
+                "one before its first reset; make another and repeat seed and actions instead"
             )
         return EzPickle.__getstate__(self) | {"_spec": self._spec}
 

@@ -114,7 +114,8 @@ class Estimator:
         """What is known after the latest tick."""
         memory = self._memory[0]
         now = int(memory["ticks"]) % len(self._past)
-        mean, (of_axis, mixed) = self._means[now], self._covariances[now, :2, :2]
+        mean = self._means[now]
+        of_axis, mixed = self._covariances[now, :2, :2]
         turned = self._yaw_error * mean[:2, 2:].ravel()
         covariance = np.outer(turned, turned)
         covariance[_DIAGONAL, _DIAGONAL] += of_axis[0], of_axis[0], mixed[1], mixed[1]

@@ -105,7 +105,10 @@ def start(
         row: of them that this tick takes.
         told: (41,) filled in with what is known of the robot.
     """
-    known, now, errors, noise = settings[0], memory[0], settings[0].errors, noises[row]
+    known = settings[0]
+    now = memory[0]
+    errors = settings[0].errors
+    noise = noises[row]
     now.ticks = 0
     now.velocity[:] = truth[19:22]
     now.touching[:] = 0
@@ -136,13 +139,17 @@ def tick(
     told: Array,
 ) -> None:
     """Move the estimate on by one tick; arguments as in `start`."""
-    known, now, errors, noise = settings[0], memory[0], settings[0].errors, noises[row]
+    known = settings[0]
+    now = memory[0]
+    errors = settings[0].errors
+    noise = noises[row]
     before = instant(past, now.ticks)
     now.ticks += 1
     entry = instant(past, now.ticks)
     move_slow_errors(errors, now.slow, noise)
     sense(errors, now.slow, noise, truth, told)
-    state, R = state_views(told), rotation_matrix(told[3:7])
+    state = state_views(told)
+    R = rotation_matrix(told[3:7])
     now.yaw = yaw_of(R)
 
     put_turned(planar_acceleration(errors, noise, truth, now.velocity, R), entry.acceleration)
@@ -177,7 +184,9 @@ def average_feet(
     v, slip = x[V, :2], x[S, :2]
     sideways = known.errors.rotation[2] ** 2 * (v**2).sum()
     uncertain = cov[V, V] + 2.0 * cov[V, S] + cov[S, S] + sideways
-    total, variance, count = np.zeros(2), 0.0, 0
+    total = np.zeros(2)
+    variance = 0.0
+    count = 0
     feet = foot_kinematics(known.legs, state.joint_position, state.joint_velocity)
     for leg in range(4):
         if now.touching[leg] < known.settled:

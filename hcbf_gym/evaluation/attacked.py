@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from hcbf_gym import wrappers
@@ -14,6 +15,8 @@ from hcbf_gym.envs.body import Footprint
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.programs import FilterStatus
+
+Array = NDArray[np.float64]
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 """The 95 % band of the NEES of position and velocity at one instant."""
@@ -61,9 +64,7 @@ class AttackedEpisode:
     def _rollout(self, env: gym.Env) -> "Outcome":
         observation, info = env.reset(seed=self.seed)
         inner: Any = env.unwrapped
-        hostile = self.parameters is not None or self.attack in attacks.ATTACKS
-        attack = attacks.make(self.attack, self.seed, self.parameters) if hostile else None
-        policy = None if hostile else make_policy(self.attack, env)
+        wanted = wants(self.attack, env, self.seed, self.parameters)
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
         position = [k for k in strict if inner.barriers[k].reads_position]
         speed = [k for k in strict if not inner.barriers[k].reads_position]
@@ -77,11 +78,7 @@ class AttackedEpisode:
         )
         terminated = truncated = False
         while not (terminated or truncated):
-            if attack is not None:
-                u_nominal = attack.wants(attacks.look(env))
-            else:
-                assert policy is not None
-                u_nominal = np.asarray(policy(observation, info), dtype=np.float64)
+            u_nominal = wanted(observation, info)
             observation, _, terminated, truncated, info = env.step(u_nominal)
             report = info["safety_filter"]
             least = np.minimum(least, info["min_h"])
@@ -109,6 +106,27 @@ class AttackedEpisode:
             reach=reach,
             **_consistency(errors),
         )
+
+
+def wants(
+    name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
+) -> Callable[[Any, dict[str, Any]], Array]:
+    """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
+
+    Args:
+        name: of `attacks.ATTACKS`, or a policy's; not read where there are parameters.
+        env: under its filter; attacks see its truth.
+        seed: of an attack.
+        parameters: of a searched attack.
+
+    Raises:
+        UnknownNameError: if there is neither an attack nor a policy of that name.
+    """
+    if parameters is None and name not in attacks.ATTACKS:
+        policy = make_policy(name, env)
+        return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
+    attack = attacks.make(name, seed, parameters)
+    return lambda observation, info: attack.wants(attacks.look(env))
 
 
 @dataclass(frozen=True)

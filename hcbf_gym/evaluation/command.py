@@ -60,7 +60,7 @@ class Args:
     delta_gamma: float | None = None
     """Slope Δγ of the weight, likewise [default: h 1.3]."""
     margin: float | None = None
-    """What strict rows keep between h and zero [m; default: the environment's]."""
+    """What strict rows reserve between h and zero [m; default: the environment's]."""
     solver: str | None = None
     """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
     feedback: Literal["measured", "position", "rom"] = "position"

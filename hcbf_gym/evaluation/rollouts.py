@@ -296,7 +296,7 @@ def use_backend(backend: str) -> None:
         ray_joblib = importlib.import_module("ray.util.joblib")
     except ImportError as error:
         raise MissingDependencyError(
-            "backend 'ray': got no Ray, expected the extra: pip install 'hcbf-gym[cluster]'"
+            "backend 'ray': Ray is not installed: pip install 'hcbf-gym[cluster]'"
         ) from error
     ray_joblib.register_ray()
 

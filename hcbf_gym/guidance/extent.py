@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import layout
+from hcbf_gym.barriers import kernels, shapes
+from hcbf_gym.barriers.shapes import half_plane
 
 Array = NDArray[np.float64]
 
@@ -43,36 +44,21 @@ def scene_extent(
         extent[0, axis] = min(start[axis], goal[axis])
         extent[1, axis] = max(start[axis], goal[axis])
     for k in range(kind.size):
-        c = parameters[k]
-        if kind[k] == layout.DISC:
-            _include(extent, c[layout.CENTER_X], c[layout.CENTER_Y], c[layout.RADIUS])
-        elif kind[k] == layout.ELLIPSE:
-            first = c[layout.MAP_XX] ** 2 + c[layout.MAP_XY] ** 2
-            second = c[layout.MAP_YX] ** 2 + c[layout.MAP_YY] ** 2
-            longer = 1.0 / np.sqrt(min(first, second))
-            _include(extent, c[layout.CENTER_X], c[layout.CENTER_Y], longer)
-        elif kind[k] == layout.CONVEX_POLYGON:
-            for corner in range(layout.vertex_count(c)):
-                at = layout.FIRST_VERTEX + 2 * corner
-                _include(extent, c[at], c[at + 1], 0.0)
+        if kernels.is_region(kind[k]):
+            low_x, low_y, high_x, high_y = shapes.bounds(kind[k], parameters[k])
+            extent[0, 0], extent[0, 1] = min(extent[0, 0], low_x), min(extent[0, 1], low_y)
+            extent[1, 0], extent[1, 1] = max(extent[1, 0], high_x), max(extent[1, 1], high_y)
     extent[0] -= PAD
     extent[1] += PAD
     for k in range(kind.size):
-        if kind[k] == layout.HALF_PLANE and priority[k] == 1:
+        if kind[k] == half_plane.CODE and priority[k] == 1:
             for axis in range(2):
-                along = parameters[k, layout.NORMAL_X + axis]
-                wall = parameters[k, layout.OFFSET]
+                along = parameters[k, half_plane.NORMAL_X + axis]
+                wall = parameters[k, half_plane.OFFSET]
                 if along == 1.0:
                     extent[0, axis] = max(extent[0, axis], wall - BEHIND_WALL)
                 elif along == -1.0:
                     extent[1, axis] = min(extent[1, axis], BEHIND_WALL - wall)
-
-
-@njit(cache=True)
-def _include(extent: Array, x: float, y: float, reach: float) -> None:
-    """Let the extent cover a disc."""
-    extent[0, 0], extent[0, 1] = min(extent[0, 0], x - reach), min(extent[0, 1], y - reach)
-    extent[1, 0], extent[1, 1] = max(extent[1, 0], x + reach), max(extent[1, 1], y + reach)
 
 
 @njit(cache=True)

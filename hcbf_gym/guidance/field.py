@@ -2,8 +2,8 @@
 
 On a grid of square cells the field T solves the eikonal equation ``‖∇T‖ = c(p)``, ``T(goal) = 0``,
 by fast marching. A cell costs `RANK_COST` inside a region, most where the rank is highest, and 1
-in the open, a little more close to an edge: so the way keeps out of regions as their ranks ask,
-leads out of one by the cheapest side, and keeps some distance where there is room.
+in the open, a little more close to an edge: so the way stays out of regions as their ranks ask,
+leads out of one by the cheapest side, and leaves some distance where there is room.
 
 Source: J. A. Sethian, A fast marching level set method for monotonically advancing fronts,
 PNAS 93, 1996.
@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import kernels
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -67,10 +67,9 @@ def sample(kind: int, c: Array, t: float, geometry: Array, h: Array) -> None:
     """Write h (ny, nx) of one built-in planar barrier at the cells of a grid."""
     cell = geometry[2]
     for j in range(h.shape[0]):
-        y = geometry[1] + j * cell - c[layout.VELOCITY_Y] * t
+        y = geometry[1] + j * cell
         for i in range(h.shape[1]):
-            x = geometry[0] + i * cell - c[layout.VELOCITY_X] * t
-            h[j, i] = kernels.planar_value(kind, c, x, y)
+            h[j, i] = kernels.height(kind, c, geometry[0] + i * cell, y, t)
 
 
 @njit(cache=True)
@@ -216,7 +215,7 @@ def solve(
         kind: (m,) as in `BarrierSet`; speed limits are passed over.
         parameters: (m, 19) as in `BarrierSet`.
         priority: (m,) 1 is strict.
-        clearance: (m,) what each edge keeps: margin, body radius [m].
+        clearance: (m,) what each edge reserves: margin, body radius [m].
         t: time [s].
         goal: (2,) [m].
         geometry: (5,) x and y of the first cell's centre, side of a cell [m], ny, nx.
@@ -227,7 +226,7 @@ def solve(
     h, cost = np.empty((ny, nx)), np.ones((ny, nx))
     rank = np.zeros((ny, nx), dtype=np.int8)
     for k in range(kind.size):
-        if kind[k] != layout.SPEED_LIMIT:
+        if kernels.is_region(kind[k]):
             sample(kind[k], parameters[k], t, geometry, h)
             paint(h, priority[k], clearance[k], cost, rank)
     j, i = cell_of(goal[0], goal[1], geometry)

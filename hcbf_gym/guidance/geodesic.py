@@ -1,4 +1,4 @@
-"""Guidance by geodesic fields, kept for N robots in N scenes."""
+"""Guidance by geodesic fields, stored for N robots in N scenes."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_CLEARANCE = 0.01
-"""What strict edges keep at least: where two of them touch there is no way between [m]."""
+"""What strict edges reserve at least: where two of them touch there is no way between [m]."""
 
 
 class Geodesic:
@@ -91,8 +91,8 @@ class Geodesic:
             goal: (2,) or (N, 2) [m].
             extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for what
                 start, goal and regions take up.
-            clearance: what the edges keep [m]: margin, body radius; a number for strict edges, or
-                (N, m) for each.
+            clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
+                or (N, m) for each.
             start: (2,) or (N, 2) [m], which the grid has to cover.
             mask: (N,) the scenes that begin; all unless given.
 
@@ -142,7 +142,7 @@ class Geodesic:
             InvalidInputError: before the first reset.
         """
         if self._set is None:
-            raise InvalidInputError("guidance: got no scene, expected reset() first")
+            raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
         a, b = np.empty((len(x), 2)), np.empty(len(x))
         guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, a, b)
@@ -193,7 +193,7 @@ class Geodesic:
         return geometry
 
     def _clearances(self, scenes: BarrierSet, clearance: ArrayLike) -> Array:
-        """Return (N, m) what each edge keeps."""
+        """Return (N, m) what each edge reserves."""
         given = as_array("clearance", clearance)
         if given.ndim == 0:
             kept = scenes.keeps_margin * finite_float("clearance", given.item(), minimum=0.0)
@@ -202,7 +202,7 @@ class Geodesic:
         return np.maximum(kept, scenes.keeps_margin * LEAST_CLEARANCE)
 
     def _reserve(self, cells: int) -> None:
-        """Make room for fields of so many cells, keeping those that there are."""
+        """Make room for fields of so many cells, retaining those that there are."""
         missing = cells - self.field.shape[1]
         if missing > 0:
             self.field = np.pad(self.field, ((0, 0), (0, missing)))

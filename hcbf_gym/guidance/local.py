@@ -6,7 +6,7 @@ Where u* presses against a region within `REACH`, the row asks for speed along t
     tᵀu ≥ −k\,(tᵀv − β), \qquad t = σ\,(n_y, −n_x),
 
 n the unit gradient of the nearest such barrier and σ = ±1 the side. The side is the one that u*
-leans to when the edge is met; it is kept as long as something stops the policy, and flipped when
+leans to when the edge is met; it is retained while something stops the policy, and flipped when
 the robot stands still for `STUCK` all the same. So single convex regions are passed; a cluster or
 a trap may not be, for which only a field knows the way.
 
@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, kernels, layout
+from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.row import Pull
@@ -56,17 +56,15 @@ def circulation(
         t: time [s].
         u_nominal: (2,) u* [m/s²].
         pull: gain and speed.
-        memory: (2,) the side σ, 0 if free, and since when the robot stands [s]; kept from step to
-            step, zeros at a reset.
+        memory: (2,) the side σ, 0 if free, and since when the robot stands [s]; carried from step
+            to step, zeros at a reset.
     """
     held = memory[0] != 0.0
     nearest, nx, ny = LEAVE if held else REACH, 0.0, 0.0
     for k in range(kind.size):
-        if kind[k] == layout.SPEED_LIMIT:
+        if not kernels.is_region(kind[k]):
             continue
-        c = parameters[k]
-        qx, qy = x[0] - c[layout.VELOCITY_X] * t, x[1] - c[layout.VELOCITY_Y] * t
-        h, gx, gy, _, _, _ = kernels.planar_jet(kind[k], c, qx, qy)
+        h, gx, gy, _, _, _ = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         if h < nearest and gx * u_nominal[0] + gy * u_nominal[1] < 0.0:
             norm = np.sqrt(gx * gx + gy * gy)
             nearest, nx, ny = h, gx / norm, gy / norm
@@ -152,7 +150,7 @@ class Local:
             InvalidInputError: before the first reset.
         """
         if self.barriers is None:
-            raise InvalidInputError("guidance: got no scene, expected reset() first")
+            raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         a, b = np.empty((len(x), 2)), np.empty(len(x))
         rows(
             self.barriers.kind,

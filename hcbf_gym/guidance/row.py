@@ -141,6 +141,38 @@ def reachable(through: Ranks, geometry: Array, x: float, y: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def lead(
+    field: Field,
+    through: Ranks,
+    geometry: Array,
+    goal: Array,
+    x: Array,
+    pull: Pull,
+    way: Array,
+    rank: Array,
+) -> None:
+    """Write the rows of N states, and through which ranks their ways lead; see `rows`.
+
+    A state that is not finite is led nowhere.
+
+    Args:
+        field: (N, capacity).
+        through: (N, capacity) as `reachable` reads it.
+        geometry: (N, 5).
+        goal: (N, 2) [m].
+        x: (N, 4) positions [m] and velocities [m/s].
+        pull: gain, speed and ranges.
+        way: (N, 3) a_x, a_y and b, to be written.
+        rank: (N,) to be written.
+    """
+    for n in range(x.shape[0]):
+        way[n, 0], way[n, 1], way[n, 2], rank[n] = 0.0, 0.0, -1.0, 0.0
+        if np.isfinite(x[n, 0] + x[n, 1] + x[n, 2] + x[n, 3]):
+            way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
+            rank[n] = reachable(through[n], geometry[n], x[n, 0], x[n, 1])
+
+
+@njit(cache=True, error_model="numpy")
 def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.int64]) -> None:
     """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
 

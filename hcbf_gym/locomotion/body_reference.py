@@ -78,7 +78,7 @@ def advance(
         robot_position: (3,) of the trunk, from which the reference does not run away [m].
         dt: tick [s].
         max_speed: cap on the speed [m/s].
-        follow_velocity: whether the heading follows the velocity; else it is kept.
+        follow_velocity: whether the heading follows the velocity; else it is held.
         grip: share of the fastest turn that the ground carries.
     """
     velocity = reference.velocity + dt * u

@@ -11,12 +11,12 @@ from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import stand
 from hcbf_gym.locomotion.foothold import nominal_stance
-from hcbf_gym.locomotion.formulations import CondensedForm, FullForm
 from hcbf_gym.locomotion.gait import GAITS, RESTING, Gait
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.task_space_qp import TaskSpaceQp
 from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
@@ -62,13 +62,12 @@ class LocomotionController:
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
-        friction: µ of the friction pyramid that the contact forces keep to; below `FULL_GRIP` the
+        friction: µ of the friction pyramid that bounds the contact forces; below `FULL_GRIP` the
             robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
-        heading: "velocity" turns the trunk along its velocity, "fixed" keeps it as at reset.
+        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
         height: of the trunk above the ground [m]; None is that of the home pose.
-        formulation: of the task-space QP, "condensed" or "full"; both give the same torques.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
@@ -85,7 +84,6 @@ class LocomotionController:
         heading: str = "velocity",
         max_speed: float | None = None,
         height: float | None = None,
-        formulation: str = "condensed",
     ) -> None:
         self.robot = read_robot(xml_file)
         self.model = RobotModel(self.robot)
@@ -112,8 +110,7 @@ class LocomotionController:
         self._settings = np.array([settings], dtype=SETTINGS)
         self._memory = np.zeros(1, dtype=MEMORY)
         self.stance: NDArray[np.uint8] = self._memory["targets"]["stance"][0]
-        make = choose("formulation", formulation, {"full": FullForm, "condensed": CondensedForm})
-        self._form = make(self._settings, self._memory)
+        self._qp = TaskSpaceQp(self._settings, self._memory)
         self._begun = False
         self._solution: qp.QpSolution | None = None
         self._torque = np.zeros(12)
@@ -122,7 +119,7 @@ class LocomotionController:
 
     def __getstate__(self) -> NoReturn:
         """Refuse copies: their views would still show this controller's workspace."""
-        raise InvalidInputError("controller: got a request to copy it, expected a new one instead")
+        raise InvalidInputError("controller: cannot be copied; construct a new one")
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""
@@ -137,7 +134,7 @@ class LocomotionController:
         memory.ground = feet[:, 2].mean() - self.robot.foot_radius
         for foot in range(4):
             stand(memory.targets, foot, feet[foot])
-        self._form.feedforward[:] = 0.0
+        self._qp.feedforward[:] = 0.0
         self._torque = np.zeros(12)
         self._begun, self._solution = True, None
         self.solved = 0
@@ -150,7 +147,7 @@ class LocomotionController:
             state: as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
-        self._torque, self._solution = self._form.step(state, u)
+        self._torque, self._solution = self._qp.step(state, u)
         if self._solution.x is None:
             self.failed += 1
         else:
@@ -177,16 +174,17 @@ class LocomotionController:
         Made on request, for the residual takes longer than the QP.
         """
         if not self._begun:
-            raise InvalidInputError("diagnostics: got no reset yet, expected one first")
-        targets, solved = self._memory[0].targets, self._solution
+            raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
+        targets = self._memory[0].targets
+        solved = self._solution
         return Diagnostics(
             stance=targets.stance.astype(np.bool_),
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
-            feedforward=self._form.feedforward.copy(),
+            feedforward=self._qp.feedforward.copy(),
             qp_exitflag=0 if solved is None else solved.exitflag,
-            qp_residual=0.0 if solved is None else qp.residual(self._form.program, solved),
+            qp_residual=0.0 if solved is None else qp.residual(self._qp.program, solved),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )

@@ -31,7 +31,7 @@ class Trunk(NamedTuple):
         position: (3,) p [m].
         velocity: (3,) v in the world's axes [m/s].
         yaw: ψ [rad].
-        height: h that it shall keep above the ground [m].
+        height: h that it shall hold above the ground [m].
     """
 
     position: Array

@@ -41,7 +41,8 @@ def joint_feedback(
     desired_omega = reference.yaw_rate * R[2]
     for foot in range(4):
         k = slice(3 * foot, 3 * foot + 3)
-        r, rate = feet.position[foot], state.joint_velocity[k]
+        r = feet.position[foot]
+        rate = state.joint_velocity[k]
         to_joints = inverse_3x3(feet.jacobian[foot])
         if targets.stance[foot]:
             slide = -apply_transposed(R, desired_velocity) - cross(desired_omega, r)

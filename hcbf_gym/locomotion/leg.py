@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.rotation import wrap_angle
 from hcbf_gym.locomotion.state import Array
 
@@ -60,7 +61,9 @@ def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> Fo
         s1, c1, s12, c12 = np.sin(h), np.cos(h), np.sin(h + k), np.cos(h + k)
 
         # the leg's plane: x forwards, d sideways, z upwards, before the abad joint turns it
-        x, d, z = -l2 * s1 - l3 * s12, geometry.offset[leg], -l2 * c1 - l3 * c12
+        x = -l2 * s1 - l3 * s12
+        d = geometry.offset[leg]
+        z = -l2 * c1 - l3 * c12
         position[leg, 0] = geometry.hip[leg, 0] + x
         position[leg, 1] = geometry.hip[leg, 1] + d * ca - z * sa
         position[leg, 2] = geometry.hip[leg, 2] + d * sa + z * ca
@@ -82,6 +85,26 @@ def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> Fo
         bias[leg, 1] = ddy * ca - ddz * sa
         bias[leg, 2] = ddy * sa + ddz * ca
     return FootKinematics(position, jacobian, bias)
+
+
+@njit(cache=True)
+def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) -> Array:
+    """Return (3,) a foot's acceleration, in the trunk's axes, when all generalised ones are zero.
+
+    ``ω×v + ω×(ω×r) + 2 ω×(J q̇) + J̇ q̇`` with (v, ω) the trunk's velocity in its own axes: with
+    J_c the foot's Jacobian in the world's axes this is ``Rᵀ J̇_c q̇``.
+    """
+    omega = v[3:6]
+    carried = np.empty(3)
+    acceleration = np.empty(3)
+    for i in range(3):
+        acceleration[i] = bias[i]
+        carried[i] = v[i]
+        for k in range(3):
+            carried[i] += 2.0 * J[i, k] * joint_velocity[k]
+    add_cross(carried, omega, r)
+    add_cross(acceleration, omega, carried)
+    return acceleration
 
 
 @njit(cache=True)

@@ -38,7 +38,8 @@ def trunk_velocity(
         state: as measured.
         R: (3, 3) trunk → world.
     """
-    abad, rates = state.joint_position[3 * leg], state.joint_velocity[3 * leg : 3 * leg + 3]
+    abad = state.joint_position[3 * leg]
+    rates = state.joint_velocity[3 * leg : 3 * leg + 3]
     pitch = rates[1] + rates[2]
     calf = state.angular_velocity.copy()
     calf[0] += rates[0]

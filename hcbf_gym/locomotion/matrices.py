@@ -56,7 +56,7 @@ def apply_transposed(A: Array, x: Array) -> Array:
 def inverse_3x3(A: Array) -> Array:
     """Return the inverse of a (3, 3) matrix by cofactors.
 
-    The determinant is kept away from zero, so that a singular leg, stretched or with its foot on
+    The determinant is held away from zero, so that a singular leg, stretched or with its foot on
     the abad axis, gets a finite answer.
     """
     c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]

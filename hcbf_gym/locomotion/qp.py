@@ -1,4 +1,4 @@
-"""The controller's door to a solver: every status is read, no solution is guessed."""
+"""How the controller calls a solver: every status is read, no solution is guessed."""
 
 from functools import cache
 from typing import NamedTuple
@@ -8,10 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.state import Array
-from hcbf_gym.locomotion.task_space import QuadraticProgram
 
 OPTIMAL = 1
 _EQUALITY = 5
+
+
+class QuadraticProgram(NamedTuple):
+    """``min ½ xᵀHx + fᵀx`` subject to ``lower ≤ [x; A x] ≤ upper``.
+
+    Attributes:
+        H: (n, n) positive semidefinite.
+        f: (n,).
+        A: (m, n) general rows.
+        lower: (n + m,) bounds, those of the unknowns first.
+        upper: (n + m,).
+        equalities: how many of the general rows, the first ones, have equal bounds.
+    """
+
+    H: Array
+    f: Array
+    A: Array
+    lower: Array
+    upper: Array
+    equalities: int
 
 
 class QpSolution(NamedTuple):

@@ -24,7 +24,7 @@ def minimum_jerk_step(
 
     The way is the quintic from the present state to rest at `target` in `remaining` seconds; taken
     anew every tick it follows a moving target without a jump in position or velocity. Where two
-    ticks or less remain, and the quintic stiffens, the present velocity is kept.
+    ticks or less remain, and the quintic stiffens, the present velocity is retained.
 
     Source: T. Flash and N. Hogan, J. Neuroscience 5 (1985).
     """
@@ -73,7 +73,8 @@ def swing_step(
         if axis < 2:
             target = foothold[axis]
         elif rising > 0.0:
-            target, time_left = touchdown + SWING_HEIGHT, rising
+            target = touchdown + SWING_HEIGHT
+            time_left = rising
         acceleration = now[2, axis]
         if lifts_off or (axis < 2 and departs):
             share = LIFT_OFF_PLANE if axis < 2 else LIFT_OFF_UP

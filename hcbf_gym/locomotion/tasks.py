@@ -23,6 +23,7 @@ CATCH_UP = 0.1  # [m/s] above the speed cap at most, to make up for a lag: it ha
 
 # the other tasks weigh 1: of what two feet cannot do at once, the height goes first
 HEIGHT_WEIGHT = 3.0
+FORCE_WEIGHT = 1e-4  # on ‖F‖², which decides between forces that do the same
 
 
 class TaskAccelerations(NamedTuple):

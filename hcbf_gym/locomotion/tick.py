@@ -11,7 +11,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
-from hcbf_gym.locomotion.condensed import condense, free_minimiser, take_solution
 from hcbf_gym.locomotion.dynamics import BODIES, Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet
 from hcbf_gym.locomotion.foothold import Trunk
@@ -21,7 +20,7 @@ from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
 from hcbf_gym.locomotion.state import Array, StateViews, state_views
-from hcbf_gym.locomotion.task_space import full_form
+from hcbf_gym.locomotion.task_space import condense, free_minimiser, take_solution
 from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 from hcbf_gym.robots.motors import torque_limits
 
@@ -158,7 +157,7 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
 
 
 @njit(cache=True)
-def tick_condensed(
+def tick(
     settings: NDArray[np.void],
     memory: NDArray[np.void],
     workspace: NDArray[np.void],
@@ -176,7 +175,9 @@ def tick_condensed(
         state: (41,) the vector of a `RobotState`.
         u: (2,) desired acceleration of the trunk in the world [m/s²].
     """
-    robot, work, now = settings[0], workspace[0], state_views(state)
+    robot = settings[0]
+    work = workspace[0]
+    now = state_views(state)
     torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
     p = plan(robot, memory[0], now, u)
     contacts = condense(p.robot, p.tasks, robot.friction, work.limits, work)
@@ -185,19 +186,3 @@ def tick_condensed(
     if free:
         take_solution(work)
     return contacts, free
-
-
-@njit(cache=True)
-def tick_full(
-    settings: NDArray[np.void],
-    memory: NDArray[np.void],
-    workspace: NDArray[np.void],
-    state: Array,
-    u: Array,
-) -> int:
-    """Fill in the QP of this tick in (q̈, τ, F), a `FULL_WORKSPACE`; see `tick_condensed`."""
-    robot, work, now = settings[0], workspace[0], state_views(state)
-    torque_limits(robot.stall_torque, robot.no_load_speed, now.joint_velocity, work.limits)
-    p = plan(robot, memory[0], now, u)
-    work.feedback[:] = p.feedback
-    return full_form(p.robot, p.tasks, robot.friction, work.limits, work)

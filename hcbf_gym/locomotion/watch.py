@@ -68,7 +68,7 @@ class WatchBounds(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the kernel keeps from one judgement to the next.
+    """What the kernel carries from one judgement to the next.
 
     Attributes:
         sums: (WINDOW, SUMS + 2 delays) of each judgement in the window.
@@ -138,7 +138,7 @@ class Watch:
         self.fault = Fault.NONE
 
     def tick(self, state: Array, torque: Array, stance: NDArray[np.uint8]) -> None:
-        """Note a tick of the controller; state and torque are kept, not copied.
+        """Note a tick of the controller; state and torque are referred to, not copied.
 
         Args:
             state: (41,) the vector of the `RobotState` that it was given.
@@ -175,7 +175,8 @@ class Watch:
         self._judgements += 1
         if self._judgements < FILLED * WINDOW:
             return
-        sums, declared = self._memory.sums, self._declared
+        sums = self._memory.sums
+        declared = self._declared
         self.slip, self.lag, self.lift = signals(sums, self._judgements, declared)
         self.fault = self._judged()
 
@@ -214,7 +215,8 @@ def add_up(
         stances: (n, 4).
         lift: at the end [m/s²].
     """
-    sums, delays = memory.sums[row], len(memory.changes)
+    sums = memory.sums[row]
+    delays = len(memory.changes)
     sums[:] = 0.0
     sums[LIFT] = lift
     rates = np.concatenate((memory.rates, states[:, 25:37]))

@@ -38,7 +38,7 @@ class Box:
         lower = finite_array("low", low, (None,))
         upper = finite_array("high", high, lower.shape)
         if not lower.size:
-            raise InvalidInputError("low: got no entries, expected one for each input")
+            raise InvalidInputError("low: it is empty, expected an entry for each input")
         got = f"input set: got low {lower.tolist()} and high {upper.tolist()}"
         if not (lower < upper).all():
             raise InvalidInputError(f"{got}, expected low < high")
@@ -179,5 +179,5 @@ def from_dict(fields: Mapping[str, Any]) -> InputSet:
     check_options("input set", arguments, (*required, *optional))
     missing = [name for name in required if name not in arguments]
     if missing:
-        raise InvalidInputError(f"input set: got no {missing}, expected {list(required)}")
+        raise InvalidInputError(f"input set: {missing} is missing, expected {list(required)}")
     return kind(**arguments)

@@ -84,18 +84,18 @@ class Estimate(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """What a plant does beside its reduced-order model: the ground of the derived margin.
+    """What a plant does beside its reduced-order model: what the derived margin follows from.
 
     `barriers.margins` has the formula that these numbers stand in.
 
     Attributes:
-        distance: what rows on the position keep in any case [m].
+        distance: what rows on the position reserve in any case [m].
         per_velocity: for each m/s that the body moves faster towards a region than its model [s].
         per_lead: for each metre that the model runs ahead of the body [-].
         cap: the most that these two add [m].
-        confidence: standard deviations of the estimated state that are kept [-].
+        confidence: standard deviations of the estimated state that are reserved [-].
         body: what the body reaches beyond its centre [m].
-        speed: what a speed limit keeps in any case [m/s].
+        speed: what a speed limit reserves in any case [m/s].
         speed_per_velocity: for each m/s between body and model [-].
     """
 
@@ -173,7 +173,7 @@ class Plant:
             )
         if (self.to_action is None) != (self.from_action is None):
             raise InvalidInputError(
-                "plant: got one of to_action and from_action, expected both or none"
+                "plant: one of to_action and from_action is missing, expected both or none"
             )
         if self.period is not None:
             finite_float("plant: period", self.period, minimum=0.0, exclusive=True)

@@ -43,7 +43,7 @@ class Args:
     guidance: bool = False
     """Lead to the goal around the regions."""
     margin: float | None = None
-    """What rows on the position keep between h and zero [m; default: derived]."""
+    """What rows on the position reserve between h and zero [m; default: derived]."""
     gamma0: float = 5.0
     """Weight γ₀, where the program has one."""
     delta_gamma: float = 1.3

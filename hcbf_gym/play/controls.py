@@ -61,7 +61,8 @@ class Controls:
 
     def stale(self) -> bool:
         """Return whether the page shows what is not so, once."""
-        stale, self._stale = self._stale, False
+        stale = self._stale
+        self._stale = False
         return stale
 
     def left(self, client: int) -> None:
@@ -72,7 +73,7 @@ class Controls:
             self._set_stick(0.0, 0.0)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Keep the stick on the robot while nobody drags it."""
+        """Hold the stick on the robot while nobody drags it."""
         self._stick.visible = snapshot.settings.policy == "human"
         if not self._held:
             self._stick.position = (*snapshot.position.tolist(), 0.5)
@@ -227,7 +228,8 @@ class Controls:
         self._delta_gamma = self._on_choice(delta, "delta_gamma")
 
     def _toggle_field(self, event: Any) -> None:
-        self.show_field, self._stale = event.target.value, True
+        self.show_field = event.target.value
+        self._stale = True
 
     def _set_margin(self, event: Any) -> None:
         value = event.target.value

@@ -9,10 +9,9 @@ import viser
 from numpy.typing import NDArray
 
 from hcbf_gym import guidance
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.barriers import Oval, Shape, Wall
 from hcbf_gym.drawing.palette import PATH, REFERENCE, priority_color
 from hcbf_gym.guidance.field import grid
-from hcbf_gym.play import editing
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -37,7 +36,7 @@ class Stage:
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
         self._bodies: list[tuple[int, Any]] = []
-        self._regions: list[tuple[Barrier, Any]] = []
+        self._regions: list[tuple[Shape, Any]] = []
         self._path: list[Array] = []
         self._line: Any = None
         self._field: list[Any] = []
@@ -54,7 +53,7 @@ class Stage:
         self._regions = [
             (barrier, self._draw_region(k, barrier, t))
             for k, barrier in enumerate(scenario.barriers)
-            if _flat(barrier) is not None
+            if isinstance(barrier, Shape)
         ]
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
         line = np.array([[*scenario.reference(s)[0], 0.012] for s in times])
@@ -104,7 +103,7 @@ class Stage:
             else:
                 handle.position, handle.wxyz = poses[body, :3], poses[body, 3:]
         for barrier, handle in self._regions:
-            velocity = barrier.frame_velocity  # type: ignore[attr-defined]
+            velocity = barrier.frame_velocity
             if velocity.any():
                 x, y = (velocity * t).tolist()
                 handle.position = (x, y, handle.position[2])
@@ -158,10 +157,9 @@ class Stage:
             )
         )  # fmt: skip
 
-    def _draw_region(self, k: int, barrier: Barrier, t: float) -> Any:
-        corners = _flat(barrier)
-        assert corners is not None
-        height = 0.01 / barrier.priority
+    def _draw_region(self, k: int, region: Shape, t: float) -> Any:
+        corners = _flat(region)
+        height = 0.01 / region.priority
         vertices = np.column_stack([corners, np.zeros(len(corners))])
         fan = np.arange(1, len(corners) - 1)
         faces = np.column_stack([np.zeros(len(fan), dtype=np.int64), fan, fan + 1])
@@ -169,12 +167,12 @@ class Stage:
             f"/regions/{k}",
             vertices,
             faces,
-            color=rgb(priority_color(barrier.priority)),
+            color=rgb(priority_color(region.priority)),
             opacity=0.75,
             side="double",
             cast_shadow=False,
             receive_shadow=False,
-            position=(*(t * barrier.frame_velocity), height),  # type: ignore[attr-defined]
+            position=(*(t * region.frame_velocity), height),
         )
 
 
@@ -183,29 +181,24 @@ def rgb(color: str) -> Rgb:
     return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 
-def _flat(barrier: Barrier) -> Array | None:
-    """Return (k, 2) the corners of what a region forbids at time 0, None for what is no region."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    if isinstance(barrier, Disc):
-        return editing.position(barrier) + barrier.radius * circle
-    if isinstance(barrier, Ellipse):
-        cos, sin = np.cos(barrier.angle), np.sin(barrier.angle)
-        turned = np.array([[cos, sin], [-sin, cos]])
-        return editing.position(barrier) + (circle * np.array(barrier.semi_axes)) @ turned
-    if isinstance(barrier, ConvexPolygon):
-        return np.array(barrier.vertices)
-    if isinstance(barrier, HalfPlane):
-        normal = np.array(barrier.normal)
+def _flat(region: Shape) -> Array:
+    """Return (k, 2) the corners of what a region forbids at time 0."""
+    drawn = region.outline()
+    if isinstance(drawn, Oval):
+        return drawn.corners()
+    if isinstance(drawn, Wall):
+        normal = np.array(drawn.normal)
         along = 0.5 * WALL_LENGTH * np.array([-normal[1], normal[0]])
-        foot, back = editing.position(barrier), WALL_DEPTH * normal
+        foot = drawn.offset * normal
+        back = WALL_DEPTH * normal
         return np.array([foot - along, foot + along, foot + along - back, foot - along - back])
-    return None
+    return drawn
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     """Return the surface of a geom, None for a kind that is not drawn."""
-    size, kind = model.geom_size[geom], mujoco.mjtGeom(int(model.geom_type[geom]))
+    size = model.geom_size[geom]
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return trimesh.creation.box(extents=2.0 * size)
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, PlanarBarrier
+from hcbf_gym.barriers import Barrier, Shape
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.scenarios import Scenario
 
@@ -26,8 +26,8 @@ def region(scenario: Scenario, name: str) -> Any:
 
 
 def names(scenario: Scenario) -> list[str]:
-    """Return the names of what can be moved; a speed limit cannot."""
-    return [barrier.name for barrier in scenario.barriers if isinstance(barrier, PlanarBarrier)]
+    """Return the names of what can be moved: built-in regions."""
+    return [barrier.name for barrier in scenario.barriers if isinstance(barrier, Shape)]
 
 
 def position(barrier: Barrier, t: float = 0.0) -> Array:
@@ -36,29 +36,13 @@ def position(barrier: Barrier, t: float = 0.0) -> Array:
     Raises:
         InvalidInputError: if the barrier is no region.
     """
-    if isinstance(barrier, HalfPlane):
-        return barrier.offset * np.array(barrier.normal)
-    if isinstance(barrier, Disc | Ellipse):
-        return np.array(barrier.center) + t * barrier.frame_velocity
-    if isinstance(barrier, ConvexPolygon):
-        return np.mean(barrier.vertices, axis=0) + t * barrier.frame_velocity
-    raise InvalidInputError(
-        f"{barrier.name}: got a {type(barrier).__name__}, expected a region to move"
-    )
+    shape = _shape(barrier)
+    return shape.anchor + t * shape.frame_velocity
 
 
 def size(barrier: Barrier) -> float | None:
-    """Return a radius, the larger semi-axis, or the way to the farthest corner [m].
-
-    A wall has no size.
-    """
-    if isinstance(barrier, Disc):
-        return barrier.radius
-    if isinstance(barrier, Ellipse):
-        return max(barrier.semi_axes)
-    if isinstance(barrier, ConvexPolygon):
-        return float(np.linalg.norm(barrier.vertices - position(barrier), axis=1).max())
-    return None
+    """Return a radius, or what stands for one [m]; a wall has none."""
+    return barrier.size if isinstance(barrier, Shape) else None
 
 
 def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> Scenario:
@@ -68,41 +52,22 @@ def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> 
         UnknownNameError: if there is no such region.
         InvalidInputError: if the position is not finite.
     """
-    barrier: Any = region(scenario, name)
+    barrier = region(scenario, name)
     target = finite_array(f"{name}: position", to, (2,))
     step = target - position(barrier, t)
-    if isinstance(barrier, HalfPlane):
-        moved = replace(barrier, offset=float(target @ np.array(barrier.normal)))
-    elif isinstance(barrier, ConvexPolygon):
-        corners = np.array(barrier.vertices) + step
-        moved = replace(barrier, vertices=tuple(map(tuple, corners.tolist())))
-    else:
-        moved = replace(barrier, center=tuple((np.array(barrier.center) + step).tolist()))
-    return _with(scenario, barrier, moved)
+    return _with(scenario, barrier, _shape(barrier).moved(step))
 
 
 def resize(scenario: Scenario, name: str, new_size: float) -> Scenario:
-    """Return the scene with a region of another size [m], its shape kept.
+    """Return the scene with a region of another size [m] and the same shape.
 
     Raises:
         UnknownNameError: if there is no such region.
         InvalidInputError: if the size is not positive, or the region is a wall.
     """
-    barrier: Any = region(scenario, name)
-    old = size(barrier)
-    if old is None:
-        raise InvalidInputError(f"{name}: got a wall, expected a disc, an ellipse or a polygon")
+    barrier = region(scenario, name)
     new_size = finite_float(f"{name}: size", new_size, minimum=0.0, exclusive=True)
-    factor = new_size / old
-    if isinstance(barrier, Disc):
-        resized = replace(barrier, radius=new_size)
-    elif isinstance(barrier, Ellipse):
-        resized = replace(barrier, semi_axes=tuple(factor * a for a in barrier.semi_axes))
-    else:
-        center = position(barrier)
-        corners = center + factor * (np.array(barrier.vertices) - center)
-        resized = replace(barrier, vertices=tuple(map(tuple, corners.tolist())))
-    return _with(scenario, barrier, resized)
+    return _with(scenario, barrier, _shape(barrier).resized(new_size))
 
 
 def rank(scenario: Scenario, name: str, priority: int) -> Scenario:
@@ -136,8 +101,21 @@ def from_json(content: bytes) -> Scenario:
     try:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise InvalidInputError(f"scene file: got no JSON ({error}), expected a scene") from error
+        raise InvalidInputError(f"scene file: it is no JSON ({error}), expected a scene") from error
     return scenarios.from_dict(data)
+
+
+def _shape(barrier: Barrier) -> Shape:
+    """Return the barrier, if it is a region.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    if isinstance(barrier, Shape):
+        return barrier
+    raise InvalidInputError(
+        f"{barrier.name}: got a {type(barrier).__name__}, expected a region to move"
+    )
 
 
 def _with(scenario: Scenario, old: Barrier, new: Barrier) -> Scenario:

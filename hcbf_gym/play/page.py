@@ -29,7 +29,7 @@ OFF_CENTRE = 1.0
 class Page:
     """A web server that shows a session and takes its commands.
 
-    Viser keeps only the newest of every value that a browser has not fetched yet, so a slow one
+    Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
     is neither waited for nor remembered.
 
     Args:
@@ -54,7 +54,8 @@ class Page:
                 host=host, port=first, label="hcbf play", verbose=False
             )
         self.port = self._server.get_port()
-        self._session, self.helm = session, Helm()
+        self._session = session
+        self.helm = Helm()
         self._server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="large"
         )
@@ -66,7 +67,10 @@ class Page:
         x, y = session.latest.position.tolist()
         self._server.initial_camera.position = (x - 3.0, y - 3.0, 3.5)
         self._server.initial_camera.look_at = (x, y, 0.0)
-        self._revision, self._time, self._body, self._count = -1, -1.0, object(), 0
+        self._revision = -1
+        self._time = -1.0
+        self._body = object()
+        self._count = 0
 
     def run(self, stop: threading.Event, alive: threading.Thread) -> None:
         """Show the session until told to stop, or until its thread has ended."""
@@ -122,7 +126,8 @@ class Page:
                 client.add_notification("no guidance field", str(error), auto_close_seconds=6.0)
 
     def _steering(self) -> str:
-        watching, holder = len(self._server.get_clients()), self.helm.holder
+        watching = len(self._server.get_clients())
+        holder = self.helm.holder
         who = "nobody steers yet" if holder is None else f"browser {holder} steers"
         return f"{who}, {watching} connected"
 

@@ -110,7 +110,7 @@ def sentence(
         lasts = "; a restart ends that" if reason >= FIRST_ALARM else ""
         return f"The filter brakes{lasts}: {SAYS[Reason(reason)].partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
-        return f"No input keeps rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
+        return f"No input satisfies rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
     held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]
     amounts = f"{max(paying.values(), default=0.0):.1f} m/s²"
     pay = f"{_ranks(list(paying))} {'pays' if len(paying) == 1 else 'pay'} {amounts}"
@@ -125,7 +125,7 @@ def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names:
         inner: the environment.
         x: (4,) the state that the filter saw.
         t: its time [s].
-        margin: (m,) what each row kept.
+        margin: (m,) what each row reserved.
         slack: (m,) each row's violation.
         names: of the m barriers.
     """

@@ -136,7 +136,8 @@ class Session:
 
     def steer(self, velocity: Sequence[float]) -> None:
         """Hold the stick: the velocity (2,) that a human at it wants [m/s]."""
-        self._human.velocity, self._human.target = finite_array("stick", velocity, (2,)), None
+        self._human.velocity = finite_array("stick", velocity, (2,))
+        self._human.target = None
 
     def lead_to(self, target: Sequence[float] | None) -> None:
         """Drag the stick to a point (2,) [m], or let it go."""
@@ -220,7 +221,8 @@ class Session:
     def _advance(self) -> None:
         """Step once, unless the robot lies on the floor."""
         inner = self._now.inner
-        x, t = inner.estimate.x.copy(), inner.time
+        x = inner.estimate.x.copy()
+        t = inner.time
         policy = self._now.policy
         wanted = self._human.act(x) if policy is None else policy(self._observation, self._info)
         self._action = np.asarray(wanted, dtype=np.float64)
@@ -257,16 +259,22 @@ class Session:
         self._messages += 1
 
     def _record(self) -> Snapshot:
-        inner, regions, said = self._now.inner, self._regions, self._info.get("safety_filter")
+        inner = self._now.inner
+        regions = self._regions
+        said = self._info.get("safety_filter")
         priority = inner.barrier_set.priority[0]
         m = len(priority)
         h = self._heights()
         ranked = partial(report.by_rank, priority=priority[regions])
         slack = ranked(np.zeros(int(regions.sum())), pick=np.max)
-        status, gap, reason, details = report.UNFILTERED, 0.0, int(Reason.NONE), {}
+        status = report.UNFILTERED
+        gap = 0.0
+        reason = int(Reason.NONE)
+        details = {}
         if said is not None:
             slack = report.by_rank(said["slack"][:m], priority, np.max)
-            status, gap = FilterStatus(int(said["status"])).name, float(said["intervention"])
+            status = FilterStatus(int(said["status"])).name
+            gap = float(said["intervention"])
             reason = int(said["reason"])
             details = {
                 "margin": float(said["margin"][regions].max(initial=0.0)),

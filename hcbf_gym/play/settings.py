@@ -40,7 +40,7 @@ class Settings:
         policy: "pd", "human" or a learned one.
         program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
         guidance: whether a geodesic field leads to the goal.
-        margin: what rows on the position keep [m]; None derives it.
+        margin: what rows on the position reserve [m]; None derives it.
         gamma0: γ₀, where the program has weights.
         delta_gamma: Δγ, where the program has weights.
         seed: of random scenes and of the episode.

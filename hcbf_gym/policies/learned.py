@@ -33,7 +33,7 @@ class LearnedPolicy:
         low: (2,) least acceleration [m/s²].
         high: (2,) greatest acceleration [m/s²].
         activation: between the layers, "tanh" or "relu".
-        squash: "clip" or "tanh", what keeps the last layer's output within [−1, 1].
+        squash: "clip" or "tanh", what confines the last layer's output to [−1, 1].
         about: how it was trained.
     """
 

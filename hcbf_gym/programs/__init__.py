@@ -3,12 +3,13 @@
 from typing import Any
 
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.errors import check_options, choose
+from hcbf_gym.errors import check_options
 from hcbf_gym.models.input_sets import Box, InputSet
-from hcbf_gym.programs.cascades import CASCADES, Cascade
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.general.program import GeneralProgram
-from hcbf_gym.programs.planar.program import KINDS, BatchProgram, PlanarProgram
+from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
+from hcbf_gym.programs.plans import Named, Plan, names, plain, plan_of, register
+from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
@@ -18,90 +19,83 @@ __all__ = [
     "ConflictReport",
     "FilterResult",
     "FilterStatus",
+    "Named",
+    "Plan",
+    "Prices",
     "Program",
     "conflict_report",
     "equivalent_offset",
-    "is_compiled",
     "make",
     "make_batch",
     "names",
     "options",
+    "plain",
+    "plan_of",
+    "register",
 ]
 
 
-def names() -> list[str]:
-    """Return the names of the programs."""
-    return list(CASCADES)
-
-
-def options(name: str) -> tuple[str, ...]:
+def options(program: Named) -> tuple[str, ...]:
     """Return the options that the program takes beside `input_set` and `solver`.
 
     Raises:
         UnknownNameError: if there is no such program.
     """
-    return choose("program", name, CASCADES).options
-
-
-def is_compiled(name: str) -> bool:
-    """Tell whether the program is compiled for two inputs, as all of this package are.
-
-    Raises:
-        UnknownNameError: if there is no such program.
-    """
-    return choose("program", name, CASCADES) in KINDS
+    return plan_of(program).options
 
 
 def make(
-    name: str,
+    program: Named,
     *,
     input_set: InputSet | None = None,
     solver: str | None = None,
     **program_options: Any,
 ) -> Program:
-    """Return the program of that name.
+    """Return a program for single states.
 
     Args:
-        name: one of :func:`names`.
+        program: one of :func:`names`, or a plan of your own.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
         solver: "daqp", "clarabel", or any solver that qpsolvers finds installed. Without a name,
-            the programs of this package need none for two inputs (`planar`); any
-            other number of inputs, and a program of your own, takes DAQP.
-        program_options: among :func:`options`.
+            two inputs need none (`planar`); any other number of inputs takes DAQP.
+        program_options: among :func:`options`; see `Prices.read`.
 
     Raises:
         UnknownNameError: on an unknown program or solver; the message lists the choices.
         InvalidInputError: on an unknown option or a value that the program refuses.
     """
-    cascade, inputs = _cascade(name, program_options), _input_set(input_set)
-    if solver is None and inputs.n_u == 2 and type(cascade) in KINDS:
-        return PlanarProgram(cascade, inputs)
-    return GeneralProgram(cascade, inputs, solver or "daqp")
+    plan, prices, inputs = _read(program, program_options, input_set)
+    if solver is None and inputs.n_u == 2:
+        return PlanarProgram(plan, prices, inputs)
+    return GeneralProgram(plan, prices, inputs, solver or "daqp")
 
 
 def make_batch(
-    name: str, *, input_set: InputSet | None = None, **program_options: Any
+    program: Named, *, input_set: InputSet | None = None, **program_options: Any
 ) -> BatchProgram:
-    """Return the program of that name for N states of two inputs at once.
+    """Return a program for N states of two inputs at once.
 
     Args:
-        name: one of :func:`names`.
+        program: one of :func:`names`, or a plan of your own.
         input_set: U, as :func:`make` takes it.
         program_options: among :func:`options`. There is no solver to choose.
 
     Raises:
         UnknownNameError: on an unknown program; the message lists the choices.
-        InvalidInputError: on an unknown option, a value that the program refuses, an input set
-            that is not planar, or a program of your own.
+        InvalidInputError: on an unknown option, a value that the program refuses, or an input set
+            that is not planar.
     """
-    return BatchProgram(_cascade(name, program_options), _input_set(input_set))
+    return BatchProgram(*_read(program, program_options, input_set))
 
 
-def _cascade(name: str, program_options: dict[str, Any]) -> Cascade:
-    kind = choose("program", name, CASCADES)
-    check_options(f"program {name}", program_options, kind.options)
-    return kind(**program_options)
-
-
-def _input_set(input_set: InputSet | None) -> InputSet:
-    return Box.symmetric(5.0) if input_set is None else input_set
+def _read(
+    program: Named, given: dict[str, Any], input_set: InputSet | None
+) -> tuple[Plan, Prices, InputSet]:
+    plan = plan_of(program)
+    name = program if isinstance(program, str) else plan
+    check_options(f"program {name}", given, plan.options)
+    return (
+        plan,
+        Prices.read(plan, **given),
+        Box.symmetric(5.0) if input_set is None else input_set,
+    )

@@ -1,4 +1,4 @@
-"""What every program shares: its door, the check of its input, and the account of an answer."""
+"""What every program shares: how it is called, and the check of its rows."""
 
 from abc import ABC, abstractmethod
 from typing import NoReturn
@@ -10,23 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.cascades import Cascade, CbfQp
-from hcbf_gym.programs.result import FilterResult, classify, violation
+from hcbf_gym.programs.plans import Plan
+from hcbf_gym.programs.prices import Prices
+from hcbf_gym.programs.result import FilterResult
 
 Array = NDArray[np.float64]
 
 
 class Program(ABC):
-    """A safety filter ``(u*, rows) → FilterResult``: a cascade over one input set.
+    """A safety filter ``(u*, rows) → FilterResult``: a plan with its prices over one input set.
 
-    Args:
-        cascade: what is solved.
+    Attributes:
+        plan: what is solved.
+        prices: its numbers.
         input_set: U.
     """
 
-    def __init__(self, cascade: Cascade, input_set: InputSet) -> None:
-        self.cascade = cascade
-        self.input_set = input_set
+    plan: Plan
+    prices: Prices
+    input_set: InputSet
 
     @abstractmethod
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
@@ -43,30 +45,6 @@ class Program(ABC):
         Raises:
             InvalidInputError: on malformed input or rows.
         """
-
-
-def account(
-    cascade: Cascade,
-    radius: float,
-    u_nominal: Array,
-    rows: CbfRows,
-    u: Array,
-    target: Array | None,
-) -> FilterResult:
-    """Return the result of an input u that a cascade found, without any fallbacks.
-
-    Args:
-        cascade: which found it.
-        radius: the largest norm of an input.
-        u_nominal: (n_u,) u*.
-        rows: the rows of one state.
-        u: (n_u,) the input.
-        target: (m,) the cascade's targets, if it has such.
-    """
-    slack = violation(rows, u, radius)
-    strict = np.full(slack.shape, True) if isinstance(cascade, CbfQp) else rows.priority == 1
-    status = classify(u, u_nominal, slack, strict, radius)
-    return FilterResult(u, slack, cascade.delta(rows, u, slack, target), status, 0)
 
 
 def check_rows(rows: CbfRows, n_u: int) -> None:

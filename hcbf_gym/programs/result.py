@@ -41,7 +41,7 @@ class FilterResult(NamedTuple):
             1, the slack.
         status: a :class:`FilterStatus`; (N,) integers for a batch.
         fallbacks: how many quadratic programs of this call the second solver or rational
-            arithmetic had to answer.
+            arithmetic had to answer; 0 where two inputs need no solver.
     """
 
     u: NDArray[np.float64]

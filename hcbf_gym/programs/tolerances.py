@@ -30,9 +30,9 @@ OUTWARD = 1e-12
 
 # ------------------------------------------------------------------ stages of violations
 
-GRADED = 1e3
-"""Rows of one stage that differ more in steepness go to rational arithmetic: squared, the
-difference would eat half of the digits of their least squares."""
+GRADED = 1e4
+"""Rows of one stage that are flatter than the steepest by more are decided after the steep ones:
+squared, the difference would eat half of the digits of their least squares."""
 
 NEGLIGIBLE = 1e-11
 """A violation whose share of the root of a stage's cost is smaller is the rounding of steeper
@@ -43,7 +43,8 @@ SURELY_PAID = 1e-6
 guess which rows pay is not believed."""
 
 SURELY_MET = 1e-14
-"""A row that is missed by more, relative to ‖a_k‖ max‖u‖ + |b_k|, is not met: likewise."""
+"""A row that is missed by more, relative to ‖a_k‖ max‖u‖ + |b_k|, is not met: likewise. By less, it
+is at its kink, and pushes nowhere."""
 
 # ------------------------------------------------------------------ any number of inputs
 
@@ -56,6 +57,10 @@ MET = 1e-9
 PRIMAL = 1e-7
 """The distance by which a solver's point may miss a row (of norm 1/2 to 1), relative to 1 + ‖x‖,
 before it is not believed."""
+
+GRADED_FOR_SOLVERS = 1e3
+"""Rows of one stage that differ more in steepness are left to rational arithmetic: proximal points
+would not settle."""
 
 SETTLED = 1e-11
 """Proximal points that move by less, relative to 1 + ‖u‖, have converged."""

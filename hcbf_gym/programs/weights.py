@@ -49,15 +49,26 @@ class Weights(NamedTuple):
         return cls(np.concatenate(columns, axis=1), count)
 
     @classmethod
-    def of_levels(cls, gamma0: Sequence[float | None], delta_gamma: float) -> "Weights":
-        """Return the weights of priorities from 2 on where None, and what is beyond, is strict."""
+    def of_levels(cls, weights: Any, delta_gamma: Any) -> "Weights":
+        """Return the weights of the priorities from 1 on; None, and what is beyond, is strict.
+
+        Raises:
+            InvalidInputError: on what is no list, negative or infinite weights, or one for
+                priority 1.
+        """
+        if isinstance(weights, str) or not isinstance(weights, Sequence):
+            raise InvalidInputError(f"weights: got {weights!r}, expected a list of numbers or None")
+        if weights and weights[0] is not None:
+            raise InvalidInputError(f"weights: got {weights[0]} for priority 1, expected None")
         slope = finite_float("delta_gamma", delta_gamma, minimum=0.0)
-        levels = [np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in gamma0]
+        levels = [
+            np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in weights[1:]
+        ]
         return cls(np.array([[slope, *levels, np.inf]]))
 
-    def of(self, priority: NDArray[np.int64], h: Array, state: int = 0) -> Array:
-        """Return λ_δ(h) (m,) of rows of one state; those of priority 1 have no use for it."""
-        table = self.table[state if self.states else 0]
+    def of(self, priority: NDArray[np.int64], h: Array) -> Array:
+        """Return λ_δ(h) (m,) of one state's rows; those of priority 1 have no use for it."""
+        table = self.table[0]
         gamma0 = table[np.minimum(np.maximum(priority - 1, 1), table.size - 1)]
         return gamma0 * (1.0 + table[0] * np.maximum(0.0, -h))
 

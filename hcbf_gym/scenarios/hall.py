@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane, layout
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.barriers.shapes import convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 
@@ -108,15 +109,15 @@ def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters
         parameters: (m, 19) what it reads; entries beyond the walls and the regions stay.
     """
     for wall in range(2):
-        kind[wall] = layout.half_plane(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
+        kind[wall] = half_plane.write(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
     for k in range(regions.shape[0]):
         region, c = regions[k], parameters[2 + k]
         center, velocity = (region[X], region[Y]), (region[VX], region[VY])
         shape, radius = region[SHAPE], region[RADIUS]
         if shape == DISC:
-            kind[2 + k] = layout.disc(c, velocity, center, radius)
+            kind[2 + k] = disc.write(c, velocity, center, radius)
         elif shape == ELLIPSE:
             semi_axes = (radius, region[ASPECT] * radius)
-            kind[2 + k] = layout.ellipse(c, velocity, center, semi_axes, region[ANGLE])
+            kind[2 + k] = ellipse.write(c, velocity, center, semi_axes, region[ANGLE])
         else:
-            kind[2 + k] = layout.convex_polygon(c, velocity, corners(region))
+            kind[2 + k] = convex_polygon.write(c, velocity, corners(region))

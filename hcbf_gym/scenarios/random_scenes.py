@@ -2,7 +2,7 @@
 
 Each region has a stretch of the hall to itself, so that it leaves `GAP` to its neighbours and to
 both walls: the way exists by construction, and standing still meets every strict row. In a conflict
-the robot wakes inside a region of priority 3 whose nearest exit leads into one of priority 2.
+the episode starts inside a region of priority 3 whose nearest exit leads into one of priority 2.
 """
 
 import numpy as np

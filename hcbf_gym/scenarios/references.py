@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 LONGEST = 1e4
-"""Of a course [s]: environments keep a row of it for every control step."""
+"""Of a course [s]: environments store a row of it for every control step."""
 
 
 class Reference(Protocol):

@@ -126,7 +126,7 @@ class Scenario:
         return self.reference(self.reference.duration)[0]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scene as a plain dict that `from_dict` reads and JSON keeps."""
+        """Return the scene as a plain dict that `from_dict` reads and JSON can hold."""
         return {
             "name": self.name,
             "barriers": [barriers.to_dict(b) for b in self.barriers],

@@ -32,14 +32,14 @@ Mask = NDArray[np.bool_]
 ROW_OPTIONS = ("alpha1", "alpha2")
 
 USUAL_ROWS_MARGIN = 0.01
-"""What usual rows keep at least, against the dip of h between two samples [unit of h]."""
+"""What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
 
 
 class FilterSettings(NamedTuple):
     """What the user asked of a filter.
 
     Attributes:
-        program: its name.
+        program: its name, or a plan.
         rows: "held" or "usual".
         guidance: "geodesic", "local", a plain dict with more of it, or None.
         margin: [m]; None derives it.
@@ -49,7 +49,7 @@ class FilterSettings(NamedTuple):
         options: α₁, α₂ and the program's own.
     """
 
-    program: str
+    program: programs.Named
     rows: str
     guidance: Any
     margin: float | None
@@ -104,7 +104,6 @@ class FilterCore(ABC):
         self._announcer = Announcer(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._fresh: Mask = np.ones(count, dtype=np.bool_)
-        self._scale: Array = np.full(count, self.alpha1_scale)
 
     def cover(self, coverage: Any) -> None:
         """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).
@@ -158,7 +157,7 @@ class FilterCore(ABC):
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
 
-        Warns once of each thing that α₁, U and the speed limit cannot keep.
+        Warns once of each thing that α₁, U and the speed limit cannot satisfy.
 
         Args:
             scenes: of the new episodes.
@@ -200,12 +199,12 @@ class FilterCore(ABC):
 
 
 def kept(plant: Plant, margin: float | None, held: bool) -> Uncertainty:
-    """Return what the rows keep: what the plant's uncertainty asks, or a margin given by hand.
+    """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
 
     Args:
         plant: whose body and whose speed limit count in any case.
-        margin: what rows on the position keep [m]; None derives it.
-        held: whether rows are made for a held input; if not they keep `USUAL_ROWS_MARGIN` more.
+        margin: what rows on the position reserve [m]; None derives it.
+        held: whether rows are made for a held input; if not they reserve `USUAL_ROWS_MARGIN` more.
 
     Raises:
         InvalidInputError: if the margin is negative or not finite.

@@ -1,27 +1,28 @@
 """From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout, margins, row_kernels
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
+from hcbf_gym.barriers.rows import SETTINGS_WIDTH, CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
-from hcbf_gym.programs.planar.records import LEXICOGRAPHIC, Settings, make_workspace
+from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
-from hcbf_gym.wrappers.senses import Sensed, look, watch
+from hcbf_gym.wrappers.senses import look, watch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Records = NDArray[Any]
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a call says of itself."""
@@ -33,235 +34,307 @@ NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
 BARRIERS, MOTION = int(Reason.BARRIERS), int(Reason.MOTION)
 
-STATUS, REASON = range(2)
-"""The rows of a call's codes (2, N)."""
+CONSTANTS = np.dtype(
+    (
+        np.record,
+        [
+            # the program, as `planar.records.Settings` has it
+            ("lower", "i8"),
+            ("by_level", "?"),
+            ("lock", "i8"),
+            ("ranks", "?"),
+            ("guided", "?"),
+            ("radius", "f8"),
+            ("lambda_u", "f8"),
+            ("known_offset", "?"),
+            ("corners", "i8"),  # of U
+            ("weights", "i8"),  # of a state
+            # what the rows keep, and how they are made
+            *((name, "f8") for name in Uncertainty._fields),
+            ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
+            ("period", "f8"),  # T [s], 0 where it is not known
+            # guidance
+            ("has_way", "?"),
+            ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
+            ("brakes", "?"),  # whether an alarm makes the filter brake
+        ],
+    )
+)
+"""What a filter never changes."""
 
 
-Numbers8 = tuple[float, float, float, float, float, float, float, float]
-Constants = tuple[
-    tuple[int, float, float, bool, Array, Array],
-    Array,
-    Numbers8,
-    float,
-    int,
-    tuple[float, float, float, float],
-    bool,
-]
-"""`planar.records.Settings`, `RowSettings.packed`, `models.plant.Uncertainty`, the period T [s] (0
-where it is not known), the highest rank that gives way to guidance (0 for none),
-`guidance.row.Pull`, and whether an alarm makes the filter brake."""
+def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Array]:
+    """Return (1,) `CONSTANTS`, and the corners of U with the program's weights behind them.
+
+    Args:
+        settings: of the program.
+        others: the rest of the constants, by their names.
+    """
+    record, own = np.zeros(1, dtype=CONSTANTS), settings._asdict()
+    vertices, weights = own.pop("vertices"), own.pop("weights")
+    sizes = {"corners": len(vertices), "weights": weights.shape[1]}
+    for name, number in (own | sizes | others).items():
+        record[name] = number
+    return record, np.concatenate([vertices.ravel(), weights.ravel()])
 
 
-class Scene(NamedTuple):
-    """The barriers of N scenes, as `BarrierSet` holds them."""
+OWN_ROW = np.dtype(
+    (np.record, [(name, "f8") for name in ("a_x", "a_y", "b", "h", "alpha2_psi", "margin")])
+)
+"""A row of a user's own barrier, made in Python."""
+
+
+class Plants(NamedTuple):
+    """N plants, their scenes, and what is said of them.
+
+    Attributes:
+        kind: (N, m) of the scenes, as `BarrierSet` holds it.
+        parameters: (N, m, WIDTH) likewise.
+        priority: (N, m) likewise.
+        own_margin: (N, m) likewise.
+        sensed: (N,) `senses.PLANT`, written to.
+        own: (N, m) `OWN_ROW` where the rows were made beforehand, else (0, 0).
+        told: (N,) `report.PLANT`, with u*; the rest is written.
+        rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.
+    """
 
     kind: Integers
     parameters: Array
     priority: Integers
     own_margin: Array
-
-
-class Way(NamedTuple):
-    """What guides N plants.
-
-    Attributes:
-        field: (N, capacity) as `guidance.Geodesic` holds it; no cells means no field.
-        through: (N, capacity) likewise.
-        geometry: (N, 5) likewise.
-        goal: (N, 2) [m].
-        row: (N, 3) a_x, a_y and b of guidance rows made beforehand; (0, 3) for none.
-    """
-
-    field: NDArray[np.float32]
-    through: NDArray[np.int8]
-    geometry: Array
-    goal: Array
-    row: Array
+    sensed: Records
+    own: Records
+    told: Records
+    rows: Records
 
 
 class Work(NamedTuple):
-    """The rows of the call, kept for states that go on to rational arithmetic.
+    """Room for the rows of a few plants, n at most, and for the program's answers.
 
     Attributes:
-        a: (N, M, 2) gradients; M is m, and one more with guidance.
-        rows: (4, N, M) b, h, α₂(ψ) and ψ.
-        priority: (N, M).
-        margin: (2, N, m) margins and their rates.
-        u: (N, 2) the inputs that the program was asked for.
+        u: (n, 2) the inputs that the program is asked for.
+        a: (n, M, 2) gradients.
+        rows: (4, n, M) b, h, α₂(ψ) and ψ.
+        priority: (n, M).
+        margin: (2, n, m) margins and their rates.
+        answer: of the program, with a leading n.
+        polygons: the program's own.
     """
 
+    u: Array
     a: Array
     rows: Array
     priority: Integers
     margin: Array
-    u: Array
-
-
-class Answer(NamedTuple):
-    """What a call writes, all in one array; see `answer_views`.
-
-    Attributes:
-        u: (N, 2).
-        slack: (N, M).
-        delta: (N, M).
-        margin: (N, m).
-        intervention: (N,) ‖u − u*‖.
-        fallbacks: (N,).
-        model_error: (N,).
-        reachable: (N,).
-        deadlock: (N,) 1 where the plant stands though u* asks it to move, else 0.
-    """
-
-    u: Array
-    slack: Array
-    delta: Array
-    margin: Array
-    intervention: Array
-    fallbacks: Array
-    model_error: Array
-    reachable: Array
-    deadlock: Array
-
-
-def answer_size(count: int, m: int, total: int) -> int:
-    """Return how many numbers an answer of N plants with m rows, or M with guidance, takes."""
-    return count * (2 + 2 * total + m + 5)
-
-
-@njit(cache=True)
-def answer_views(flat: Array, count: int, m: int, total: int) -> Answer:
-    """Return the parts of an answer's array (answer_size,)."""
-    ends = np.cumsum(count * np.array([2, total, total, m, 1, 1, 1, 1, 1]))
-    return Answer(
-        flat[: ends[0]].reshape(count, 2),
-        flat[ends[0] : ends[1]].reshape(count, total),
-        flat[ends[1] : ends[2]].reshape(count, total),
-        flat[ends[2] : ends[3]].reshape(count, m),
-        flat[ends[3] : ends[4]],
-        flat[ends[4] : ends[5]],
-        flat[ends[5] : ends[6]],
-        flat[ends[6] : ends[7]],
-        flat[ends[7] : ends[8]],
-    )
+    answer: FilterResult
+    polygons: Workspace
 
 
 @njit(cache=True)
 def filter_plants(
-    constants: Constants,
+    constants: Records,
+    program: Array,
     scene: tuple[Integers, Array, Integers, Array],
-    sensed: tuple[Array, Array, Array, Array, Array, Integers],
-    way: tuple[NDArray[np.float32], NDArray[np.int8], Array, Array, Array],
-    work: tuple[Array, Array, Integers, Array, Array],
-    memory: NDArray[np.void],
-    u_nominal: Array,
-    flat: Array,
-    codes: Integers,
-    given: bool,
+    sensed: Records,
+    own: Records,
+    told: Records,
+    rows: Records,
 ) -> int:
-    """Filter the nominal inputs of N planar double integrators; see the records for the parts.
+    """Filter the nominal inputs of N planar double integrators; `Plants` has the arrays.
 
     Args:
-        constants: what a filter never changes.
-        scene: `Scene`.
-        sensed: `senses.Sensed`; what is not believed is replaced.
-        way: `Way`.
-        work: `Work`, written to.
-        memory: (N,) `senses.MEMORY`, written to.
-        u_nominal: (N, 2) u*.
-        flat: (answer_size,) written to.
-        codes: (2, N) the statuses and the reasons, written to; where `given`, the reasons stand
-            there already.
-        given: whether the states were looked at, and the rows and margins stand in `work`.
+        constants: (1,) `CONSTANTS`.
+        program: the corners of U and the weights, see `constants`.
+        scene: kind, parameters, priority and own margin.
+        sensed: what is not believed is replaced.
+        own: where there are such rows, the states have been looked at, too.
+        told: with u*; with own rows, the reasons stand there already.
+        rows: written to.
 
     Returns:
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
-        written; or `ASKS` where a state is left to rational arithmetic or there is a reason to
-        speak.
+        written; or `ASKS` where there is a reason to speak.
     """
-    program, row_settings, uncertainty, period, through, pull, brakes = borrowed(constants)
-    barriers, plants = Scene(*borrowed(scene)), Sensed(*borrowed(sensed))
-    fields, w = Way(*borrowed(way)), Work(*borrowed(work))
-    memory, u_nominal, flat = borrowed(memory), borrowed(u_nominal), borrowed(flat)
-    codes = borrowed(codes)
-    if not np.isfinite(u_nominal).all():
-        return NOT_FINITE
-    if not _fits(barriers, plants, w):
+    c, numbers = borrowed(constants)[0], borrowed(program)
+    plants = Plants(
+        *borrowed(scene), borrowed(sensed), borrowed(own), borrowed(told), borrowed(rows)
+    )
+    count, m = plants.kind.shape
+    for i in range(plants.told.size):
+        u_nominal = plants.told[i].u_nominal
+        if not np.isfinite(u_nominal[0] + u_nominal[1]):
+            return NOT_FINITE
+    if not _fits(plants):
         return MISSHAPED
-    settings, known, asks = Settings(*program), Uncertainty(*uncertainty), False
-    count, total = w.priority.shape
-    answer = answer_views(flat, count, barriers.kind.shape[1], total)
-    status, reason = codes[STATUS], codes[REASON]
-    fallbacks = np.empty(count, dtype=np.int64)
-    rows = CbfRows(w.a, w.rows[0], w.rows[1], w.priority, w.rows[2])
-    result = FilterResult(answer.u, answer.slack, answer.delta, status, fallbacks)
-    polygons = make_workspace(settings.radius, settings.vertices.shape[0], total)
+    settings = Settings(
+        c.lower,
+        c.by_level,
+        c.lock,
+        c.ranks,
+        c.guided,
+        c.radius,
+        c.lambda_u,
+        c.known_offset,
+        numbers[: 2 * c.corners].reshape(c.corners, 2),
+        numbers[2 * c.corners :].reshape(-1, c.weights),
+    )
+    work, asks = _make_work(settings, min(count, TOGETHER), m, plants.rows.shape[1]), False
     for first in range(0, count, TOGETHER):
-        end = min(first + TOGETHER, count)
-        if not given:
-            for i in range(first, end):
-                reason[i] = look(memory[i], plants, i, period)
-            _make_rows(first, end, row_settings, known, barriers, plants, w)
-        for i in range(first, end):
-            if not _are_finite(w, i) and reason[i] == 0:
-                reason[i] = BARRIERS
-            past, answer.model_error[i] = memory[i], np.sqrt(memory[i].input_error[0])
-            if reason[i] == 0:
-                answer.model_error[i] = watch(
-                    past, plants, i, period, settings.radius, known.confidence
-                )
-                reason[i] = past.alarm
-            else:
-                past.follows = 0
-            w.u[i, 0], w.u[i, 1], answer.reachable[i] = u_nominal[i, 0], u_nominal[i, 1], 0.0
-            if _stops(reason[i], past.alarm, brakes):
-                w.u[i, 0], w.u[i, 1] = _braking_input(i, settings, past.known, plants, period)
-                _guide_nowhere(i, through, w)
-            else:
-                answer.reachable[i] = _guide(i, settings, fields, through, Pull(*pull), plants, w)
-        filter_range(settings, w.u, rows, result, polygons, first, end)
-        for i in range(first, end):
-            past = memory[i]
-            if _stops(reason[i], past.alarm, brakes):
-                _brake(i, reason[i] == past.alarm and reason[i] != MOTION, w, result)
-            _conclude(
-                i, barriers, plants, u_nominal, result, w, settings.radius, known.body, answer
-            )
-            past.input[0], past.input[1] = result.u[i, 0], result.u[i, 1]
-            asks |= status[i] < 0 or reason[i] != 0
+        asks |= _filter(c, settings, _some(plants, first, min(first + TOGETHER, count)), work)
     return ASKS if asks else DONE
 
 
 @njit(cache=True, inline="always")
-def _fits(barriers: Scene, plants: Sensed, w: Work) -> bool:
+def _fits(p: Plants) -> bool:
     """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
 
     Nothing else here checks an index.
     """
-    count, m = barriers.kind.shape
-    if w.priority.shape[0] != count or w.margin.shape[2] != m or plants.x.shape[0] != count:
+    count, m = p.kind.shape
+    if p.sensed.size != count or p.told.size != count or p.rows.shape[0] != count:
         return False
-    if barriers.parameters.shape != (count, m, layout.WIDTH):
+    if p.rows.shape[1] < m or (p.own.size > 0 and p.own.shape != (count, m)):
         return False
-    if barriers.priority.shape != (count, m) or barriers.own_margin.shape != (count, m):
+    if p.parameters.shape != (count, m, layout.WIDTH):
+        return False
+    if p.priority.shape != (count, m) or p.own_margin.shape != (count, m):
         return False
     for i in range(count):
         for k in range(m):
-            if not 1 <= barriers.priority[i, k] <= layout.LOWEST_RANK:
+            if not 1 <= p.priority[i, k] <= layout.LOWEST_RANK:
                 return False
     return True
 
 
 @njit(cache=True, inline="always")
-def _are_finite(w: Work, i: int) -> bool:
+def _make_work(settings: Settings, n: int, m: int, total: int) -> Work:
+    """Return room for n plants with m rows, `total` with guidance."""
+    return Work(
+        np.empty((n, 2)),
+        np.empty((n, total, 2)),
+        np.empty((4, n, total)),
+        np.empty((n, total), dtype=np.int64),
+        np.empty((2, n, m)),
+        FilterResult(
+            np.empty((n, 2)),
+            np.empty((n, total)),
+            np.empty((n, total)),
+            np.empty(n, dtype=np.int64),
+            np.empty(n, dtype=np.int64),
+        ),
+        make_workspace(settings.radius, settings.vertices.shape[0], total),
+    )
+
+
+@njit(cache=True, inline="always")
+def _some(p: Plants, first: int, end: int) -> Plants:
+    """Return the plants from `first` on and before `end`."""
+    return Plants(
+        p.kind[first:end],
+        p.parameters[first:end],
+        p.priority[first:end],
+        p.own_margin[first:end],
+        p.sensed[first:end],
+        p.own[first:end],
+        p.told[first:end],
+        p.rows[first:end],
+    )
+
+
+@njit(cache=True)
+def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
+    """Filter as many plants as there is room for, and tell whether there is a reason to speak."""
+    settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
+    count, asks = p.kind.shape[0], False
+    if p.own.size > 0:
+        _take_rows(p, w)
+    else:
+        for i in range(count):
+            p.told[i].reason = look(p.sensed[i], c.period)
+        _make_rows(c, p, w)
+    for i in range(count):
+        _ask(c, settings, p, w, i)
+    rows = CbfRows(w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI])
+    filter_range(settings, w.u, rows, w.answer, w.polygons, 0, count)
+    for i in range(count):
+        _conclude(c, p, w, i)
+        asks |= p.told[i].reason != 0
+    return asks
+
+
+@njit(cache=True, inline="always")
+def _take_rows(p: Plants, w: Work) -> None:
+    """Copy the rows that were made beforehand."""
+    for i in range(p.kind.shape[0]):
+        for k in range(p.kind.shape[1]):
+            row = p.own[i, k]
+            w.a[i, k, 0], w.a[i, k, 1] = row.a_x, row.a_y
+            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = (
+                row.b,
+                row.h,
+                row.alpha2_psi,
+            )
+            w.margin[0, i, k], w.priority[i, k] = row.margin, p.priority[i, k]
+
+
+@njit(cache=True, inline="always")
+def _make_rows(c: Any, p: Plants, w: Work) -> None:
+    """Write the margins and the rows."""
+    count, m = p.kind.shape
+    x, t = p.sensed["x"], p.sensed["time"]
+    for i in range(count):
+        plant = p.sensed[i]
+        margins.derive(
+            c,
+            p.kind[i],
+            p.parameters[i],
+            plant.x,
+            plant.time,
+            plant.model,
+            plant.lag,
+            plant.covariance,
+            w.margin[0, i],
+            w.margin[1, i],
+        )
+        for k in range(m):
+            w.margin[0, i, k] += p.own_margin[i, k]
+            w.priority[i, k] = p.priority[i, k]
+    row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
+
+
+@njit(cache=True, inline="always")
+def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
+    """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
+    plant, told = p.sensed[i], p.told[i]
+    if not _are_finite(p, w, i) and told.reason == 0:
+        told.reason = BARRIERS
+    told.model_error = np.sqrt(plant.error)
+    if told.reason == 0:
+        told.model_error = watch(plant, c.period, c.radius, c.confidence)
+        told.reason = plant.alarm
+    else:
+        plant.follows = 0
+    w.u[i, 0], w.u[i, 1] = told.u_nominal[0], told.u_nominal[1]
+    told.reachable = 0.0
+    if _stops(told.reason, plant.alarm, c.brakes):
+        w.u[i, 0], w.u[i, 1] = _braking_input(settings, plant, c.period)
+        _guide_nowhere(c, p, w, i)
+    elif c.has_way:
+        told.reachable = plant.reachable
+        _guide(c, p, w, i)
+
+
+@njit(cache=True, inline="always")
+def _are_finite(p: Plants, w: Work, i: int) -> bool:
     """Tell whether the safety rows of a state are finite; where they are not, take them out."""
-    finite, m = True, w.margin.shape[2]
+    finite, m = True, p.kind.shape[1]
     for k in range(m):
-        finite &= np.isfinite(w.a[i, k, 0] + w.a[i, k, 1] + w.rows[0, i, k] + w.rows[1, i, k])
-        finite &= np.isfinite(w.rows[2, i, k] + w.margin[0, i, k])
+        finite &= np.isfinite(w.a[i, k, 0] + w.a[i, k, 1] + w.rows[B, i, k] + w.rows[H, i, k])
+        finite &= np.isfinite(w.rows[ALPHA2_PSI, i, k] + w.margin[0, i, k])
     if not finite:
         for k in range(m):
             w.a[i, k, 0], w.a[i, k, 1] = 0.0, 0.0
-            w.rows[0, i, k], w.rows[1, i, k], w.rows[2, i, k] = -1.0, 1.0, 1.0
+            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = -1.0, 1.0, 1.0
             w.margin[0, i, k] = 0.0
     return finite
 
@@ -273,137 +346,81 @@ def _stops(reason: int, alarm: int, brakes: bool) -> bool:
 
 
 @njit(cache=True, inline="always")
-def _braking_input(
-    i: int, settings: Settings, known: int, plants: Sensed, period: float
-) -> tuple[float, float]:
+def _braking_input(settings: Settings, plant: Any, period: float) -> tuple[float, float]:
     """Return the input of U nearest ``−v/T``, that nearest 0 where v is not known.
 
     `DoubleIntegrator.brake` is the same for a single plant.
     """
     wanted_x = wanted_y = 0.0
-    if known and period > 0.0:
-        wanted_x, wanted_y = -plants.x[i, 2] / period, -plants.x[i, 3] / period
+    if plant.known and period > 0.0:
+        wanted_x, wanted_y = -plant.x[2] / period, -plant.x[3] / period
     return nearest(settings.vertices, settings.vertices.shape[0], wanted_x, wanted_y)
 
 
 @njit(cache=True, inline="always")
-def _brake(i: int, rows_hold: bool, w: Work, result: FilterResult) -> None:
+def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
+    """Let guidance act on one state.
+
+    A program that has a last rank gets its row, the others' u* is shaped by it.
+    """
+    plant, last = p.sensed[i], p.kind.shape[1]
+    a_x, a_y, b = plant.way[0], plant.way[1], plant.way[2]
+    if not c.guided:
+        w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
+        return
+    rank = int(plant.reachable)
+    guidance_row.insert(w.priority[i, :last], rank, c.through, w.priority[i])
+    w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
+    w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = b, 0.0, 0.0
+
+
+@njit(cache=True, inline="always")
+def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
+    """Let the row of guidance, where there is one, ask for nothing."""
+    last = p.kind.shape[1]
+    if p.rows.shape[1] > last:
+        guidance_row.insert(w.priority[i, :last], 0, c.through, w.priority[i])
+        w.a[i, last, 0], w.a[i, last, 1] = 0.0, 0.0
+        w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = -1.0, 0.0, 0.0
+
+
+@njit(cache=True, inline="always")
+def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
+    """Write what the report says of one plant."""
+    plant, told, m = p.sensed[i], p.told[i], p.kind.shape[1]
+    u, u_nominal, slack, delta = w.answer.u[i], told.u_nominal, w.answer.slack[i], w.answer.delta[i]
+    if _stops(told.reason, plant.alarm, c.brakes):
+        _brake(told.reason == plant.alarm and told.reason != MOTION, w, i)
+    dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]
+    moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + c.radius)
+    unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)
+    told.status = conclude(w.answer.status[i], moved, unsafe, slack[:m])
+    told.intervention = np.sqrt(dx * dx + dy * dy)
+    told.fallbacks = w.answer.fallbacks[i]
+    speed2 = plant.x[2] ** 2 + plant.x[3] ** 2
+    asked2 = u_nominal[0] ** 2 + u_nominal[1] ** 2
+    stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
+    told.deadlock = 1.0 if stands else 0.0
+    for k in range(2):
+        told.u_safe[k] = plant.input[k] = u[k]
+    for k in range(m):
+        row = p.rows[i, k]
+        row.slack, row.delta, row.margin = slack[k], delta[k], w.margin[0, i, k]
+
+
+@njit(cache=True, inline="always")
+def _brake(rows_hold: bool, w: Work, i: int) -> None:
     """Make one answer that of a plant that is brought to rest.
 
     After an alarm the state is believed, but the plant no longer: what it does by itself may bring
     it to a region, and the program's answer to the braking input keeps it away. Without a state
     that is believed the rows say nothing, and the braking input is applied.
     """
-    if not rows_hold or result.status[i] < 0:
-        result.u[i, 0], result.u[i, 1] = w.u[i, 0], w.u[i, 1]
-        result.slack[i, :], result.delta[i, :] = 0.0, 0.0
-    result.status[i] = BACKUP
-
-
-@njit(cache=True, inline="always")
-def _make_rows(
-    first: int,
-    end: int,
-    row_settings: Array,
-    uncertainty: Uncertainty,
-    barriers: Scene,
-    plants: Sensed,
-    w: Work,
-) -> None:
-    """Write the margins and the rows of the plants from `first` on and before `end`."""
-    for i in range(first, end):
-        margins.derive(
-            uncertainty,
-            barriers.kind[i],
-            barriers.parameters[i],
-            plants.x[i],
-            plants.t[i],
-            plants.model[i],
-            plants.lag[i],
-            plants.covariance[i],
-            w.margin[0, i],
-            w.margin[1, i],
-        )
-        for k in range(barriers.priority.shape[1]):
-            w.margin[0, i, k] += barriers.own_margin[i, k]
-            w.priority[i, k] = barriers.priority[i, k]
-    row_kernels.rows(
-        barriers.kind[first:end],
-        barriers.parameters[first:end],
-        w.margin[:, first:end],
-        plants.x[first:end],
-        plants.t[first:end],
-        row_settings,
-        w.a[first:end],
-        w.rows[:, first:end],
-    )
-
-
-@njit(cache=True, inline="always")
-def _guide(
-    i: int, settings: Settings, way: Way, through: int, pull: Pull, plants: Sensed, w: Work
-) -> int:
-    """Let guidance, if there is any, act on one state; return through which rank its way leads.
-
-    A lexicographic program gets its row, the others' u* is shaped by it.
-    """
-    rank = 0
-    if way.field.shape[1]:
-        x = plants.x[i]
-        a_x, a_y, b = guidance_row.row(way.field[i], way.geometry[i], way.goal[i], x, pull)
-        rank = guidance_row.reachable(way.through[i], way.geometry[i], x[0], x[1])
-    elif way.row.shape[0]:
-        a_x, a_y, b = way.row[i, 0], way.row[i, 1], way.row[i, 2]
-    else:
-        return rank
-    if settings.kind != LEXICOGRAPHIC:
-        w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
-        return rank
-    last = w.priority.shape[1] - 1
-    guidance_row.insert(w.priority[i, :last], rank, through, w.priority[i])
-    w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
-    w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = b, 0.0, 0.0
-    return rank
-
-
-@njit(cache=True, inline="always")
-def _guide_nowhere(i: int, through: int, w: Work) -> None:
-    """Let the row of guidance, where there is one, ask for nothing."""
-    last = w.priority.shape[1] - 1
-    if last == w.margin.shape[2]:
-        guidance_row.insert(w.priority[i, :last], 0, through, w.priority[i])
-        w.a[i, last, 0], w.a[i, last, 1] = 0.0, 0.0
-        w.rows[0, i, last], w.rows[1, i, last], w.rows[2, i, last] = -1.0, 0.0, 0.0
-
-
-@njit(cache=True, inline="always")
-def _conclude(
-    i: int,
-    barriers: Scene,
-    plants: Sensed,
-    u_nominal: Array,
-    result: FilterResult,
-    w: Work,
-    radius: float,
-    body: float,
-    answer: Answer,
-) -> None:
-    """Write what the report says of one state, given the sizes of U [m/s²] and the body [m]."""
-    ux, uy = result.u[i, 0], result.u[i, 1]
-    dx, dy = ux - u_nominal[i, 0], uy - u_nominal[i, 1]
-    answer.intervention[i] = np.sqrt(dx * dx + dy * dy)
-    answer.fallbacks[i] = result.fallbacks[i]
-    for k in range(barriers.priority.shape[1]):
-        answer.margin[i, k] = w.margin[0, i, k]
-    if result.status[i] >= 0:
-        m = barriers.priority.shape[1]
-        moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + radius)
-        unsafe = is_unsafe(barriers.kind[i], barriers.priority[i], w.a[i], w.rows[1, i], body)
-        result.status[i] = conclude(result.status[i], moved, unsafe, result.slack[i, :m])
-    speed2 = plants.x[i, 2] ** 2 + plants.x[i, 3] ** 2
-    asked2 = u_nominal[i, 0] ** 2 + u_nominal[i, 1] ** 2
-    stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
-    answer.deadlock[i] = 1.0 if stands else 0.0
+    answer = w.answer
+    if not rows_hold:
+        answer.u[i, 0], answer.u[i, 1] = w.u[i, 0], w.u[i, 1]
+        answer.slack[i, :], answer.delta[i, :] = 0.0, 0.0
+    answer.status[i] = BACKUP
 
 
 @njit(cache=True)

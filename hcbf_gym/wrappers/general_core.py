@@ -1,6 +1,7 @@
 """The filter of one plant of any model, with any barriers, inputs and solver."""
 
 import warnings
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.programs.program import check_rows
+from hcbf_gym.wrappers import report
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
@@ -30,7 +32,7 @@ class Conditions(NamedTuple):
 
     Attributes:
         rows: (m,) of them.
-        margin: (m,) what each keeps between h and zero.
+        margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
         unsafe: whether a strict h is below zero, for the whole body where that is known.
     """
@@ -42,7 +44,10 @@ class Conditions(NamedTuple):
 
 
 class GeneralCore(FilterCore):
-    """The filter of one plant: usual rows from jets, and a program of any number of inputs.
+    """The filter of one plant: its rows, and a program of any number of inputs.
+
+    Plants of the planar double integrator have the rows that the compiled core gives them, held
+    ones too; those of other models have usual rows from jets.
 
     Whatever is not finite, misshaped or too old on the way from the plant to the rows makes it
     brake, see `Backup`, for as long as that lasts; an alarm, if the plant or the user asks for
@@ -70,9 +75,12 @@ class GeneralCore(FilterCore):
         self.program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
-        self.uncertainty = kept(plant, settings.margin, held=False)
+        self._planar = plant.model == DoubleIntegrator()
+        held = settings.rows == "held" and self._planar and plant.period is not None
+        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
+        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
+        self.uncertainty = kept(plant, settings.margin, held)
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
-        self._usual = RowSettings(self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._monitor = Monitor(plant.model, plant.period, input_set)
@@ -80,7 +88,7 @@ class GeneralCore(FilterCore):
         self._last_time, self._alarm = -np.inf, Reason.NONE
         self._m = 0
         if not callable(plant.barriers):
-            late = self._check(plant.barriers)
+            late = self._check(self._scene(plant.barriers))
             if late:
                 raise InvalidInputError(late)
 
@@ -102,8 +110,8 @@ class GeneralCore(FilterCore):
         if sensed is not None:
             self._backup.know(sensed.model)
             found = self._conditions(barriers, sensed, beginning=True)
-            if found is not None and isinstance(barriers, BarrierSet):
-                self._doubt(self.check_scene(barriers))
+            if found is not None and self._planar:
+                self._doubt(self.check_scene(self._scene(barriers)))
         zeros = np.zeros(self.input_set.n_u)
         if found is None:
             return self._brake(zeros, zeros, reason or Reason.BARRIERS)
@@ -131,13 +139,13 @@ class GeneralCore(FilterCore):
             self._last_time = self._last_time if sensed.time is None else sensed.time
             self._backup.know(sensed.model)
             self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
-        report = self._filter(wanted, barriers, sensed, reason)
+        told = self._filter(wanted, barriers, sensed, reason)
         self._steps += 1.0
-        u = report["u_safe"].copy()
+        u = told["u_safe"].copy()
         self._backup.apply(u)
         if sensed is not None:
             self._monitor.expect(sensed.body, sensed.model, u)
-        return u, report
+        return u, told
 
     def _filter(
         self, wanted: Array, barriers: Any, sensed: Belief | None, reason: Reason
@@ -197,8 +205,9 @@ class GeneralCore(FilterCore):
         """
         try:
             with np.errstate(all="ignore"):
-                late = self._check(barriers)
-                found = self._rows(barriers, sensed)
+                scene = self._scene(barriers)
+                late = self._check(scene)
+                found = self._rows(scene, sensed)
             check_rows(_without_gaps(found.rows), self.input_set.n_u)
         except UNREADABLE:
             return None
@@ -228,6 +237,18 @@ class GeneralCore(FilterCore):
             np.linalg.norm(x[at : at + 2]) < STANDING and np.linalg.norm(u_nominal) > ASKING
         )
 
+    def _scene(self, barriers: Any) -> Any:
+        """Return barriers of the planar double integrator as a set of one scene; others as given.
+
+        Raises:
+            InvalidInputError: if they are no sequence of barriers.
+        """
+        if not self._planar or isinstance(barriers, BarrierSet):
+            return barriers
+        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
+            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+        return BarrierSet([tuple(barriers)])
+
     def _check(self, barriers: Any) -> str:
         """Refuse what is no list of barriers, and return what is late in it; "" for nothing.
 
@@ -235,7 +256,7 @@ class GeneralCore(FilterCore):
             InvalidInputError: on other values, or if no input reaches a barrier.
         """
         if isinstance(barriers, BarrierSet):
-            if self.plant.model != DoubleIntegrator() or len(barriers.kind) != 1:
+            if not self._planar or len(barriers.kind) != 1:
                 raise InvalidInputError(
                     f"plant: got a BarrierSet of {len(barriers.kind)} scenes with "
                     f"{self.plant.model}, expected a sequence of barriers: a set makes rows of the "
@@ -269,7 +290,7 @@ class GeneralCore(FilterCore):
             margin, rate = derive_all(
                 self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
             )
-            batch = barriers.rows(*now, self._usual, margin, rate)
+            batch = barriers.rows(*now, self.row_settings, margin, rate)
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             seen = barriers.kind[0], rows.priority, rows.a, rows.h
             unsafe = bool(is_unsafe(*seen, self.uncertainty.body))
@@ -297,23 +318,20 @@ class GeneralCore(FilterCore):
         stands: bool = False,
     ) -> dict[str, Any]:
         """Return what ``info["safety_filter"]`` says of one call."""
-        return {
-            "u_nominal": u_nominal.copy(),
-            "u_safe": result.u.copy(),
-            "slack": result.slack.copy(),
-            "delta": result.delta.copy(),
-            "margin": found.margin.copy(),
-            "conditioning": found.conditioning.copy(),
-            "intervention": np.sqrt((result.u - u_nominal) @ (result.u - u_nominal)),
-            "status": np.int64(result.status),
-            "reason": np.int64(reason),
+        change = result.u - u_nominal
+        rows = {"slack": result.slack, "delta": result.delta, "margin": found.margin}
+        told = {
+            "intervention": np.sqrt(change @ change),
+            "fallbacks": result.fallbacks,
+            "model_error": self._monitor.error,
+            "deadlock": stands,
+            "alpha1_scale": self.alpha1_scale,
+            "status": result.status,
+            "reason": reason,
             "covered": self._coverage[0],
-            "alpha1_scale": self._scale[0],
-            "fallbacks": np.float64(result.fallbacks),
-            "model_error": np.float64(self._monitor.error),
-            "reachable": np.float64(0.0),
-            "deadlock": np.float64(stands),
         }
+        inputs = {"u_nominal": u_nominal, "u_safe": result.u}
+        return report.of_one(inputs, rows | {"conditioning": found.conditioning}, told)
 
 
 def _without_gaps(rows: CbfRows) -> CbfRows:

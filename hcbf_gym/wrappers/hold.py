@@ -58,8 +58,8 @@ class HoldAction(gym.Wrapper, RecordConstructorArgs):
 class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
     """`HoldAction` for the native vector environment: equal to it around each single environment.
 
-    An environment whose episode ends within a hold keeps what it had then; it starts over when the
-    hold is over.
+    An environment whose episode ends within a hold reports what it had then; it starts over when
+    the hold is over.
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N, autoreset_mode="Disabled")``, possibly in

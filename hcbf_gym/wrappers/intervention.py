@@ -25,7 +25,7 @@ def _check_filtered(env: Any, kind: type) -> None:
         if isinstance(env, kind):
             return
         env = env.env
-    raise InvalidInputError(f"environment: got no safety filter, expected one in {kind.__name__}")
+    raise InvalidInputError(f"environment: no safety filter in it, expected a {kind.__name__}")
 
 
 class InterventionPenalty(gym.Wrapper, RecordConstructorArgs):

@@ -12,6 +12,8 @@ is missed where ``‖Δu‖ > SHARE ‖u‖``. The alarm is raised where most of
 that tell were missed. A gain of 2 misses every one that is not cut off at the limits.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -51,30 +53,32 @@ CONFIDENCE = 3.0
 _ROUNDING = 1e-9
 _WRAPPED = 0.5  # how near to a whole turn a jump must be to be one [rad]
 
-ERROR, MISSED, SAMPLES = range(3)
-"""Columns of what is remembered: E, the share of misses, and the samples that tell."""
+ACCOUNT = [
+    ("error", "f8"),  # E
+    ("missed", "f8"),  # the share of misses
+    ("samples", "f8"),  # that tell
+]
+"""What is remembered of the input's signal; zeros at a reset."""
+_ACCOUNT = np.dtype((np.record, ACCOUNT))
 
 
 @njit(cache=True)
-def account(
-    memory: Array, error: float, chosen: float, rate: float, radius: float
-) -> tuple[float, bool]:
-    """Count one sample's ‖Δu‖² and ‖u‖² in (3,), and return √E and whether most were missed.
+def account(memory: Any, error: float, chosen: float, rate: float, radius: float) -> bool:
+    """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
 
     Args:
-        memory: (3,) zeros at a reset.
+        memory: a record with the fields of `ACCOUNT`, written to.
         error: ‖Δu‖².
         chosen: ‖u‖².
         rate: T/τ.
         radius: the largest norm of an input.
     """
-    memory[ERROR] += min(1.0, rate) * (error - memory[ERROR])
+    memory.error += min(1.0, rate) * (error - memory.error)
     if chosen > (FLOOR * radius) ** 2:
         missed = 1.0 if error > SHARE * SHARE * chosen else 0.0
-        memory[SAMPLES] += 1.0
-        memory[MISSED] += (missed - memory[MISSED]) / min(memory[SAMPLES], TELLING)
-    alarm = memory[SAMPLES] >= LEAST_SAMPLES and memory[MISSED] > MOST
-    return np.sqrt(memory[ERROR]), alarm
+        memory.samples += 1.0
+        memory.missed += (missed - memory.missed) / min(memory.samples, TELLING)
+    return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
 
 
 class Monitor:
@@ -112,13 +116,13 @@ class Monitor:
             np.maximum(-input_set.low, input_set.high) if isinstance(input_set, Box) else largest
         )
         self._steered = ~_driven_alone(model)
-        self.memory = np.zeros(3)
+        self._memory = np.zeros(1, dtype=_ACCOUNT)
         self._inverses: list[tuple[Array, Array]] = []
         self.forget()
 
     def forget(self) -> None:
         """Start a new episode."""
-        self.memory[:] = 0.0
+        self._memory[:] = 0
         self._last: tuple[Array, Array, Array] | None = None
         self._sums = np.zeros((3, self._model.n))  # r, m and m'
         self._change, self._in_a_row = 0.0, 0
@@ -135,7 +139,7 @@ class Monitor:
     @property
     def error(self) -> float:
         """How far the plant's response is from the chosen input [unit of u]."""
-        return float(np.sqrt(self.memory[ERROR]))
+        return float(np.sqrt(self._memory[0]["error"]))
 
     def observe(self, x: Array, model: Array, covariance: Array | None) -> Reason:
         """Account for what came of the last input, and return the alarm that this raises.
@@ -168,7 +172,7 @@ class Monitor:
         if covariance is not None:
             noise = 2.0 * CONFIDENCE**2 * np.trace(to_input @ covariance @ to_input.T)
             chosen *= float(SHARE**2 * chosen > noise / period**2)
-        _, missed = account(self.memory, error, chosen, period / WINDOW, self._radius)
+        missed = account(self._memory[0], error, chosen, period / WINDOW, self._radius)
         return bool(missed)
 
     def _motion_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:

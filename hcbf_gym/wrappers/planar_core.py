@@ -2,7 +2,7 @@
 
 import contextlib
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,28 +11,17 @@ from hcbf_gym import programs
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import derive_all
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import (
-    UNREADABLE,
-    InvalidInputError,
-    UnreachableError,
-    check_options,
-    choose,
-)
-from hcbf_gym.guidance.geodesic import Geodesic
-from hcbf_gym.guidance.local import Local
-from hcbf_gym.guidance.row import Pull
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.programs.exact.program import filter_exactly
-from hcbf_gym.programs.planar.cascade import GRADED
-from hcbf_gym.programs.planar.records import LEXICOGRAPHIC
 from hcbf_gym.wrappers import fused, senses
-from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
+from hcbf_gym.wrappers.belief import real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
-
-_PER_PLANT = ("margin", "intervention", "fallbacks", "model_error", "reachable", "deadlock")
+from hcbf_gym.wrappers.intake import Intake
+from hcbf_gym.wrappers.report import Sheet
+from hcbf_gym.wrappers.way import Way
 
 
 class PlanarCore(FilterCore):
@@ -56,45 +45,26 @@ class PlanarCore(FilterCore):
         count = 1 if batch is None else batch
         super().__init__(plant, input_set, settings, count)
         self._alone = batch is None
-        self.program = programs.make_batch(
+        program = programs.make_batch(
             settings.program, input_set=input_set, **self.program_options
-        )
-        self.program.cascade.weights.check(count)
+        ).settings_of(count)
         held = settings.rows == "held" and plant.period is not None
         hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
         self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
         self.uncertainty = kept(plant, settings.margin, held)
-        self._way, self._through = _guidance(settings.guidance, count)
-        self._constants: Any = (
-            tuple(self.program.settings),
-            self.row_settings.packed.copy(),
-            tuple(map(float, self.uncertainty)),
-            0.0 if plant.period is None else float(plant.period),
-            self._through,
-            tuple(Pull()),
-            self.brakes_on_alarm,
-        )
-        self._no_way = (
-            np.zeros((count, 0), dtype=np.float32),
-            np.zeros((count, 0), dtype=np.int8),
-            np.zeros((count, 5)),
-            np.zeros((count, 2)),
-            np.zeros((0, 3)),
-        )
-        self._memory = np.zeros(count, dtype=senses.MEMORY)
-        self._x, self._t = np.zeros((count, 4)), np.zeros(count)
-        self._lag, self._covariance = np.zeros((count, 4)), np.zeros((count, 4, 4))
-        self._model = np.zeros((count, 4))
-        self._fault = np.zeros(count, dtype=np.int64)
-        told = self._lag, self._covariance, self._fault
-        self._beside_model = senses.Sensed(self._x, self._t, self._model, *told)
-        self._as_model = senses.Sensed(self._x, self._t, self._x, *told)
-        self._sensed = self._as_model
-        self._faulty = self._lagging = self._spread = False  # what was told last, if anything
-        self._codes = np.empty((2, count), dtype=np.int64)
-        self._work: Any = ()
-        self._size = 0
-        self._parts_of_one: tuple[tuple[str, Any], ...] = ()
+        self._period = 0.0 if plant.period is None else float(plant.period)
+        self._way = Way(settings.guidance, count)
+        numbers = self.uncertainty._asdict()
+        numbers |= {"rows": self.row_settings.packed, "period": self._period}
+        numbers |= {"has_way": self._way.guides, "through": self._way.through}
+        numbers |= {"brakes": self.brakes_on_alarm}
+        self._constants, self._program = fused.constants(program, numbers)
+        self._guides_by_row = program.guided and self._way.guides
+        self._intake = Intake(plant, count)
+        self._sheet = Sheet(batch)
+        self._sheet.plants["alpha1_scale"] = self.alpha1_scale
+        self._m = 0
+        self._no_rows = self._own_rows = np.zeros((0, 0), dtype=fused.OWN_ROW)
         self._scene = BarrierSet([()] * count)
         self._listed: tuple[Any, ...] = ()
         self._checked: tuple[Any, ...] = ()
@@ -104,7 +74,7 @@ class PlanarCore(FilterCore):
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
-        self._memory[mask] = 0
+        self._intake.plants[mask] = 0
         self._steps[mask] = 0.0
         self._fresh |= mask
 
@@ -115,18 +85,19 @@ class PlanarCore(FilterCore):
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""
-        self._take(estimate)
+        intake, kept_clear = self._intake, self.uncertainty.distance + self.uncertainty.body
+        intake.take(estimate, self._time(estimate))
         self._take_barriers(barriers)
         with contextlib.suppress(UnreachableError):  # its rows brake
             self._check_inputs()
         self._doubt(self.check_scene(self._scene.of(self._fresh)))
-        if self._way is not None:
-            self._find_ways(goal, extent)
+        self._way.begin(self._scene, intake.x, kept_clear, (goal, extent), self._fresh)
         self._fresh[:] = False
-        remembered, counted = self._memory.copy(), self._steps.copy()
+        self._sheet.plants["covered"] = self._coverage
+        remembered, counted = intake.plants.copy(), self._steps.copy()
         nothing = np.zeros(2 if self._alone else (self.count, 2))
         u, report = self.step(nothing, barriers, estimate)
-        self._memory[:] = remembered
+        intake.plants[:] = remembered
         self._steps[:] = counted
         told = report["status"] >= programs.FilterStatus.UNSAFE
         report["status"] = report["status"] * told
@@ -139,26 +110,26 @@ class PlanarCore(FilterCore):
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
-        self._take(estimate)
+        intake, sheet, way = self._intake, self._sheet, self._way
+        intake.take(estimate, None if estimate.time is not None else self._time(estimate))
         self._take_barriers(barriers)
-        scene, wanted = self._scene, u_nominal[None] if self._alone else u_nominal
-        work = self._space(scene.kind.shape[1])
-        codes = self._codes if self._alone else np.empty_like(self._codes)
-        given = bool(scene.own)
-        if given and np.isfinite(wanted).all():
-            self._make_rows(scene, work, codes[fused.REASON])
-        flat = np.empty(self._size)
+        scene = self._scene
+        if scene.kind.shape[1] != self._m:
+            self._make_room(scene.kind.shape[1])
+        sheet.renew()
+        sheet.plants["u_nominal"] = u_nominal
+        if scene.own and np.isfinite(u_nominal).all():
+            self._make_rows(scene)
+        if way.guides:
+            way.lead(scene, intake, sheet.plants["u_nominal"])
         said = fused.filter_plants(
             self._constants,
+            self._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin),
-            self._sensed,
-            self._no_way if self._way is None else self._guided(self._way, wanted),
-            work,
-            self._memory,
-            wanted,
-            flat,
-            codes,
-            given,
+            intake.plants,
+            self._own_rows if scene.own else self._no_rows,
+            sheet.plants,
+            sheet.rows,
         )
         if said == fused.NOT_FINITE:
             raise InvalidInputError(f"action: got {u_nominal.tolist()}, expected finite numbers")
@@ -169,9 +140,9 @@ class PlanarCore(FilterCore):
             )
         if estimate.time is None:
             self._steps += 1.0
-        report = self._report(u_nominal, flat, codes)
         if said == fused.ASKS:
-            self._finish(report, codes)
+            self._finish()
+        report = sheet.report()
         return report["u_safe"], report
 
     def _check_inputs(self) -> None:
@@ -186,138 +157,27 @@ class PlanarCore(FilterCore):
             check_inputs(self.plant.model, own, self.settings.allow_late_inputs)
             self._checked = own
 
-    def _find_ways(self, goal: Any, extent: Any) -> None:
-        """Let guidance look at the scenes that begin."""
-        if isinstance(self._way, Local):
-            self._way.reset(self._scene, mask=self._fresh)
-        elif self._way is not None:
-            clearance = self.uncertainty.distance + self.uncertainty.body
-            start = np.where(np.isfinite(self._x[:, :2]), self._x[:, :2], 0.0)
-            self._way.reset(self._scene, goal, extent, clearance, start=start, mask=self._fresh)
-
-    def _guided(self, way: Geodesic | Local, u_nominal: Array) -> tuple[Any, ...]:
-        """Return what guides the plants now, as the compiled call reads it."""
-        if isinstance(way, Local):
-            way.barriers = self._scene
-            a, b = way.rows(self._x, self._t, u_nominal)
-            return (*self._no_way[:4], np.column_stack([a, b]))
-        way.update(self._t)
-        return way.field, way.through, way.geometry, way.goal, self._no_way[4]
-
-    def _report(self, u_nominal: Array, flat: Array, codes: Any) -> dict[str, Any]:
-        """Return the parts of an answer by their names."""
-        report: dict[str, Any] = {"u_nominal": u_nominal}
-        if self._alone:
-            for name, part in self._parts_of_one:
-                report[name] = flat[part]
-            report["status"], report["reason"] = codes[0, 0], codes[1, 0]
-            report["covered"], report["alpha1_scale"] = self._coverage[0], self._scale[0]
-            return report
-        m = self._work[3].shape[2]
-        views = fused.answer_views.py_func(flat, self.count, m, self._work[2].shape[1])
-        report["u_safe"] = views.u
-        report["slack"], report["delta"] = views.slack[:, :m], views.delta[:, :m]
-        for name in _PER_PLANT:
-            report[name] = getattr(views, name)
-        report["status"], report["reason"] = codes
-        report["covered"], report["alpha1_scale"] = self._coverage.copy(), self._scale.copy()
-        return report
-
-    def _finish(self, report: dict[str, Any], codes: Any) -> None:
-        """Solve in rational arithmetic what was left to it; brake as the user asks; warn."""
-        for i in np.flatnonzero(codes[fused.STATUS] == GRADED):
-            self._solve_exactly(int(i), report)
+    def _finish(self) -> None:
+        """Brake as the user asks, and warn."""
+        told, rows = self._sheet.plants, self._sheet.rows
         if self.plant.brake is not None:
-            for i in np.flatnonzero(codes[fused.STATUS] == programs.FilterStatus.BACKUP):
-                at = ... if self._alone else i
-                report["u_safe"][at] = u = self._users_brake(int(i))
-                report["slack"][at] = report["delta"][at] = 0.0
-                gap = np.linalg.norm(u - np.atleast_2d(report["u_nominal"])[i])
-                self._write(report, "intervention", int(i), gap)
-                self._memory[i]["input"] = u
-        for reason in np.unique(codes[fused.REASON]).tolist():
-            self._announcer.say(reason, int((codes[fused.REASON] == reason).sum()))
+            for i in np.flatnonzero(told["status"] == programs.FilterStatus.BACKUP):
+                u = self._users_brake(int(i))
+                told["u_safe"][i] = self._intake.plants["input"][i] = u
+                told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
+                rows["slack"][i] = rows["delta"][i] = 0.0
+        reasons, counts = np.unique(told["reason"], return_counts=True)
+        for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
+            self._announcer.say(reason, count)
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
         asked: Any = self.plant.brake
         if callable(asked):
-            asked = asked(self._x[i].copy()) if self._memory[i]["known"] else None
+            known = self._intake.plants["known"][i]
+            asked = asked(self._intake.x[i].copy()) if known else None
         wanted = real_numbers(asked, (2,))
         return self.input_set.project(np.zeros(2) if wanted is None else wanted)
-
-    def _solve_exactly(self, i: int, report: dict[str, Any]) -> None:
-        """Answer for one state in rational arithmetic."""
-        scene, (a, rows, priority, _, wanted) = self._scene, self._work
-        m = scene.kind.shape[1]
-        state = CbfRows(a[i], rows[0, i], rows[1, i], priority[i], rows[2, i])
-        exact = filter_exactly(self.program.cascade, self.input_set, wanted[i], state, i)
-        u_nominal = np.atleast_2d(report["u_nominal"])[i]
-        moved = bool((np.abs(exact.u - u_nominal) > 0.0).any())
-        sensed = scene.kind[i], scene.priority[i], a[i], rows[1, i]
-        unsafe = fused.is_unsafe(*sensed, self.uncertainty.body)
-        at = ... if self._alone else i
-        report["u_safe"][at] = exact.u
-        report["slack"][at], report["delta"][at] = exact.slack[:m], exact.delta[:m]
-        for name, value in (
-            ("status", np.int64(fused.conclude(int(exact.status), moved, unsafe, exact.slack[:m]))),
-            ("intervention", np.linalg.norm(exact.u - u_nominal)),
-            ("fallbacks", np.float64(exact.fallbacks)),
-        ):
-            self._write(report, name, i, value)
-        self._memory[i]["input"] = exact.u
-
-    def _write(self, report: dict[str, Any], name: str, i: int, value: Any) -> None:
-        """Set the entry of plant `i` in a report."""
-        if self._alone:
-            report[name] = value
-        else:
-            report[name][i] = value
-
-    def _take(self, estimate: Estimate) -> None:
-        """Note what is known of the plants; what does not fit is a fault of theirs."""
-        if estimate.fault is not None or self._faulty:
-            self._faulty = estimate.fault is not None
-            self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
-        sound = _copy(self._x, estimate.x)
-        if estimate.time is None:
-            self._t[:] = self._time(estimate)
-        elif not _copy(self._t, estimate.time):
-            self._t[:] = -np.inf  # what is no time does not go on
-        self._sensed = self._as_model
-        if estimate.model is not None:
-            self._sensed = self._beside_model
-            sound &= _copy(self._model, estimate.model)
-        if estimate.lag is not None or self._lagging:
-            self._lagging = estimate.lag is not None
-            self._lag[:] = 0.0
-            sound &= not self._lagging or _copy(self._lag, estimate.lag)
-        if estimate.covariance is not None or self._spread:
-            self._spread = estimate.covariance is not None
-            self._covariance[:] = 0.0
-            sound &= not self._spread or _copy(self._covariance, estimate.covariance)
-        if not sound:
-            self._blame(Reason.STATE)
-        elif estimate.age is not None:
-            self._check_age(estimate.age)
-
-    def _blame(self, reason: Any, mask: Any = ...) -> None:
-        """Note why the masked plants are not believed."""
-        self._fault[mask], self._faulty = reason, True
-
-    def _alarms(self, fault: Any) -> Any:
-        """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
-        alarms = np.zeros(self.count)
-        if not _copy(alarms, fault) or not np.isin(alarms, KNOWN_FAULTS).all():
-            return Reason.STATE
-        return alarms
-
-    def _check_age(self, age: Any) -> None:
-        """Note which states are older than the plant allows, or of no age at all."""
-        ages = np.full(self.count, np.nan)
-        _copy(ages, age)
-        most = np.inf if self.plant.max_age is None else self.plant.max_age
-        self._blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= most)))
 
     def _take_barriers(self, barriers: Any) -> None:
         """Note the barriers as they are now; where they are none, the plants are not believed."""
@@ -330,91 +190,40 @@ class PlanarCore(FilterCore):
             self._read_barriers(barriers)
         except InvalidInputError:
             self._listed = ()
-            self._blame(Reason.BARRIERS, self._fault == 0)
+            self._intake.blame(Reason.BARRIERS, self._intake.plants["fault"] == 0)
 
     def _read_barriers(self, barriers: Any) -> None:
         """Make a scene of a list of barriers.
 
         Raises:
-            InvalidInputError: if it is none, or a speed limit cannot be kept.
+            InvalidInputError: if it is none, or a speed limit cannot be satisfied.
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
         scene = BarrierSet([tuple(barriers)])
         self._scene, self._listed = scene, tuple(barriers)
 
-    def _space(self, m: int) -> Any:
-        """Return working space for m rows, and one for guidance under a lexicographic program."""
-        guided = self._way is not None and self.program.settings.kind == LEXICOGRAPHIC
-        if not self._work or self._work[3].shape[2] != m:
-            n, total = self.count, m + guided
-            self._work = (
-                np.zeros((n, total, 2)),
-                np.zeros((4, n, total)),
-                np.ones((n, total), dtype=np.int64),
-                np.zeros((2, n, m)),
-                np.zeros((n, 2)),
-            )
-            self._size = fused.answer_size(n, m, total)
-            ends = np.cumsum([2, total, total, m]).tolist()
-            self._parts_of_one = (
-                ("u_safe", slice(0, 2)),
-                ("slack", slice(2, 2 + m)),
-                ("delta", slice(ends[1], ends[1] + m)),
-                ("margin", slice(ends[2], ends[3])),
-                *((name, ends[3] + k) for k, name in enumerate(_PER_PLANT[1:])),
-            )
-        return self._work
+    def _make_room(self, m: int) -> None:
+        """Make room for m rows, and for one of guidance under a program that has a last rank."""
+        self._m = m
+        self._sheet.widen(m, m + self._guides_by_row)
+        self._own_rows = np.zeros((self.count, m), dtype=fused.OWN_ROW)
 
-    def _make_rows(self, scene: BarrierSet, work: Any, reason: Any) -> None:
-        """Look at the states (reasons (N,)), and write the rows of users' own barriers."""
-        a, out, priority, margin, _ = work
+    def _make_rows(self, scene: BarrierSet) -> None:
+        """Look at the states, and make the rows of users' own barriers."""
+        plants, out = self._intake.plants, self._own_rows
         for i in range(self.count):
-            reason[i] = senses.look(self._memory[i], self._sensed, i, self.plant.period or 0.0)
-        m = scene.kind.shape[1]
-        priority[:, :m] = scene.priority
-        margin[0], margin[1] = derive_all(self.uncertainty, scene, *self._sensed[:-1])
+            self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
+        state = [plants[name] for name in ("x", "time", "model", "lag", "covariance")]
+        margin, rate = derive_all(self.uncertainty, scene, *state)
+        out["margin"] = margin
         try:
-            rows = scene.rows(self._x, self._t, self.row_settings, margin[0], margin[1])
+            rows = scene.rows(plants["x"], plants["time"], self.row_settings, margin, rate)
         except UNREADABLE:
-            out[:] = np.nan
+            out["b"] = np.nan
             return
-        a[:, :m], out[0, :, :m], out[1, :, :m] = rows.a, rows.b, rows.h
-        out[2, :, :m] = rows.alpha2_psi
-
-
-def _guidance(choice: Any, count: int) -> tuple[Geodesic | Local | None, int]:
-    """Return what guides N plants, or None, and the highest rank that gives way to it.
-
-    Raises:
-        UnknownNameError: if there is no such guidance; the message lists the choices.
-        InvalidInputError: on an unknown option.
-    """
-    if choice is None:
-        return None, 0
-    options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
-    check_options("guidance", options, ("kind", "through"))
-    kinds = {"geodesic": Geodesic, "local": Local}
-    kind = choose("guidance", options.get("kind", "geodesic"), kinds)
-    return kind(count), int(options.get("through", 0))
-
-
-def _copy(target: Array, value: Any) -> bool:
-    """Copy a value (N, …), or of one plant without the N; tell whether it is made of numbers."""
-    if isinstance(value, float) and target.shape == (1,):
-        target[0] = value
-        return True
-    one = len(target) == 1
-    if type(value) is not np.ndarray or value.dtype.char != "d":
-        shapes = (target.shape, target.shape[1:]) if one else (target.shape,)
-        found = (real_numbers(value, shape) for shape in shapes)
-        value = next((numbers for numbers in found if numbers is not None), None)
-        if value is None:
-            return False
-    if value.shape != target.shape and not (one and value.shape == target.shape[1:]):
-        return False
-    target[...] = value
-    return True
+        out["a_x"], out["a_y"] = rows.a[..., 0], rows.a[..., 1]
+        out["b"], out["h"], out["alpha2_psi"] = rows.b, rows.h, rows.alpha2_psi
 
 
 def _same(barriers: Any, listed: tuple[Any, ...]) -> bool:

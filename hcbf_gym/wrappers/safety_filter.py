@@ -30,31 +30,28 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
-    ``info["safety_filter"]`` holds `u_nominal` (n_u,), `u_safe` (n_u,), `slack` (m,) each row's
-    violation, `delta` (m,) the program's own relaxation, `status` (a
-    `hcbf_gym.programs.FilterStatus`), `reason` (a `hcbf_gym.models.plant.Reason`, 0 where there is
-    none), `covered` (a `hcbf_gym.models.plant.Coverage`), `alpha1_scale` by how much α₁ was scaled
-    down to what U can brake, `intervention` ‖u − u*‖, `fallbacks`, `margin` (m,) what each row
-    keeps between h and zero, `model_error` how far the plant's response is from the chosen input
-    [unit of u], `reachable`, and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though
-    u* asks it to move (‖u*‖ > 0.3 m/s²). Models other than the planar double integrator add
-    `conditioning` (m,): 0 where no input matters to a row, less than 1 near a kink of its function.
+    ``info["safety_filter"]`` holds the fields of `hcbf_gym.wrappers.report`: u* and u, each row's
+    slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
+    `hcbf_gym.models.plant.Reason`, 0 where there is none), `covered` (a
+    `hcbf_gym.models.plant.Coverage`), and what is measured on the way, such as `intervention`
+    ‖u − u*‖ and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though u* asks it to move
+    (‖u*‖ > 0.3 m/s²).
     `reset` reports the same keys.
 
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
             that change actions belong outside the filter.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
-        rows: "held" keeps h ≥ 0 while an input is held, "usual" at the samples alone. Plants other
-            than the planar double integrator, or of unknown period, have usual rows.
+        rows: "held" preserves h ≥ 0 while an input is held, "usual" at the samples alone. Plants
+            other than the planar double integrator, or of unknown period, have usual rows.
         guidance: "geodesic" leads to the plant's goal around the regions by a row of the last rank,
             or, for programs with weights, by the input nearest u* that moves along the way; "local"
             circulates around what stops u*, where no goal is known; a dict ``{"kind": "geodesic",
             "through": p}`` lets ranks from p on give way to it; None leaves the way to the
             policy.
-        margin: what rows on the position keep between h and zero [m]; None derives it from what is
-            uncertain.
+        margin: what rows on the position reserve between h and zero [m]; None derives it from what
+            is uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
             programs where u has two entries, else "daqp".
         on_alarm: "warn" or "brake", where the plant is not the one that was declared; None takes
@@ -84,7 +81,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: gym.Env,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
         guidance: Any = None,
@@ -96,7 +93,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             plant=plant,
             rows=rows,
             guidance=guidance,
@@ -169,7 +166,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, possibly wrapped.
-        program: a name from `hcbf_gym.programs.names()`.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         rows: as `SafetyFilter` takes it.
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
@@ -185,7 +182,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     def __init__(
         self,
         env: VectorEnv,
-        program: str = "lex-cbf-qp",
+        program: programs.Named = "lex-cbf-qp",
         rows: str = "held",
         guidance: Any = None,
         margin: float | None = None,
@@ -194,7 +191,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
     ):
         RecordConstructorArgs.__init__(
             self,
-            program=program,
+            program=programs.plain(program),
             rows=rows,
             guidance=guidance,
             margin=margin,
@@ -269,8 +266,7 @@ def _sensed(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> t
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
     """Return the core that fits a plant: compiled for the planar double integrator."""
-    compiled = settings.solver is None and programs.is_compiled(settings.program)
-    if plant.model == DoubleIntegrator() and compiled:
+    if plant.model == DoubleIntegrator() and settings.solver is None:
         return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
 
@@ -359,8 +355,8 @@ def _input_set(plant: Plant, space: gym.Space) -> InputSet:
     bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
     if not bounded or plant.to_action is not None:
         raise InvalidInputError(
-            f"plant: got no input_set and the action space {space}, expected an input_set, or a "
-            "bounded Box of shape (n_u,) that u shares"
+            f"plant: input_set is missing, and the action space {space} cannot take its place, "
+            "expected an input_set, or a bounded Box of shape (n_u,) that u shares"
         )
     assert isinstance(space, gym.spaces.Box)
     return Box(space.low.astype(np.float64), space.high.astype(np.float64))

@@ -13,7 +13,7 @@ try:
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise MissingDependencyError(
-        "SB3 adapter: got no stable_baselines3, expected the extra: pip install 'hcbf-gym[rl]'"
+        "SB3 adapter: stable_baselines3 is not installed: pip install 'hcbf-gym[rl]'"
     ) from error
 
 Array = NDArray[np.float64]

@@ -10,17 +10,14 @@ that was, under the input that was applied. Two signals tell whether the plant i
 and the alarm is raised where ``‖r‖ > DRIFT + SHARE max(‖m‖, ‖m + r‖) + κ √tr P``.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
-from hcbf_gym.wrappers.monitor import WINDOW, account
-
-Array = NDArray[np.float64]
+from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account
 
 DRIFT = 0.01
 """What position and velocity may drift apart in any case [m]: rounding of a plant's own steps."""
@@ -30,90 +27,84 @@ SHARE = 0.1
 STATE, CLOCK = int(Reason.STATE), int(Reason.CLOCK)
 INPUT, MOTION = int(Reason.INPUT), int(Reason.MOTION)
 
-MEMORY = np.dtype(
+PLANT = np.dtype(
     (
         np.record,
         [
-            ("input_error", "f8", 3),  # as `monitor.account` keeps it
+            # what is said of it now, as `models.plant.Estimate` has it
+            ("x", "f8", 4),
+            ("time", "f8"),
+            ("model", "f8", 4),
+            ("lag", "f8", 4),
+            ("covariance", "f8", (4, 4)),
+            ("fault", "i8"),  # a `Reason` that was found on the way here; 0 for none
+            ("has_model", "i8"),  # whether the model has a state of its own; x is that if not
+            # where guidance leads
+            ("way", "f8", 3),  # a_x, a_y and b of its row
+            ("reachable", "f8"),  # through which rank
+            # what is remembered from step to step
+            *ACCOUNT,
             ("drift", "f8", 2),  # r [m]
             ("motion", "f8", 2),  # m [m]
             ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
-            ("model", "f8", 2),  # velocity of the model at the last sample [m/s]
+            ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
             ("input", "f8", 2),  # applied since [m/s²]
-            ("state", "f8", 4),  # believed at the last sample
-            ("time", "f8"),  # of the last state that was believed [s]
-            ("follows", "u1"),  # whether the last sample was believed
-            ("known", "u1"),  # whether any was, since the reset
+            ("believed", "f8", 4),  # the last state that was
+            ("believed_at", "f8"),  # its time [s]
+            ("follows", "i8"),  # whether the last sample was believed
+            ("known", "i8"),  # whether any was, since the reset
             ("alarm", "i8"),  # a `Reason`, until the next reset
         ],
     )
 )
-"""What is remembered of one plant from step to step; zeros at a reset."""
-
-
-class Sensed(NamedTuple):
-    """What is known of N plants, as `models.plant.Estimate` says it, with a leading N.
-
-    Attributes:
-        x: (N, 4).
-        t: (N,).
-        model: (N, 4).
-        lag: (N, 4).
-        covariance: (N, 4, 4).
-        fault: (N,) a `Reason` that was found on the way here; 0 for none.
-    """
-
-    x: Array
-    t: Array
-    model: Array
-    lag: Array
-    covariance: Array
-    fault: NDArray[np.int64]
+"""What is known of one plant; zeros at a reset."""
 
 
 @njit(cache=True, error_model="numpy")
-def look(memory: np.record, plants: Sensed, i: int, period: float) -> int:
-    """Return why plant `i` is not believed, 0 if it is; where it is not, write what the model says.
+def look(plant: Any, period: float) -> int:
+    """Return why a plant is not believed, 0 if it is; where it is not, write what the model says.
 
     Args:
-        memory: a `MEMORY` record, written to.
-        plants: the row `i` is replaced where it is not believed.
-        i: which plant.
+        plant: a `PLANT` record, written to.
         period: T [s]; 0 where it is not known.
     """
-    reason = plants.fault[i] if plants.fault[i] < INPUT else 0
-    x, t = plants.x[i], plants.t[i]
-    if reason == 0 and not _is_sound(plants, i):
+    x, t = plant.x, plant.time
+    if plant.has_model == 0:
+        plant.model[:] = x
+    reason = plant.fault if plant.fault < INPUT else 0
+    if reason == 0 and not _is_sound(plant):
         reason = STATE
     if reason == 0 and not np.isfinite(t):
         reason = CLOCK
-    if reason == 0 and memory.known and t <= memory.time and (period > 0.0 or t != 0.0):
+    if reason == 0 and plant.known and t <= plant.believed_at and (period > 0.0 or t != 0.0):
         reason = CLOCK
+    state = plant.believed
     if reason == 0:
-        memory.state[:] = x
-        memory.time, memory.known = t, 1
+        state[:] = x
+        plant.believed_at = t
+        plant.known = 1
         return 0
-    memory.follows = 0
-    if memory.known and period > 0.0:
-        state = memory.state
+    plant.follows = 0
+    if plant.known and period > 0.0:
         state[0], state[1], state[2], state[3] = double_integrator_step(
-            state, memory.input, period, np.inf
+            state, plant.input, period, np.inf
         )
-    x[:] = memory.state
-    plants.model[i, :] = x
-    plants.lag[i, :] = 0.0
-    plants.covariance[i, :, :] = 0.0
-    plants.t[i] = memory.time
+    x[:] = state
+    plant.model[:] = state
+    plant.lag[:] = 0.0
+    plant.covariance[:, :] = 0.0
+    plant.time = plant.believed_at
     return reason
 
 
 @njit(cache=True, error_model="numpy")
-def _is_sound(plants: Sensed, i: int) -> bool:
+def _is_sound(plant: Any) -> bool:
     """Tell whether all that is said of a plant is finite, and its covariance may be one."""
+    x, model, lag, p = plant.x, plant.model, plant.lag, plant.covariance
     sound = True
     for k in range(4):
-        sound &= np.isfinite(plants.x[i, k] + plants.model[i, k] + plants.lag[i, k])
-    total, p = 0.0, plants.covariance[i]
+        sound &= np.isfinite(x[k] + model[k] + lag[k])
+    total = 0.0
     for j in range(4):
         for k in range(4):
             total += p[j, k]
@@ -127,56 +118,52 @@ def _is_sound(plants: Sensed, i: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def watch(
-    memory: np.record, plants: Sensed, i: int, period: float, radius: float, confidence: float
-) -> float:
+def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
     """Compare a believed sample with the one before, raise what alarms there are, return √E.
 
     Args:
-        memory: a `MEMORY` record, written to.
-        plants: of which `i` is looked at.
-        i: which plant.
+        plant: a `PLANT` record, written to.
         period: T [s]; 0 where it is not known.
         radius: the largest norm of an input [m/s²].
         confidence: κ.
     """
-    model, lag = plants.model[i], plants.lag[i]
-    if memory.alarm == 0 and plants.fault[i] >= INPUT:
-        memory.alarm = plants.fault[i]
-    error = np.sqrt(memory.input_error[0])
-    if memory.follows and period > 0.0:
+    model, lag = plant.model, plant.lag
+    if plant.alarm == 0 and plant.fault >= INPUT:
+        plant.alarm = plant.fault
+    if plant.follows and period > 0.0:
         missed = chosen = 0.0
         for k in range(2):
-            miss = (model[2 + k] - memory.model[k]) / period - memory.input[k]
+            miss = (model[2 + k] - plant.expected[k]) / period - plant.input[k]
             missed += miss * miss
-            chosen += memory.input[k] * memory.input[k]
-        error, alarm = account(memory.input_error, missed, chosen, period / WINDOW, radius)
-        if alarm and memory.alarm == 0:
-            memory.alarm = INPUT
-        strays = _strays(memory, model, lag, plants.covariance[i], period, confidence)
-        if strays and memory.alarm == 0:
-            memory.alarm = MOTION
+            chosen += plant.input[k] * plant.input[k]
+        alarm = account(plant, missed, chosen, period / WINDOW, radius)
+        if alarm and plant.alarm == 0:
+            plant.alarm = INPUT
+        strays = _strays(plant, period, confidence)
+        if strays and plant.alarm == 0:
+            plant.alarm = MOTION
     for k in range(4):
-        memory.body[k] = model[k] + lag[k]
-    memory.model[0], memory.model[1] = model[2], model[3]
-    memory.follows = 1
-    return error
+        plant.body[k] = model[k] + lag[k]
+    plant.expected[0] = model[2]
+    plant.expected[1] = model[3]
+    plant.follows = 1
+    return np.sqrt(plant.error)
 
 
 @njit(cache=True, error_model="numpy")
-def _strays(
-    memory: np.record, model: Array, lag: Array, covariance: Array, period: float, confidence: float
-) -> bool:
+def _strays(plant: Any, period: float, confidence: float) -> bool:
     """Tell whether the body's position has drifted from what its velocity says."""
+    model, lag, body, covariance = plant.model, plant.lag, plant.body, plant.covariance
+    drift, motion = plant.drift, plant.motion
     keep = max(0.0, 1.0 - period / WINDOW)
     drift2 = told2 = seen2 = 0.0
     for k in range(2):
         position, velocity = model[k] + lag[k], model[2 + k] + lag[2 + k]
-        told = 0.5 * period * (velocity + memory.body[2 + k])
-        memory.drift[k] = keep * memory.drift[k] + position - memory.body[k] - told
-        memory.motion[k] = keep * memory.motion[k] + told
-        drift2 += memory.drift[k] ** 2
-        told2 += memory.motion[k] ** 2
-        seen2 += (memory.motion[k] + memory.drift[k]) ** 2
+        told = 0.5 * period * (velocity + body[2 + k])
+        drift[k] = keep * drift[k] + position - body[k] - told
+        motion[k] = keep * motion[k] + told
+        drift2 += drift[k] ** 2
+        told2 += motion[k] ** 2
+        seen2 += (motion[k] + drift[k]) ** 2
     spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
     return np.sqrt(drift2) > DRIFT + SHARE * np.sqrt(max(told2, seen2)) + spread

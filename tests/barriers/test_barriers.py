@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
+    Capsule,
     ConvexPolygon,
     Disc,
     Ellipse,
@@ -27,6 +29,7 @@ BARRIERS: tuple[Barrier, ...] = (
     Disc("moving disc", 2, center=(-1.0, 0.4), radius=0.5, velocity=(0.3, -0.7)),
     Ellipse("ellipse", 2, center=(0.1, 0.3), semi_axes=(1.5, 0.4), angle=0.7, velocity=(-0.2, 0.1)),
     ConvexPolygon("square", 3, vertices=((-1, -1), (1, -1), (1, 1), (-1, 1)), velocity=(0.1, 0.2)),
+    Capsule("capsule", 2, start=(-0.5, -0.4), end=(0.7, 0.3), radius=0.3, velocity=(0.2, -0.1)),
     SpeedLimit("cap", 1, v_max=1.2, margin=0.1),
 )
 MODELS = (
@@ -61,6 +64,20 @@ def test_jet_matches_finite_differences(barrier):
         np.testing.assert_allclose(
             jet.gradient_rate, (ahead.gradient - behind.gradient) / (2 * eps), atol=1e-4
         )
+
+
+@pytest.mark.parametrize("shape", BARRIERS[:-1], ids=lambda b: b.name)
+def test_a_compiled_shape_is_the_readable_one(shape):
+    rng, eps = np.random.default_rng(0), 1e-9
+    special = shape.outline() if isinstance(shape, ConvexPolygon) else [shape.anchor]
+    special = () if isinstance(shape, Capsule) else special  # on its segment either side is right
+    for q in (*rng.uniform(-3, 3, (300, 2)), *special):
+        for got, expected in zip(shape.planar_jet(q), readable.jet(shape, q), strict=True):
+            np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
+        reach = rng.uniform(eps, 0.5)
+        if shape.h(np.array([*q, 0.0, 0.0])) > eps:
+            expected = readable.core(shape, q, reach)
+            np.testing.assert_allclose(shape.core(q, reach), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
@@ -116,10 +133,8 @@ def test_what_a_policy_sees_is_h_its_unit_gradient_and_its_rate(x):
 
 @given(states)
 def test_ellipse_and_polygon_never_exceed_the_distance_to_the_region(x):
-    angles = np.linspace(0, 2 * np.pi, 2000)
     ellipse = Ellipse("e", 1, center=(0.1, 0.3), semi_axes=(1.5, 0.4), angle=0.7)
-    circle = np.stack([np.cos(angles), np.sin(angles)])
-    border = (np.linalg.inv(ellipse.scaling) @ circle).T + ellipse.center
+    border = ellipse.outline().corners(2000)
     distance = np.linalg.norm(border - x[:2], axis=1).min()
     assert ellipse.h(x) <= distance + 1e-9
     disc = Disc("d", 1, center=(0.1, 0.3), radius=0.8)

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym.barriers import (
     BarrierSet,
+    Capsule,
     ConvexPolygon,
     Disc,
     Ellipse,
@@ -15,7 +17,6 @@ from hcbf_gym.barriers import (
     LogClassK,
     RowSettings,
     SpeedLimit,
-    held_rows,
     row_kernels,
 )
 from hcbf_gym.errors import InvalidInputError
@@ -23,7 +24,7 @@ from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
 
 U_MAX = 5.0 * np.sqrt(2.0)
 ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
-SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon")
+SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon", "capsule")
 
 
 def shape(kind, rng, moving=True):
@@ -35,6 +36,9 @@ def shape(kind, rng, moving=True):
         return Disc(kind, 1, (0.0, 0.0), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
     if kind == "ellipse":
         return Ellipse(kind, 1, (0.0, 0.0), tuple(rng.uniform(0.05, 2.0, 2)), angle, velocity)
+    if kind == "capsule":
+        end = rng.uniform(0.05, 2.0) * np.array([np.cos(angle), np.sin(angle)])
+        return Capsule(kind, 1, (0.0, 0.0), tuple(end), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
     corners = 3 if kind == "sharp polygon" else int(rng.integers(3, 9))
     turn = angle + 2.0 * np.pi * np.arange(corners) / corners
     squeeze = np.array([1.0, 0.15 if kind == "sharp polygon" else rng.uniform(0.3, 1.0)])
@@ -157,9 +161,12 @@ def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
     compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None])
-    readable = held_rows(scene, x, t, how, margin, rate)
-    for got, expected in zip(compiled, readable, strict=True):
-        np.testing.assert_allclose(got[0], expected, rtol=1e-9, atol=1e-9)
+    for k, barrier in enumerate(scene):
+        a, b, h, alpha2_psi = readable.held_row(barrier, x, t, how, margin[k], rate[k])
+        np.testing.assert_allclose(compiled.a[0, k], a, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.b[0, k], b, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.h[0, k], h, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.alpha2_psi[0, k], alpha2_psi, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -1,4 +1,4 @@
-"""The task-space program: its two forms, and what a solution obeys."""
+"""The task-space program beside the paper's form of it, and what a solution obeys."""
 
 # ruff: noqa: N806 - matrices keep their usual capitals
 
@@ -8,24 +8,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.judges.task_space import paper_program
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import (
     LEASH,
     REFERENCE,
 )
-from hcbf_gym.locomotion.condensed import WORKSPACE, condense, free_minimiser
 from hcbf_gym.locomotion.dynamics import Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
 from hcbf_gym.locomotion.state import StateViews
-from hcbf_gym.locomotion.task_space import (
-    FULL_WORKSPACE,
-    QuadraticProgram,
-    full_form,
-    program_views,
-)
+from hcbf_gym.locomotion.task_space import WORKSPACE, condense, free_minimiser
 from hcbf_gym.locomotion.tasks import (
     CATCH_UP,
     PLANE_KD,
@@ -63,7 +58,7 @@ STANCES = [(1, 0, 0, 1), (0, 1, 1, 0), (1, 1, 1, 1), (1, 1, 0, 1), (0, 0, 0, 0)]
 
 
 def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
-    """Return the arguments of both forms at a random state near the stance, and q."""
+    """Return the arguments of both programs at a random state near the stance, and q."""
     rng = np.random.default_rng(seed)
     quaternion = np.array([1.0, *(0.1 * rng.standard_normal(3))])
     state = StateViews(
@@ -91,15 +86,12 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
     return (robot, tasks, 0.6, LIMITS), q
 
 
-def condensed(args) -> tuple[QuadraticProgram, np.record]:
+def condensed(args) -> tuple[qp.QuadraticProgram, np.record]:
     w = np.zeros(1, dtype=WORKSPACE)[0]
     rows = 12 + 4 * condense(*args, w)
-    return QuadraticProgram(w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0), w
-
-
-def full(args) -> QuadraticProgram:
-    w = np.zeros(1, dtype=FULL_WORKSPACE)[0]
-    return program_views(w, full_form(*args, w))
+    return qp.QuadraticProgram(
+        w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0
+    ), w
 
 
 @examples
@@ -129,12 +121,12 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
 
 @pytest.mark.parametrize("stance", STANCES)
 @pytest.mark.parametrize("effort", [1.0, 8.0])  # 8 makes friction and torque limits bind
-def test_the_condensed_and_the_paper_s_form_give_the_same_torques(stance, effort):
+def test_the_torques_are_those_of_the_paper_s_program(stance, effort):
     for seed in range(5):
         args, _ = problem(seed, stance, effort)
         program, work = condensed(args)
         ours = qp.solve(program)
-        reference = qp.solve(full(args))
+        reference = qp.solve(paper_program(*args))
         assert ours.x is not None
         assert reference.x is not None
         np.testing.assert_allclose(
@@ -174,7 +166,7 @@ def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
 def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
     args, q = problem(2, stance)
     v = args[0].v
-    x = qp.solve(full(args)).x
+    x = qp.solve(paper_program(*args)).x
     assert x is not None
     acceleration, forces = x[:18], x[30:].reshape(-1, 3)
     data = MODEL.pinocchio.createData()

@@ -312,7 +312,7 @@ def test_weights_follow_the_papers_law():
     rows = CbfRows(
         np.zeros((4, 2)), np.zeros(4), np.array([1.0, 0.5, -2.0, -1.0]), np.array([1, 2, 2, 3])
     )
-    weight = program.cascade.weights.of(rows.priority, rows.h)
+    weight = program.prices.weights.of(rows.priority, rows.h)
     np.testing.assert_allclose(weight[1:], [2.0, 2.0 * 4.0, 3.0 * 2.5])
 
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.judges.task_space import foot_drift, foot_jacobian
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.controller import LocomotionController
@@ -19,7 +20,6 @@ from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import StateViews
-from hcbf_gym.locomotion.task_space import foot_bias, foot_jacobian
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
@@ -122,11 +122,10 @@ def test_foot_jacobians_and_their_drift_agree_with_mujoco_and_pinocchio(seed):
         J, J_dot = np.zeros((3, 18)), np.zeros((3, 18))
         mujoco.mj_jac(model, data, J, None, place, calf)
         mujoco.mj_jacDot(model, data, J_dot, None, place, calf)
-        ours = foot_jacobian(R, feet.position[foot], feet.jacobian[foot], foot)
+        ours = foot_jacobian(R, feet, foot)
         np.testing.assert_allclose(ours, J @ to_mujoco, atol=1e-9)
 
-        own = slice(6 + 3 * foot, 9 + 3 * foot)
-        drift = R @ foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], v[own])
+        drift = foot_drift(R, v, feet, foot)
         np.testing.assert_allclose(drift, J_dot @ v_mujoco + J @ rotating_axes, atol=1e-9)
 
 
@@ -147,10 +146,10 @@ def test_foot_acceleration_agrees_with_pinocchio(seed):
         expected = pin.getFrameClassicalAcceleration(
             model, data, frame.parentJoint, place, pin.LOCAL_WORLD_ALIGNED
         ).linear
-        own = slice(6 + 3 * foot, 9 + 3 * foot)
-        drift = foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], v[own])
-        J = foot_jacobian(R, feet.position[foot], feet.jacobian[foot], foot)
-        np.testing.assert_allclose(J @ acceleration + R @ drift, expected, atol=1e-9)
+        J = foot_jacobian(R, feet, foot)
+        np.testing.assert_allclose(
+            J @ acceleration + foot_drift(R, v, feet, foot), expected, atol=1e-9
+        )
 
 
 @settings(deadline=None)  # the first example may compile

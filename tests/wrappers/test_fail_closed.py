@@ -2,64 +2,17 @@
 
 import warnings
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from point_mass import AHEAD, DISC, PERIOD, Point, filtered, quietly
 
 import hcbf_gym
 from hcbf_gym import barriers, models, wrappers
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
-
-PERIOD = 0.02
-DISC = barriers.Disc("disc", 1, center=(2.0, 0.0), radius=0.5)
-AHEAD = np.array([5.0, 0.0])
-
-
-class Point(gym.Env):
-    """A point mass of p̈ = u, and what its sensors say of it."""
-
-    action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-
-    def __init__(self):
-        self.x, self.said = np.zeros(4), None
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(4)
-        return self.x.copy(), {}
-
-    def step(self, u):
-        self.x[:2] += PERIOD * self.x[2:] + 0.5 * PERIOD**2 * u
-        self.x[2:] += PERIOD * u
-        return self.x.copy(), 0.0, False, False, {}
-
-
-FILTER_ARGUMENTS = ("guidance", "program", "solver")
-
-
-def filtered(state=lambda x: x, listed=(DISC,), **options):
-    """Return the filtered point; `state` makes what the filter is told of the true state."""
-    of_filter = {key: options.pop(key) for key in FILTER_ARGUMENTS if key in options}
-    plant = hcbf_gym.Plant(
-        model=models.DoubleIntegrator(),
-        barriers=lambda env, observation, info: listed() if callable(listed) else listed,
-        state=lambda env, observation, info: state(env.x.copy()),
-        **{"period": PERIOD} | options,
-    )
-    return wrappers.SafetyFilter(Point(), plant=plant, **of_filter)
-
-
-def quietly(env, u=AHEAD):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        *_, info = env.step(u)
-    return info["safety_filter"]
-
 
 BAD = [
     np.full(4, np.nan),
@@ -388,104 +341,6 @@ def test_an_alarm_lasts_until_the_reset(on_alarm):
         assert np.linalg.norm(env.unwrapped.x[2:]) <= 1e-9
     env.reset(seed=0)
     assert quietly(env)["reason"] == 0
-
-
-def test_360_discs_are_one_entry_and_filter_as_360_objects_do():
-    angle = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
-    values = np.column_stack([2.0 * np.cos(angle), 2.0 * np.sin(angle), np.full(360, 0.1)])
-    listed = [barriers.Disc(str(k), 1, tuple(v[:2]), v[2]) for k, v in enumerate(values)]
-    one = filtered(listed=lambda: [barriers.Shapes("scan", 1, "disc", values)])
-    many = filtered(listed=listed)
-    for env in (one, many):
-        env.reset(seed=0)
-    for step in range(60):
-        u = np.array([5.0, 2.0 * np.sin(0.1 * step)])
-        first, second = quietly(one, u), quietly(many, u)
-        np.testing.assert_array_equal(first["u_safe"], second["u_safe"])
-        assert first["status"] == second["status"]
-    assert first["slack"].shape == (360,)
-
-
-@pytest.mark.parametrize(
-    ("shape", "values"),
-    [
-        ("disc", [[0.0, 0.0, -1.0]]),
-        ("disc", [[0.0, np.nan, 1.0]]),
-        ("disc", [[0.0, 0.0]]),
-        ("disc", "discs"),
-        ("half-plane", [[1.0, 1.0, 0.0]]),
-        ("convex-polygon", [[[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]]),
-        ("star", [[0.0, 0.0, 1.0]]),
-    ],
-)
-def test_shapes_that_are_none_are_refused(shape, values):
-    with pytest.raises(InvalidInputError, match=r"got|unknown"):
-        barriers.Shapes("many", 1, shape, values)
-
-
-@pytest.mark.parametrize("shape", ["disc", "half-plane", "convex-polygon"])
-def test_no_shape_in_sight_is_an_entry_of_length_0(shape):
-    nothing = barriers.Shapes("many", 1, shape, [])
-    assert len(nothing) == 0
-    env = filtered(listed=(nothing,))
-    env.reset(seed=0)
-    np.testing.assert_array_equal(quietly(env)["u_safe"], AHEAD)
-
-
-def test_the_native_batch_brakes_the_plants_that_are_not_known_and_no_other(monkeypatch):
-    envs = gym.make_vec("HCBF-Regions-v0", num_envs=4, scenario="random")
-    envs = wrappers.VectorSafetyFilter(envs)
-    alone = gym.make_vec("HCBF-Regions-v0", num_envs=4, scenario="random")
-    alone = wrappers.VectorSafetyFilter(alone)
-    rng = np.random.default_rng(0)
-    for each in (envs, alone):
-        each.reset(seed=3)
-    for step in range(60):
-        u = rng.uniform(-5.0, 5.0, (4, 2))
-        if step == 20:
-            inner = envs.unwrapped
-            estimate = type(inner).estimate.fget
-
-            def broken(env, estimate=estimate):
-                x, t = estimate(env)[:2]
-                return Estimate(np.where(np.arange(4)[:, None] == 2, np.nan, x), t)
-
-            monkeypatch.setattr(type(inner), "estimate", property(broken))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            report = envs.step(u)[4]["safety_filter"]
-        with monkeypatch.context() as patch:
-            if step >= 20:
-                patch.setattr(type(inner), "estimate", property(estimate))
-            other = alone.step(u)[4]["safety_filter"]
-        known = np.array([True, True, step < 20, True])
-        np.testing.assert_array_equal(report["u_safe"][known], other["u_safe"][known])
-        np.testing.assert_array_equal(report["status"] == FilterStatus.BACKUP, ~known)
-        np.testing.assert_array_equal(report["reason"], np.where(known, 0, Reason.STATE))
-    assert np.linalg.norm(envs.unwrapped.rom_state[2, 2:]) <= 1e-9
-
-
-def test_a_vector_environment_that_is_not_compiled_is_refused():
-    class Pretender(gym.vector.VectorEnv):
-        num_envs = 3
-        metadata = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}  # noqa: RUF012
-        single_action_space = Point.action_space
-        single_observation_space = Point.observation_space
-        action_space = gym.vector.utils.batch_space(single_action_space, 3)
-        observation_space = gym.vector.utils.batch_space(single_observation_space, 3)
-        plant = hcbf_gym.Plant(
-            models.DoubleIntegrator(), (DISC,), lambda *_: np.zeros((3, 4)), period=PERIOD
-        )
-
-    with pytest.raises(InvalidInputError, match="compiles"):
-        wrappers.VectorSafetyFilter(Pretender())
-
-
-@pytest.mark.parametrize("states", [2, 5])
-def test_weights_of_another_number_of_states_are_refused(states):
-    envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
-    with pytest.raises(InvalidInputError, match=f"{states} states, expected 3"):
-        wrappers.VectorSafetyFilter(envs, "h-cbf-qp", gamma0=np.ones((states, 2)))
 
 
 def test_scenes_of_another_size_never_reach_compiled_code():

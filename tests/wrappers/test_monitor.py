@@ -14,17 +14,15 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    memory, x = np.zeros(1, dtype=senses.MEMORY)[0], np.zeros((1, 4))
-    nothing = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, dtype=np.int64)
-    plants = senses.Sensed(x, np.zeros(1), x, *nothing)
+    plant = np.zeros(1, dtype=senses.PLANT)[0]
     for u, really in zip(inputs, applied, strict=True):
-        plants.t[0] += PERIOD
-        assert senses.look(memory, plants, 0, PERIOD) == 0
-        senses.watch(memory, plants, 0, PERIOD, RADIUS, 3.0)
-        memory.input[:] = u
-        x[0, :2] += PERIOD * x[0, 2:] + 0.5 * PERIOD**2 * really
-        x[0, 2:] += PERIOD * really
-    return memory.alarm == Reason.INPUT
+        plant.time += PERIOD
+        assert senses.look(plant, PERIOD) == 0
+        senses.watch(plant, PERIOD, RADIUS, 3.0)
+        plant.input[:] = u
+        plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
+        plant.x[2:] += PERIOD * really
+    return plant.alarm == Reason.INPUT
 
 
 seeds = st.integers(0, 2**32 - 1)

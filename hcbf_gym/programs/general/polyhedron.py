@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.programs.cascades import StageRows
-from hcbf_gym.programs.exact.projection import SoftRows
+from hcbf_gym.programs.general.cascade import StageRows
 from hcbf_gym.programs.general.dense import lock, pin
+from hcbf_gym.programs.general.rational import SoftRows
 from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.general.soft import least_cost, trade
 from hcbf_gym.programs.tolerances import ZERO_GRADIENT
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class SolverInputs(Remaining):
-    """What remains, with the stages that choose from it; see `cascades.Inputs`."""
+    """What remains, with the stages that choose from it."""
 
     __slots__ = ()
 
@@ -47,12 +47,12 @@ class SolverInputs(Remaining):
         u, root = least_cost(self, SoftRows(a, b, weight, least)), np.sqrt(weight)
         return self._lock(root[:, None] * a, root * (b - least), u).nearest()
 
-    def draw(self, rows: StageRows, target: Array, lambda_u: float) -> Array:
+    def draw(self, rows: StageRows, lambda_u: float) -> Array:
         """Return ``argmin λ_u ‖u − u*‖² + Σ λ_δk (t_k − a_k u)²``."""
         paid = rows.weight > 0.0
         if not paid.any():
             return self.nearest()
-        a, t, weight = rows.a[paid], target[paid], rows.weight[paid]
+        a, t, weight = rows.a[paid], rows.target[paid], rows.weight[paid]
         if lambda_u > 0.0:
             return trade(self, SoftRows(a, t, weight / lambda_u, None))
         return self._pin(a, least_cost(self, SoftRows(a, t, weight, None))).nearest()

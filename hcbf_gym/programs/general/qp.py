@@ -21,8 +21,7 @@ from clarabel import (
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import SolverError, choose
-from hcbf_gym.programs.exact import projection
-from hcbf_gym.programs.exact.rational import to_doubles, to_rational
+from hcbf_gym.programs.general import rational
 from hcbf_gym.programs.general.dense import meets
 from hcbf_gym.programs.tolerances import PRIMAL
 
@@ -165,9 +164,9 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
 
 
 def _in_rationals(problem: QpProblem) -> tuple[Array | None, QpStatus]:
-    centre, a, lower = (to_rational(part) for part in problem)
-    x = projection.project(centre, to_rational(np.ones(len(centre))), a, lower)
-    return to_doubles(x), QpStatus.OPTIMAL
+    centre, a, lower = (rational.to_rational(part) for part in problem)
+    x = rational.project(centre, rational.to_rational(np.ones(len(centre))), a, lower)
+    return rational.to_doubles(x), QpStatus.OPTIMAL
 
 
 def _qpsolvers() -> Any:

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.programs.exact import projection
-from hcbf_gym.programs.exact.projection import SoftRows
+from hcbf_gym.programs.general import rational
 from hcbf_gym.programs.general.dense import (
     back_substitute,
     rows_of_image,
@@ -16,9 +15,10 @@ from hcbf_gym.programs.general.dense import (
     with_slack,
 )
 from hcbf_gym.programs.general.qp import QpProblem
+from hcbf_gym.programs.general.rational import SoftRows
 from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.planar import least_cost as planar
-from hcbf_gym.programs.tolerances import DEPENDENT, GRADED, PULL, SETTLED, ZERO_GRADIENT
+from hcbf_gym.programs.tolerances import DEPENDENT, GRADED_FOR_SOLVERS, PULL, SETTLED, ZERO_GRADIENT
 
 Array = NDArray[np.float64]
 
@@ -75,25 +75,30 @@ def _soft(inputs: Remaining, a: Array, target: Array, least: Array) -> Callable[
 def least_cost(inputs: Remaining, soft: SoftRows) -> Array:
     """Return a minimiser of ``Σ w_k δ_k²`` over the inputs.
 
-    In at most two free directions exactly, on a polygon; else by proximal points. Where rows differ
-    too much in steepness, or proximal points do not settle, in rational arithmetic.
+    In at most two free directions on a polygon, else by proximal points. Where rows differ too much
+    in steepness, or proximal points do not settle, in rational arithmetic.
 
     Raises:
         SolverError: if nobody finds it.
     """
     norm, slope = steepness(soft.a, inputs.basis)
-    steers = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
-    if not steers.any():
+    counts = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
+    if soft.least is not None:  # a row that pays for no input of U
+        counts &= soft.target - soft.least > -norm * inputs.radius
+    if not counts.any():
         return inputs.nearest()
-    least = None if soft.least is None else soft.least[steers]
-    soft = SoftRows(soft.a[steers], soft.target[steers], soft.weight[steers], least)
-    planar_is_left = inputs.basis.shape[1] <= 2
-    u = _on_polygon(inputs, soft) if planar_is_left else _proximal(inputs, soft)
+    least = None if soft.least is None else soft.least[counts]
+    soft = SoftRows(soft.a[counts], soft.target[counts], soft.weight[counts], least)
+    if inputs.basis.shape[1] <= 2:
+        return _on_polygon(inputs, soft)
+    steep = np.sqrt(soft.weight) * slope[counts]
+    graded = steep.max() > GRADED_FOR_SOLVERS * steep.min()
+    u = None if graded else _proximal(inputs, soft, steep.max())
     return _exactly(inputs, soft) if u is None else u
 
 
-def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array | None:
-    """Minimise in one or two free directions; None where rows are too steep beside others."""
+def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array:
+    """Minimise in one or two free directions."""
     rows, lower = inputs.reduced()
     free = inputs.basis.shape[1]
     pad = ((0, 0), (0, 2 - free))
@@ -101,16 +106,13 @@ def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array | None:
     least = np.zeros(target.size) if soft.least is None else soft.least
     table = np.column_stack((np.pad(soft.a @ inputs.basis, pad), target, soft.weight, least))
     one_sided = soft.least is not None
-    x, y, fits = planar.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
-    return inputs.point + inputs.basis @ np.array([x, y][:free]) if fits else None
+    z = planar.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
+    return inputs.point + inputs.basis @ np.array(z[:free])
 
 
-def _proximal(inputs: Remaining, soft: SoftRows) -> Array | None:
+def _proximal(inputs: Remaining, soft: SoftRows, steepest: float) -> Array | None:
     """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
-    slope = np.sqrt(soft.weight) * steepness(soft.a, inputs.basis)[1]
-    if slope.max() > GRADED * slope.min():
-        return None
-    steep = soft._replace(weight=soft.weight * (PULL / slope.max() ** 2))
+    steep = soft._replace(weight=soft.weight * (PULL / steepest**2))
     nearest_to, u = trader(inputs, steep), inputs.nearest()
     for _ in range(20):
         previous, u = u, nearest_to(u)
@@ -123,10 +125,10 @@ def _exactly(inputs: Remaining, soft: SoftRows) -> Array:
     """Minimise in rational arithmetic."""
     inputs.solver.fallbacks += 1
     binding = steepness(inputs.a, inputs.basis)[1] > DEPENDENT
-    return projection.least_cost(
+    return rational.least_cost(
         soft,
         inputs.centre(),
         inputs.a[binding],
         inputs.b[binding],
-        projection.Affine(inputs.point, inputs.basis),
+        rational.Affine(inputs.point, inputs.basis),
     )

@@ -1,4 +1,6 @@
-"""The cascades of `programs.cascades`, compiled: one state, or N of them, on polygons.
+"""What a plan does stage by stage, for two inputs: compiled, for N states, on polygons.
+
+`general.cascade` is the same for any number of inputs; the tests hold them together.
 
 `filter_batch` can be called from other compiled code; it allocates once for all N states. What it
 calls here is inlined: across a call Numba counts the references to every array of a record.
@@ -15,11 +17,10 @@ from hcbf_gym.compilation import borrowed
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import contains, copy, nearest
 from hcbf_gym.programs.planar.records import (
-    CBF,
-    EXPLICIT,
+    BOUND,
+    DRAWN,
     FEASIBLE,
-    HIERARCHICAL,
-    LEXICOGRAPHIC,
+    PIN,
     RELAXED,
     Array,
     Cost,
@@ -33,8 +34,6 @@ from hcbf_gym.programs.tolerances import NOMINAL, SLACK
 
 Integers = NDArray[np.int64]
 
-GRADED = -1
-"""The status of a state that is left to rational arithmetic."""
 _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)
 
@@ -48,8 +47,8 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
         u_nominal: (N, 2) u*.
         rows: the rows of N states, finite, priorities from 1 to `LOWEST_RANK`; m ≥ 0. `alpha2_psi`
             is an array even where the program does not read it.
-        answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus` or
-            `GRADED`, fallbacks (N,) zeros.
+        answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus`,
+            fallbacks (N,) zeros.
     """
     w = make_workspace(settings.radius, settings.vertices.shape[0], rows.b.shape[1])
     filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.shape[0])
@@ -78,15 +77,6 @@ def filter_range(
         answer.fallbacks[i] = 0
 
 
-@njit(cache=True, error_model="numpy")
-def filter_state(
-    settings: Settings, u_nominal: Array, rows: CbfRows, u: Array, slack: Array, delta: Array
-) -> int:
-    """Filter the nominal input of one state, without the leading N; return its status."""
-    w = make_workspace(settings.radius, settings.vertices.shape[0], slack.size)
-    return _filter_state(settings, settings.weights[0], u_nominal, rows, u, slack, delta, w)
-
-
 @njit(cache=True, error_model="numpy", inline="always")
 def _filter_state(
     settings: Settings,
@@ -106,16 +96,13 @@ def _filter_state(
             slack[k] = 0.0
             delta[k] = _least_slack(settings, rows, k)
         return _NOMINAL
-    levels = _sort(rows.priority, w)
+    count = _sort(settings, weights, rows.priority, w)
     for k in range(slack.size):
         _load(settings, weights, rows, w.rows[k])
-    w.graded[0] = False
-    x, y = _decide(settings, levels, ux, uy, w)
-    if w.graded[0]:
-        return GRADED
+    x, y = _decide(settings, count, ux, uy, w)
     u[0], u[1] = x, y
     moved = max(abs(x - ux), abs(y - uy)) > NOMINAL * (1.0 + settings.radius)
-    return _account(settings, _SAFE if moved else _NOMINAL, u, slack, delta, w)
+    return _account(settings, _SAFE if moved else _NOMINAL, rows.priority, u, slack, delta, w)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -137,100 +124,97 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _sort(priority: Integers, w: Workspace) -> int:
-    """Sort by priority: ``w.rows[k].index``, and where each level starts in ``w.start``.
+def _gamma0(weights: Array, priority: int) -> float:
+    """Return γ₀ of a priority; infinity is a strict level, as priority 1 always is."""
+    return np.inf if priority == 1 else weights[min(priority - 1, weights.size - 1)]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _stage(settings: Settings, weights: Array, priority: int) -> int:
+    """Return the stage of the rows of a priority, from 1."""
+    if settings.by_level:
+        return priority
+    return 1 if np.isinf(_gamma0(weights, priority)) else 2
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) -> int:
+    """Sort by stage: ``w.rows[k].index``, and where each stage starts in ``w.start``.
 
     Returns:
-        The number of levels.
+        The number of stages.
     """
-    start, levels = w.start, 0
+    start, count = w.start, 0
     for k in range(priority.size):
-        levels = max(levels, priority[k])
-    for level in range(levels + 2):
-        start[level] = 0
+        count = max(count, _stage(settings, weights, priority[k]))
+    for stage in range(count + 2):
+        start[stage] = 0
     for k in range(priority.size):
-        start[priority[k]] += 1
+        start[_stage(settings, weights, priority[k])] += 1
     total = 0
-    for level in range(levels + 1):  # start[p] becomes where level p's rows are to go next
-        count = start[level]
-        start[level] = total
-        total += count
+    for stage in range(count + 1):  # start[s] becomes where stage s's rows are to go next
+        size = start[stage]
+        start[stage] = total
+        total += size
     for k in range(priority.size):
-        row: Any = w.rows[start[priority[k]]]
+        stage = _stage(settings, weights, priority[k])
+        row: Any = w.rows[start[stage]]
         row.index = k
-        start[priority[k]] += 1
-    return levels
+        start[stage] += 1
+    return count
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
-    k = row.index
+    k: int = row.index
     row.ax, row.ay, row.b = rows.a[k, 0], rows.a[k, 1], rows.b[k]
     row.norm = np.hypot(row.ax, row.ay)
-    gamma0 = weights[min(rows.priority[k] - 1, weights.size - 1)]
-    row.strict = rows.priority[k] == 1 or settings.kind == CBF or np.isinf(gamma0)
+    gamma0 = _gamma0(weights, rows.priority[k])
+    row.strict = np.isinf(gamma0)
     row.weight = 1.0 if row.strict else gamma0 * (1.0 + weights[0] * max(0.0, -rows.h[k]))
     row.least = _least_slack(settings, rows, k)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _decide(settings: Settings, levels: int, ux: float, uy: float, w: Workspace) -> Point:
-    """Run one program on rows sorted by priority."""
-    vertices, rows = settings.vertices, w.rows
+def _decide(settings: Settings, stage_count: int, ux: float, uy: float, w: Workspace) -> Point:
+    """Run the stages on rows sorted by them."""
+    vertices, feasible = settings.vertices, w.polygons[FEASIBLE]
     count = vertices.shape[0]
-    copy(vertices, count, w.polygons[FEASIBLE])
-    if settings.kind == CBF:
-        count = stages.meet(count, rows, w)
-        return nearest(w.polygons[FEASIBLE], count, ux, uy)
-    strict = w.start[1]
-    count = stages.meet(count, rows[:strict], w)
-    lower = rows[strict:]
-    if settings.kind == LEXICOGRAPHIC:
-        return _lexicographic(count, levels, Cost(rows, settings.lambda_u, ux, uy), w)
-    if settings.kind == RELAXED:
-        return stages.relax(count, Cost(lower, settings.lambda_u, ux, uy), w)
-    stages.set_targets(vertices, lower, ux, uy, w)
-    if settings.kind == HIERARCHICAL:
-        return stages.draw(count, Cost(lower, settings.lambda_u, ux, uy), w)
-    return _explicit(count, levels, Cost(rows, settings.lambda_u, ux, uy), w)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _explicit(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
-    """Run EH-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
-    x, y = nearest(w.polygons[FEASIBLE], count, cost.ux, cost.uy)
-    for level in range(1, levels):
+    copy(vertices, count, feasible)
+    if settings.lower == DRAWN:
+        stages.set_targets(vertices, w.rows, ux, uy, w)
+    x, y, found = 0.0, 0.0, False
+    for stage in range(stage_count):
+        rows = w.rows[w.start[stage] : w.start[stage + 1]]
+        if rows.size == 0:
+            continue
         if count == 1:
             break  # nothing is left to decide
-        rows = cost.rows[w.start[level] : w.start[level + 1]]
-        if rows.size == 0:
-            continue
-        x, y = stages.draw(count, Cost(rows, cost.lambda_u, cost.ux, cost.uy), w)
-        count = stages.pin(count, rows, x, y, w)
-    return x, y
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _lexicographic(count: int, levels: int, cost: Cost, w: Workspace) -> Point:
-    """Run Lex-CBF-QP's stages 2, 3, … on the inputs that stage 1 left."""
-    for level in range(1, levels):
-        if count == 1:
-            break
-        rows = cost.rows[w.start[level] : w.start[level + 1]]
-        if rows.size == 0:
-            continue
         if rows[0].strict:
-            count = stages.meet(count, rows, w)
-        else:
-            x, y = stages.relax(count, Cost(rows, cost.lambda_u, cost.ux, cost.uy), w)
+            count, found = stages.meet(count, rows, w), False
+        elif settings.lower == RELAXED:
+            x, y = stages.relax(count, Cost(rows, settings.lambda_u, ux, uy), w)
+            found = True
+        elif settings.lower == DRAWN:
+            x, y = stages.draw(count, Cost(rows, settings.lambda_u, ux, uy), w)
+            found = True
+        if found and settings.lock == PIN:
+            count = stages.pin(count, rows, x, y, w)
+        elif found and settings.lock == BOUND:
             count = stages.bound(count, rows, x, y, w)
-    return nearest(w.polygons[FEASIBLE], count, cost.ux, cost.uy)
+    return (x, y) if found else nearest(feasible, count, ux, uy)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _account(
-    settings: Settings, status: int, u: Array, slack: Array, delta: Array, w: Workspace
+    settings: Settings,
+    status: int,
+    priority: Integers,
+    u: Array,
+    slack: Array,
+    delta: Array,
+    w: Workspace,
 ) -> int:
     """Write what each row pays at u; return the status, given that of an input without slack."""
     for k in range(slack.size):
@@ -240,12 +224,11 @@ def _account(
         rounding = SLACK * (row.norm * settings.radius + abs(row.b))
         paid = lack if lack > rounding else 0.0
         slack[row.index] = delta[row.index] = paid
-        lower = k >= w.start[1]
-        if lower and settings.kind == RELAXED:
+        if not row.strict and settings.lower == RELAXED:
             delta[row.index] = max(paid, row.least)
-        elif lower and settings.kind in (HIERARCHICAL, EXPLICIT):
+        elif not row.strict and settings.lower == DRAWN:
             delta[row.index] = row.target - value
         if paid > 0.0:
-            gives_way = lower and settings.kind != CBF
+            gives_way = settings.ranks and priority[row.index] > 1
             status = max(status, _RELAXED if gives_way else _VIOLATED)
     return status

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from hcbf_gym.programs.planar.records import Array, Cost, Line, Point
-from hcbf_gym.programs.tolerances import OUTWARD, THIN
+from hcbf_gym.programs.tolerances import OUTWARD, SURELY_MET, THIN
 
 # What is known of a row on the cell: nothing yet, that it is paid for, that it is not.
 OPEN, PAID, MET = 0, 1, 2
@@ -89,7 +89,8 @@ def slopes(
 ) -> tuple[float, float]:
     """Return half the directional derivatives of the cost at (x, y) towards d and towards −d.
 
-    A row at its kink pays if the direction leads into its violation.
+    A row at its kink pays if the direction leads into its violation. Where it has no least slack,
+    nothing jumps there, and what little it pays counts: it may hold back a flatter row.
     """
     forward = cost.lambda_u * ((x - cost.ux) * dx + (y - cost.uy) * dy)
     backward = -forward
@@ -100,7 +101,9 @@ def slopes(
         gain = row.ax * dx + row.ay * dy
         lack = row.b - row.ax * x - row.ay * y
         over = lack - row.least
-        rounding = THIN * radius * (abs(row.ax) + abs(row.ay))
+        rounding = SURELY_MET * (abs(row.b) + row.norm * radius)
+        if row.least > 0.0:
+            rounding = THIN * radius * (abs(row.ax) + abs(row.ay))
         if row.state == PAID or over > rounding:
             forward -= row.weight * lack * gain
             backward += row.weight * lack * gain

@@ -6,13 +6,13 @@ from numba import njit
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import cut
 from hcbf_gym.programs.planar.records import FEASIBLE, Array, Cost, Line, Workspace, make_workspace
-from hcbf_gym.programs.planar.soft import is_graded, soft_minimum
+from hcbf_gym.programs.planar.soft import keep_least
 
 
 @njit(cache=True, error_model="numpy")
 def least_cost(
     soft: Array, one_sided: bool, rows: Array, lower: Array, radius: float
-) -> tuple[float, float, bool]:
+) -> tuple[float, float]:
     """Return a minimiser z of ``Σ w_k δ_k²`` over ``rows z ≥ lower``.
 
     Args:
@@ -21,9 +21,6 @@ def least_cost(
         rows: (k, 2) rows, of norms from 1/2 to 1, of a nonempty set of diameter 2 `radius` at most.
         lower: (k,) their bounds.
         radius: the largest norm of an input.
-
-    Returns:
-        z, and whether its problem fits into doubles; see `is_graded`.
     """
     w = make_workspace(radius, 4 + lower.size, soft.shape[0])
     size, corners = 4.0 * radius, w.polygons[FEASIBLE]
@@ -34,12 +31,10 @@ def least_cost(
         count = cut(corners, count, Line(rows[k, 0], rows[k, 1], lower[k]), radius)
     _load(soft, w)
     cost = Cost(w.rows, 0.0, 0.0, 0.0)
-    fits = not is_graded(cost, one_sided, 2.0 * radius)
     if one_sided:
-        x, y = soft_minimum(corners, count, cost, w)
-    else:
-        x, y = stages.draw(count, cost, w)
-    return x, y, fits
+        _, x, y = keep_least(corners, count, cost, w)
+        return x, y
+    return stages.draw(count, cost, w)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,9 @@
-"""The programs of two inputs: one state, or N of them, in one compiled call."""
+"""The programs of two inputs: N states in one compiled call, of which one state is the case N = 1.
+
+No solver is called: the inputs that the stages leave are polygons, cut and searched in doubles.
+What is given up with that: the violations that a level pays are the least up to rounding, and u is
+as exact as they decide it; see `planar.soft.keep_least`.
+"""
 
 from typing import Any
 
@@ -9,113 +14,107 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.cascades import (
-    Cascade,
-    CbfQp,
-    ExplicitHierarchicalCbfQp,
-    HierarchicalCbfQp,
-    LexicographicCbfQp,
-    RelaxedCbfQp,
-)
-from hcbf_gym.programs.exact.program import filter_exactly
-from hcbf_gym.programs.planar import records
-from hcbf_gym.programs.planar.cascade import GRADED, filter_batch, filter_state
-from hcbf_gym.programs.planar.records import Array, Settings
+from hcbf_gym.programs.planar.cascade import filter_batch
+from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Array, Settings
+from hcbf_gym.programs.plans import Plan
+from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_shapes, explain, well_formed
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
-KINDS: dict[type[Cascade], int] = {
-    CbfQp: records.CBF,
-    RelaxedCbfQp: records.RELAXED,
-    HierarchicalCbfQp: records.HIERARCHICAL,
-    ExplicitHierarchicalCbfQp: records.EXPLICIT,
-    LexicographicCbfQp: records.LEXICOGRAPHIC,
-}
-"""The programs that are compiled for two inputs; others, such as a user's own, are not."""
-_STATUS = {int(status): status for status in FilterStatus}
-_MALFORMED = -2
+_LOWER = {"nothing": NOTHING, "relaxed": RELAXED, "drawn": DRAWN}
+_LOCK = {"nothing": 0, "pin": PIN, "bound": BOUND}
+_STATUSES = tuple(FilterStatus)
 
 
-def settings_of(cascade: Cascade, input_set: InputSet) -> Settings:
-    """Return what the kernels must know of a program.
-
-    Raises:
-        InvalidInputError: if the input set is not planar, or the program is not among `KINDS`.
-    """
-    if type(cascade) not in KINDS:
-        raise InvalidInputError(
-            f"program: got {type(cascade).__name__}, which is not compiled for two inputs, "
-            f"expected one of {sorted(kind.__name__ for kind in KINDS)}: filter single states "
-            "with solver='daqp'"
-        )
-    if input_set.n_u != 2:
-        raise InvalidInputError(
-            f"batch: got {input_set.n_u} inputs, expected 2: use the single program"
-        )
-    known = isinstance(cascade, RelaxedCbfQp) and cascade.epsilon == "known"
-    return Settings(
-        KINDS[type(cascade)],
-        input_set.radius,
-        cascade.lambda_u,
-        known,
-        np.ascontiguousarray(input_set.vertices()),
-        np.ascontiguousarray(cascade.weights.table),
-    )
-
-
-class PlanarProgram(Program):
-    """A program of two inputs for a single state.
-
-    No solver is called: feasible sets are polygons, cut and searched exactly. The few states with
-    a stage whose rows differ too much in steepness go to rational arithmetic.
-
-    Attributes:
-        settings: the program as `planar.cascade` reads it.
-    """
-
-    def __init__(self, cascade: Cascade, input_set: InputSet) -> None:
-        super().__init__(cascade, input_set)
-        cascade.weights.check(1)
-        self.settings = settings_of(cascade, input_set)
-        self._arguments = tuple(self.settings)
-
-    def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
-        """Filter one nominal input; see :class:`Program`."""
-        desired = np.ascontiguousarray(u_nominal) if _is_pair(u_nominal) else None
-        if desired is None:
-            desired = finite_array("u_nominal", u_nominal, (2,))
-        a, b, h, priority, alpha2_psi = _arrays(self.cascade, rows)
-        m = b.size
-        if not (a.shape == (m, 2) and b.shape == h.shape == priority.shape == alpha2_psi.shape):
-            check_shapes(rows, 2)
-            raise InvalidInputError(f"rows.b: got shape {b.shape}, expected (m,): one state")
-        answer = np.empty(2 + 2 * m)
-        u, slack, delta = answer[:2], answer[2 : 2 + m], answer[2 + m :]
-        status = _filter_one(self._arguments, desired, a, b, h, priority, alpha2_psi, answer)
-        if status == _MALFORMED:
-            finite_array("u_nominal", desired, (2,))
-            explain(rows)
-        if status == GRADED:
-            return filter_exactly(self.cascade, self.input_set, desired, rows)
-        return FilterResult(u, slack, delta, _STATUS[status], 0)
-
-
-class BatchProgram:
-    """The same filter as a single program of two inputs, for N states at once.
+class _Compiled:
+    """What one state and N of them share: a program as the kernels read it.
 
     Args:
-        cascade: what is solved.
+        plan: what is solved.
+        prices: its numbers.
         input_set: U.
 
     Raises:
-        InvalidInputError: if it has not two inputs.
+        InvalidInputError: if U has not two inputs.
     """
 
-    def __init__(self, cascade: Cascade, input_set: InputSet) -> None:
-        self.cascade = cascade
-        self.input_set = input_set
-        self.settings = settings_of(cascade, input_set)
-        self._arguments = tuple(self.settings)
+    def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
+        if input_set.n_u != 2:
+            raise InvalidInputError(
+                f"batch: got {input_set.n_u} inputs, expected 2: use the single program"
+            )
+        self.plan, self.prices, self.input_set = plan, prices, input_set
+        self._settings = Settings(
+            _LOWER[plan.lower],
+            plan.order == "by level",
+            _LOCK[plan.lock],
+            plan.ranks,
+            plan.strict == "all" and plan.order == "by level",
+            input_set.radius,
+            prices.lambda_u,
+            prices.known_offset,
+            np.ascontiguousarray(input_set.vertices()),
+            np.ascontiguousarray(prices.weights.table),
+        )
+
+    def settings_of(self, count: int) -> Settings:
+        """Return what the kernels must know of the program, for N states.
+
+        Raises:
+            InvalidInputError: if the weights are those of another number of states.
+        """
+        self.prices.weights.check(count)
+        return self._settings
+
+    def _solve(
+        self, settings: tuple[Any, ...], u_nominal: Array, rows: CbfRows
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return u, slack and δ of all states, one after the other, and the statuses (N,)."""
+        if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
+            self.prices.least_slack(rows)
+            rows = rows._replace(alpha2_psi=rows.b)
+        shape, kind = rows.b.shape, rows.priority.dtype.kind
+        fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
+        if not fits or kind not in "iu" or rows.alpha2_psi.shape != shape:  # type: ignore[union-attr]
+            check_shapes(rows, 2)
+        count = u_nominal.size // 2
+        answer, status = np.empty(2 * count + 2 * rows.b.size), np.empty(count, dtype=np.int64)
+        if not _filter_all(
+            settings,
+            u_nominal,
+            np.ascontiguousarray(rows.a, np.float64),
+            np.ascontiguousarray(rows.b, np.float64),
+            np.ascontiguousarray(rows.h, np.float64),
+            np.ascontiguousarray(rows.priority, np.int64),
+            np.ascontiguousarray(rows.alpha2_psi, np.float64),
+            answer,
+            status,
+        ):
+            finite_array("u_nominal", u_nominal, u_nominal.shape)
+            explain(rows)
+        return answer, status
+
+
+class PlanarProgram(_Compiled, Program):
+    """A program of two inputs for a single state."""
+
+    def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
+        super().__init__(plan, prices, input_set)
+        self._of_one = tuple(self.settings_of(1))
+
+    def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
+        """Filter one nominal input; see :class:`Program`."""
+        if not _is_pair(u_nominal):
+            u_nominal = finite_array("u_nominal", u_nominal, (2,))
+        if rows.b.ndim != 1:
+            raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
+        answer, status = self._solve(self._of_one, np.ascontiguousarray(u_nominal), rows)
+        end = 2 + rows.b.size
+        return FilterResult(answer[:2], answer[2:end], answer[end:], _STATUSES[status[0]], 0)
+
+
+class BatchProgram(_Compiled):
+    """The same filter as a single program of two inputs, for N states at once."""
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter N nominal inputs.
@@ -128,44 +127,18 @@ class BatchProgram:
             The result with a leading N; `status` and `fallbacks` are (N,) integers.
 
         Raises:
-            InvalidInputError: on malformed input or rows.
+            InvalidInputError: on malformed input or rows, or weights of another number of states.
         """
         desired = finite_array("u_nominal", u_nominal, (None, 2))
-        count = len(desired)
-        if rows.b.ndim != 2 or rows.b.shape[0] != count:
-            raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected ({count}, m)")
-        check_shapes(rows, 2)
-        self.cascade.weights.check(count)
-        answer = FilterResult(
-            np.empty_like(desired),
-            np.empty(rows.b.shape),
-            np.empty(rows.b.shape),
-            np.empty(count, dtype=np.int64),
-            np.empty(count, dtype=np.int64),
+        shape, count = rows.b.shape, len(desired)
+        if rows.b.ndim != 2 or shape[0] != count:
+            raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
+        answer, status = self._solve(tuple(self.settings_of(count)), desired, rows)
+        u, slack, delta = np.split(answer, (2 * count, 2 * count + rows.b.size))
+        none = np.zeros(count, dtype=np.int64)
+        return FilterResult(
+            u.reshape(count, 2), slack.reshape(shape), delta.reshape(shape), status, none
         )
-        arrays = _arrays(self.cascade, rows)
-        if not _filter_all(self._arguments, desired, arrays, tuple(answer)):
-            explain(rows)
-        finish(self, desired, rows, answer)
-        return answer
-
-
-def finish(
-    program: "PlanarProgram | BatchProgram", u_nominal: Array, rows: CbfRows, answer: FilterResult
-) -> None:
-    """Solve in rational arithmetic the states that `filter_batch` has left to it.
-
-    Args:
-        program: whose settings it was called with.
-        u_nominal: (N, 2) u*.
-        rows: the rows of N states.
-        answer: what `filter_batch` wrote; its `GRADED` states are replaced.
-    """
-    for i in np.flatnonzero(answer.status == GRADED):
-        one = CbfRows(*(field[i] for field in rows if field is not None))
-        alone = filter_exactly(program.cascade, program.input_set, u_nominal[i], one, int(i))
-        for many, single in zip(answer, alone, strict=True):
-            many[i] = single
 
 
 def _is_pair(u: ArrayLike) -> bool:
@@ -173,27 +146,8 @@ def _is_pair(u: ArrayLike) -> bool:
     return type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64
 
 
-def _arrays(cascade: Cascade, rows: CbfRows) -> tuple[Array, Array, Array, NDArray, Array]:
-    """Return the rows' arrays as the kernels read them; b stands in for an α₂(ψ) nobody reads.
-
-    Raises:
-        InvalidInputError: if the program reads α₂(ψ) and there is none.
-    """
-    if rows.alpha2_psi is None:
-        cascade.least_slack(rows)
-    if rows.priority.dtype.kind not in "iu":
-        check_shapes(rows, 2)
-    return (
-        np.ascontiguousarray(rows.a, np.float64),
-        np.ascontiguousarray(rows.b, np.float64),
-        np.ascontiguousarray(rows.h, np.float64),
-        np.ascontiguousarray(rows.priority, np.int64),
-        np.ascontiguousarray(rows.b if rows.alpha2_psi is None else rows.alpha2_psi, np.float64),
-    )
-
-
 @njit(cache=True)
-def _filter_one(
+def _filter_all(
     settings: tuple[Any, ...],
     u_nominal: Array,
     a: Array,
@@ -202,33 +156,34 @@ def _filter_one(
     priority: NDArray[np.int64],
     alpha2_psi: Array,
     answer: Array,
-) -> int:
-    """Filter one state: check it, and write u, slack and δ one after the other.
-
-    Arrays come one by one: Numba takes a microsecond to open a record that Python hands over.
-    """
-    finite = np.isfinite(u_nominal).all() and np.isfinite(alpha2_psi).all()
-    if not finite or not well_formed(a, b, h, priority):
-        return _MALFORMED
-    m = b.size
-    rows = CbfRows(a, b, h, priority, alpha2_psi)
-    u, slack, delta = answer[:2], answer[2 : 2 + m], answer[2 + m :]
-    return filter_state(Settings(*settings), u_nominal, rows, u, slack, delta)
-
-
-@njit(cache=True)
-def _filter_all(
-    settings: tuple[Any, ...],
-    u_nominal: Array,
-    rows: tuple[Any, ...],
-    answer: tuple[Any, ...],
+    status: NDArray[np.int64],
 ) -> bool:
-    """Filter N states, unless a row is malformed; tell whether none is."""
-    a, b, h, priority, alpha2_psi = rows
-    if not np.isfinite(alpha2_psi).all():
+    """Filter N states, unless u* or a row is malformed; tell whether none is.
+
+    Arrays come one by one, of one state without the leading N: Numba takes a microsecond to open a
+    record that Python hands over, and NumPy as long to make its arrays longer by an axis.
+    """
+    count, total = status.size, b.size
+    m = total // count if count else 0
+    if not (np.isfinite(u_nominal).all() and np.isfinite(alpha2_psi).all()):
         return False
-    for i in range(b.shape[0]):
-        if not well_formed(a[i], b[i], h[i], priority[i]):
+    rows = CbfRows(
+        a.reshape(count, m, 2),
+        b.reshape(count, m),
+        h.reshape(count, m),
+        priority.reshape(count, m),
+        alpha2_psi.reshape(count, m),
+    )
+    for i in range(count):
+        if not well_formed(rows.a[i], rows.b[i], rows.h[i], rows.priority[i]):
             return False
-    filter_batch(Settings(*settings), u_nominal, CbfRows(*rows), FilterResult(*answer))
+    end = 2 * count + total
+    result = FilterResult(
+        answer[: 2 * count].reshape(count, 2),
+        answer[2 * count : end].reshape(count, m),
+        answer[end:].reshape(count, m),
+        status,
+        np.empty(count, dtype=np.int64),
+    )
+    filter_batch(Settings(*settings), u_nominal.reshape(count, 2), rows, result)
     return True

@@ -12,13 +12,17 @@ Array = NDArray[np.float64]
 Rows = NDArray[Any]
 Point = tuple[float, float]
 
-CBF, RELAXED, HIERARCHICAL, EXPLICIT, LEXICOGRAPHIC = range(5)
+NOTHING, RELAXED, DRAWN = range(3)
+"""What the rows that are not strict pay for: `plans.LOWER`."""
+
+PIN, BOUND = 1, 2
+"""What a level locks: `plans.LOCK`."""
 
 ROW = np.dtype(
     (
         np.record,
         [
-            ("index", np.int64),  # where the row stood before rows were sorted by priority
+            ("index", np.int64),  # where the row stood before rows were sorted by stage
             ("ax", np.float64),  # gradient
             ("ay", np.float64),
             ("norm", np.float64),  # ‖a‖
@@ -35,10 +39,14 @@ ROW = np.dtype(
 
 
 class Settings(NamedTuple):
-    """A program in the form that the kernels read.
+    """A program in the form that the kernels read: its plan, its prices and U.
 
     Attributes:
-        kind: `CBF`, `RELAXED`, `HIERARCHICAL`, `EXPLICIT` or `LEXICOGRAPHIC`.
+        lower: `NOTHING`, `RELAXED` or `DRAWN`.
+        by_level: whether each priority is a stage; if not there are two, strict rows and others.
+        lock: `PIN`, `BOUND` or 0.
+        ranks: whether rows of priority 1 come before the others.
+        guided: whether guidance may add a row of the last rank, which costs the others nothing.
         radius: the largest norm of an input in U.
         lambda_u: λ_u.
         known_offset: whether δ_min comes from α₂(ψ) (``epsilon="known"``); 0 if not.
@@ -47,7 +55,11 @@ class Settings(NamedTuple):
             is a strict level. K is 1, or N for N states with weights of their own.
     """
 
-    kind: int
+    lower: int
+    by_level: bool
+    lock: int
+    ranks: bool
+    guided: bool
     radius: float
     lambda_u: float
     known_offset: bool
@@ -84,16 +96,14 @@ class Workspace(NamedTuple):
         radius: the largest norm of an input, which sets the scale of rounding.
         polygons: (4, 2 capacity, 2) the polygons `FEASIBLE`, `TRIAL`, `CELL` and `COPY`, each with
             as much room again behind its corners, which a cut writes to.
-        rows: (m,) `ROW`, sorted by priority.
-        start: (LOWEST_RANK + 4,) where each priority's rows start; as far as there are levels.
-        graded: (1,) set where a stage's least squares are beyond doubles.
+        rows: (m,) `ROW`, sorted by stage.
+        start: (LOWEST_RANK + 4,) where each stage's rows start; as far as there are stages.
     """
 
     radius: float
     polygons: Array
     rows: Rows
     start: NDArray[np.int64]
-    graded: NDArray[np.bool_]
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,8 +112,7 @@ def make_workspace(radius: float, corners: int, m: int) -> Workspace:
     polygons = np.empty((4, 2 * (corners + m + 4), 2))
     rows = np.zeros(m, dtype=ROW)
     start = np.empty(LOWEST_RANK + 4, dtype=np.int64)  # guidance may come below the lowest
-    graded = np.zeros(1, dtype=np.bool_)
-    return Workspace(radius, polygons, rows, start, graded)
+    return Workspace(radius, polygons, rows, start)
 
 
 @njit(cache=True, error_model="numpy")

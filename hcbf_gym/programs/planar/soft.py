@@ -20,7 +20,16 @@ from hcbf_gym.programs.planar.polygon import (
     slice_at,
     span,
 )
-from hcbf_gym.programs.planar.records import CELL, Array, Cost, Line, Point, Workspace, row_line
+from hcbf_gym.programs.planar.records import (
+    CELL,
+    Array,
+    Cost,
+    Line,
+    Point,
+    Rows,
+    Workspace,
+    row_line,
+)
 from hcbf_gym.programs.tolerances import (
     GRADED,
     NEGLIGIBLE,
@@ -138,10 +147,64 @@ def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def lock(corners: Array, count: int, cost: Cost, x: float, y: float, radius: float) -> int:
-    """Cut a polygon in place to the minimisers of ``Σ w_k max(m_k, v_k)²``, of which u is one.
+def keep_least(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[int, float, float]:
+    """Cut a polygon in place to the minimisers of ``Σ w_k max(m_k, v_k)²``.
 
-    Each violation above m_k has one value on all of them. Returns the new number of corners.
+    Where rows differ so much in steepness that the squares of the flat ones drown in the rounding
+    of the steep ones, the steep ones are locked at the minimum of all, and the flat ones decide
+    among the inputs that are left. Rows that were locked so have weight 0 afterwards.
+
+    Returns:
+        The new number of corners, and a minimiser.
+    """
+    while True:
+        x, y = soft_minimum(corners, count, cost, w)
+        floor = flattest_that_counts(cost.rows)
+        count = lock(corners, count, cost, x, y, floor, w.radius)
+        if not drop(cost.rows, floor):
+            return count, x, y
+
+
+@njit(cache=True, error_model="numpy")
+def flattest_that_counts(rows: Rows) -> float:
+    """Return the steepness ``√w_k ‖a_k‖`` below which rows are too flat beside the steepest."""
+    steepest, flattest = 0.0, np.inf
+    for k in range(rows.size):
+        row = rows[k]
+        if row.weight > 0.0 and row.norm > ZERO_GRADIENT:
+            steepness = np.sqrt(row.weight) * row.norm
+            steepest, flattest = max(steepest, steepness), min(flattest, steepness)
+    return steepest / GRADED if steepest > GRADED * flattest else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def drop(rows: Rows, floor: float) -> bool:
+    """Give the rows that are not flatter weight 0; tell whether rows are left, as for 0 none is."""
+    if floor == 0.0:
+        return False
+    for k in range(rows.size):
+        row = rows[k]
+        if np.sqrt(row.weight) * row.norm >= floor:
+            row.weight = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def lock(
+    corners: Array, count: int, cost: Cost, x: float, y: float, floor: float, radius: float
+) -> int:
+    """Cut a polygon in place to the inputs at which rows pay what they pay at a minimiser u.
+
+    Each violation above m_k has one value on all minimisers. Returns the new number of corners.
+
+    Args:
+        corners: (capacity, 2) the polygon.
+        count: its number of corners.
+        cost: ``Σ w_k max(m_k, v_k)²``.
+        x: of u.
+        y: of u.
+        floor: the steepness ``√w_k ‖a_k‖`` below which rows are passed over.
+        radius: the largest norm of an input.
     """
     total = 0.0
     for k in range(cost.rows.size):
@@ -151,29 +214,14 @@ def lock(corners: Array, count: int, cost: Cost, x: float, y: float, radius: flo
     negligible = NEGLIGIBLE * np.sqrt(total)
     for k in range(cost.rows.size):
         row = cost.rows[k]
-        if row.weight == 0.0 or row.norm <= ZERO_GRADIENT:
+        root = np.sqrt(row.weight)
+        if root == 0.0 or row.norm <= ZERO_GRADIENT or root * row.norm < floor:
             continue
         line = row_line(row, row.b - row.least)
         here = line.nx * x + line.ny * y
         excess = row.norm * (line.d - here)
-        if here < line.d - THIN * radius and np.sqrt(row.weight) * excess > negligible:
+        if here < line.d - THIN * radius and root * excess > negligible:
             count = slice_at(corners, count, Line(line.nx, line.ny, here), radius)
         else:
             count = cut(corners, count, Line(line.nx, line.ny, min(here, line.d)), radius)
     return count
-
-
-@njit(cache=True, error_model="numpy")
-def is_graded(cost: Cost, one_sided: bool, radius: float) -> bool:
-    """Tell whether ``√w_k ‖a_k‖`` of those rows that matter span more than `GRADED`.
-
-    A one-sided row with ``b_k − a_k·u ≤ m_k`` throughout U does not matter.
-    """
-    flattest, steepest = np.inf, 0.0
-    for k in range(cost.rows.size):
-        row = cost.rows[k]
-        matters = not one_sided or row.b - row.least > -row.norm * radius
-        if matters and row.weight > 0.0 and row.norm > ZERO_GRADIENT:
-            steepness = np.sqrt(row.weight) * row.norm
-            flattest, steepest = min(flattest, steepness), max(steepest, steepness)
-    return steepest > GRADED * flattest

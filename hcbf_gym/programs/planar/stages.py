@@ -1,4 +1,4 @@
-"""What the compiled cascade is made of: the stages of `programs.cascades`, on polygons.
+"""What the compiled cascade is made of: its stages, on polygons.
 
 The polygon `FEASIBLE` holds the inputs that the stages so far leave. A stage that narrows them cuts
 it in place and returns the new number of its corners.
@@ -9,6 +9,7 @@ from typing import Any
 from numba import njit
 
 from hcbf_gym.programs.planar.polygon import (
+    LeastSquares,
     add_row,
     copy,
     cut,
@@ -29,7 +30,7 @@ from hcbf_gym.programs.planar.records import (
     Workspace,
     row_line,
 )
-from hcbf_gym.programs.planar.soft import is_graded, lock, soft_minimum
+from hcbf_gym.programs.planar.soft import drop, flattest_that_counts, keep_least, soft_minimum
 from hcbf_gym.programs.tolerances import THIN, ZERO_GRADIENT
 
 
@@ -48,10 +49,7 @@ def meet(count: int, rows: Rows, w: Workspace) -> int:
         line = row_line(row, row.b)
         _, highest = span(trial, new, line.nx, line.ny)
         if highest < line.d - THIN * w.radius:
-            cost = Cost(rows, 0.0, 0.0, 0.0)
-            w.graded[0] |= is_graded(cost, True, w.radius)
-            x, y = soft_minimum(feasible, count, cost, w)
-            return lock(feasible, count, cost, x, y, w.radius)
+            return keep_least(feasible, count, Cost(rows, 0.0, 0.0, 0.0), w)[0]
         new = cut(trial, new, line, w.radius)
     copy(trial, new, feasible)
     return new
@@ -70,34 +68,59 @@ def relax(count: int, cost: Cost, w: Workspace) -> Point:
     For λ_u = 0 it is the minimiser nearest u*.
     """
     feasible, trial = w.polygons[FEASIBLE], w.polygons[TRIAL]
-    x, y = soft_minimum(feasible, count, cost, w)
     if cost.lambda_u > 0.0:
-        return x, y
-    w.graded[0] |= is_graded(cost, True, w.radius)
+        return soft_minimum(feasible, count, cost, w)
     copy(feasible, count, trial)
-    count = lock(trial, count, cost, x, y, w.radius)
+    count, _, _ = keep_least(trial, count, cost, w)
     return nearest(trial, count, cost.ux, cost.uy)
 
 
 @njit(cache=True, error_model="numpy")
 def draw(count: int, cost: Cost, w: Workspace) -> Point:
-    """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k (t_k − a_k u)²`` with the rows' targets t_k."""
-    w.graded[0] |= cost.lambda_u == 0.0 and is_graded(cost, False, w.radius)
+    """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k (t_k − a_k u)²`` with the rows' targets t_k.
+
+    For λ_u = 0 steep rows come first where flat ones would drown in their rounding; `keep_least`.
+    """
+    corners = w.polygons[FEASIBLE]
+    x, y = minimise(corners, count, _drawn(cost), cost.ux, cost.uy, w)
+    if cost.lambda_u > 0.0:
+        return x, y
+    floor = flattest_that_counts(cost.rows)
+    if floor > 0.0:
+        corners = w.polygons[TRIAL]
+        copy(w.polygons[FEASIBLE], count, corners)
+    while floor > 0.0:
+        for k in range(cost.rows.size):
+            row = cost.rows[k]
+            if row.weight**0.5 * row.norm >= floor and count > 1:
+                line = row_line(row, 0.0)
+                here = line.nx * x + line.ny * y
+                count = slice_at(corners, count, Line(line.nx, line.ny, here), w.radius)
+        drop(cost.rows, floor)
+        x, y = minimise(corners, count, _drawn(cost), cost.ux, cost.uy, w)
+        floor = flattest_that_counts(cost.rows)
+    return x, y
+
+
+@njit(cache=True, error_model="numpy")
+def _drawn(cost: Cost) -> LeastSquares:
     problem = distance(cost.lambda_u, cost.ux, cost.uy)
     for k in range(cost.rows.size):
         row = cost.rows[k]
         root = row.weight**0.5
         problem = add_row(problem, root * row.ax, root * row.ay, root * row.target)
-    return minimise(w.polygons[FEASIBLE], count, problem, cost.ux, cost.uy, w)
+    return problem
 
 
 @njit(cache=True, error_model="numpy")
 def set_targets(vertices: Array, rows: Rows, ux: float, uy: float, w: Workspace) -> None:
-    """Write ``a_k û_k`` of each row, û_k the solution of the program of that row alone."""
+    """Write ``a_k û_k`` of each row that is not strict, û_k its own program's solution."""
     corners, trial = vertices.shape[0], w.polygons[TRIAL]
     x0, y0 = nearest(vertices, corners, ux, uy)
     for k in range(rows.size):
         row = rows[k]
+        if row.strict:
+            continue
         row.target = row.ax * x0 + row.ay * y0
         if row.target >= row.b or not _steers(row):
             continue

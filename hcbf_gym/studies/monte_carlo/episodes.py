@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
-from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels, layout
+from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels
+from hcbf_gym.barriers.shapes import disc
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
@@ -171,7 +172,7 @@ def _nominal(
 ) -> Array:
     """Return u* (N, 2)."""
     if policy == "adversarial":
-        towards = barriers.parameters[:, 2, layout.CENTER_X : layout.CENTER_Y + 1] - x[:, :2]
+        towards = barriers.parameters[:, 2, disc.CENTER_X : disc.CENTER_Y + 1] - x[:, :2]
         return LIMIT * towards / np.linalg.norm(towards, axis=1, keepdims=True)
     share = min(t / TRAVEL_TIME, 1.0)
     velocity = GOAL / TRAVEL_TIME if share < 1.0 else np.zeros(2)

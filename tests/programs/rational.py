@@ -1,39 +1,14 @@
 """Polygons, quadratics and one-sided penalties in rational arithmetic: no tolerance anywhere.
 
-Every double is a rational number. Where the rows of one stage differ so much in steepness that
-their least squares do not fit into doubles, the stage is decided here: slowly, and exactly. All
-functions take any type of rational numbers; a polygon is the list of its corners in order, two
-corners are a segment, one is a point.
+What the compiled polygons are compared with. All functions take any type of rational numbers; a
+polygon is the list of its corners in order, two corners are a segment, one is a point.
 """
 
-import importlib
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-try:  # ten times faster, the same numbers
-    rational: Any = importlib.import_module("gmpy2").mpq
-except ImportError:
-    rational = Fraction
-
-Array = NDArray[Any]
 Point = tuple[Any, Any]
 Polygon = list[Point]
-
-
-def to_rational(x: NDArray[np.float64]) -> Array:
-    """Return doubles as the rational numbers that they are, in an array of objects."""
-    exact = np.empty(x.size, dtype=object)
-    exact[:] = [rational(value) for value in x.ravel().tolist()]
-    return exact.reshape(x.shape)
-
-
-def to_doubles(x: Array) -> NDArray[np.float64]:
-    """Return rational numbers (k,) correctly rounded."""
-    return np.array([int(value.numerator) / int(value.denominator) for value in x], dtype=float)
 
 
 class Penalty(NamedTuple):

@@ -1,0 +1,100 @@
+"""Where the time goes that `SafetyFilter` adds to a step: each part by itself, in its own loop.
+
+Inside a user's loop every part takes longer, since the environment has filled the caches with other
+things in between; `benchmarks.suites.filter` has that sum.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym.barriers import Disc
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.wrappers import SafetyFilter, fused, safety_filter
+
+PERIOD, ROUNDS, CALLS = 0.02, 200, 20
+
+
+class _Still(gym.Env[Any, Any]):
+    """A plant that stands still, far from everything."""
+
+    action_space = gym.spaces.Box(-5.0, 5.0, (2,), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
+
+    def __init__(self) -> None:
+        self.x, self.time = np.zeros(4), 0.0
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> Any:
+        self.time = 0.0
+        return self.x, {}
+
+    def step(self, action: Any) -> Any:
+        self.time += PERIOD
+        return self.x, 0.0, False, False, {}
+
+
+def shares() -> list[dict[str, Any]]:
+    """Return the parts of a filtered step of a plant with a list of five discs, and their µs."""
+    discs = [Disc(f"{k}", 1 + k % 3, (30.0, 10.0 * k), 1.0) for k in range(5)]
+    plant = Plant(
+        DoubleIntegrator(),
+        discs,
+        lambda env, observation, info: Estimate(env.x, env.time),
+        Box.symmetric(5.0),
+        period=PERIOD,
+    )
+    bare, env = _Still(), SafetyFilter(_Still(), plant=plant)
+    env.reset()
+    u = np.zeros(2)
+    env.step(u)
+    core: Any = env._core
+    intake, sheet = core._intake, core._sheet
+    refused = sheet.plants.copy()
+    refused["u_nominal"] = np.nan
+    barriers, estimate = env._sense()
+
+    def call(told: Any) -> None:
+        intake.time[0] += PERIOD
+        scene = core._scene
+        fused.filter_plants(
+            core._constants,
+            core._program,
+            (scene.kind, scene.parameters, scene.priority, scene.own_margin),
+            intake.plants,
+            core._no_rows,
+            told,
+            sheet.rows,
+        )
+
+    def later() -> None:
+        intake.time[0] += PERIOD
+
+    times = {
+        "the action, as an array of numbers": _time(lambda: safety_filter._input(u, (2,))),
+        "the plant's readers": _time(env._sense),
+        "taking the estimate": _time(lambda: intake.take(estimate, None)),
+        "taking the barriers": _time(lambda: core._take_barriers(barriers)),
+        "crossing into compiled code": _time(lambda: call(refused)) - _time(later),
+        "margins, rows, program, monitor": _time(lambda: call(sheet.plants))
+        - _time(lambda: call(refused)),
+        "the report": _time(sheet.report),
+    }
+    whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
+    times |= {"the calls between these": whole - sum(times.values()), "all": whole}
+    return [{"part": name, "time": value} for name, value in times.items()]
+
+
+def _time(call: Callable[[], Any]) -> float:
+    """Return a call's median time [µs]."""
+    times = np.empty(ROUNDS)
+    for k in range(ROUNDS):
+        start = time.perf_counter()
+        for _ in range(CALLS):
+            call()
+        times[k] = time.perf_counter() - start
+    return 1e6 * float(np.median(times)) / CALLS

@@ -1,0 +1,222 @@
+"""What a built-in shape is: fields with their checks, compiled functions, and how it is drawn.
+
+Each shape stands in a file of `shapes`, and what evaluates, packs, reads, draws or moves a shape
+asks for it here. The compiled functions are what runs everywhere; they read a shape's block of
+numbers (see `layout`) at a point of the shape's own frame. Points travel as scalars, so that
+nothing is allocated per state.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Barrier, Core, Pair, PlanarBarrier
+from hcbf_gym.errors import finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
+
+Array = NDArray[np.float64]
+PlanarJet = tuple[float, float, float, float, float, float]
+Planar = Callable[[Any, Any], Any]
+
+TINY = 1e-9
+"""Below this distance [m] from a region's centre its gradient is taken along +x."""
+
+
+class Compiled(NamedTuple):
+    """The compiled functions of a shape; c is its block (WIDTH,), (x, y) a point of its frame [m].
+
+    Attributes:
+        code: the kind by which `shapes` finds them.
+        jet: (c, x, y) → H, ∇H (x, y), d, t (x, y). Every Hessian has rank one, ``∇²H = t tᵀ/d``: d
+            is the distance from the region's core (a disc's centre, a polygon's corner), and
+            infinite where H is flat.
+        core: (c, x, y, H, d, reach) → the entries of a `Core`, for rows of a held input.
+        bounds: (c) → least x, least y, greatest x, greatest y of the region, infinite and the wrong
+            way round where it has none.
+        is_distance: whether ‖∇H‖ = 1 everywhere.
+    """
+
+    code: int
+    jet: Callable[[Array, float, float], PlanarJet]
+    core: Callable[[Array, float, float, float, float, float], tuple[float, float, bool]]
+    bounds: Callable[[Array], tuple[float, float, float, float]]
+    is_distance: bool
+
+
+class Oval(NamedTuple):
+    """The outline of a region that is an ellipse.
+
+    Attributes:
+        center: (2,) [m].
+        semi_axes: (2,) [m].
+        angle: of the first semi-axis from the world's x axis [rad].
+    """
+
+    center: Pair
+    semi_axes: Pair
+    angle: float
+
+    def corners(self, count: int = 64) -> Array:
+        """Return (count, 2) points of it, counter-clockwise."""
+        turn = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        circle = np.column_stack([np.cos(turn), np.sin(turn)]) * np.array(self.semi_axes)
+        return self.center + circle @ np.array([[cos, sin], [-sin, cos]])
+
+
+class Wall(NamedTuple):
+    """The outline of a region without end.
+
+    Attributes:
+        normal: (2,) unit vector into the allowed side.
+        offset: n·p on the wall [m].
+    """
+
+    normal: Pair
+    offset: float
+
+
+Outline = Oval | Wall | Array
+"""How a region is drawn; an array (k, 2) holds the corners of a convex one, counter-clockwise."""
+
+
+@dataclass(frozen=True)
+class Shape(PlanarBarrier):
+    """A built-in region: the fields of a subclass are its numbers, by the names that JSON has.
+
+    Attributes:
+        kind: its name in JSON and for `Shapes`.
+        compiled: its compiled functions.
+    """
+
+    kind: ClassVar[str]
+    compiled: ClassVar[Compiled]
+
+    @abstractmethod
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,) and return the code."""
+
+    @classmethod
+    def pack(cls, name: str, values: Array) -> Array:
+        """Return (k, WIDTH) the blocks of k standing shapes.
+
+        Args:
+            name: what messages call them.
+            values: (k, n) the fields of each in their order, but for the velocity.
+
+        Raises:
+            InvalidInputError: if a value is out of range or the array of another shape.
+        """
+        sizes = {
+            field.name: np.size(field.default)
+            for field in fields(cls)
+            if field.default is not MISSING and field.name != "velocity"
+        }
+        numbers = finite_array(name, values, (None, sum(sizes.values())), largest=FARTHEST)
+        blocks, ends = np.zeros((len(numbers), layout.WIDTH)), np.cumsum(list(sizes.values()))[:-1]
+        for row, block in zip(numbers, blocks, strict=True):
+            parts = [p if p.size > 1 else float(p[0]) for p in np.split(row, ends)]
+            cls(name, 1, **dict(zip(sizes, parts, strict=True))).write(block)
+        return blocks
+
+    @abstractmethod
+    def outline(self) -> Outline:
+        """Return how the region is drawn at time 0."""
+
+    @abstractmethod
+    def traced(self, jax: Any) -> Planar:
+        """Return (x, y) → H in jax.numpy, which JAX differentiates any number of times."""
+
+    @property
+    @abstractmethod
+    def anchor(self) -> Array:
+        """(2,) where the region is taken hold of at time 0, a centre or a point of a wall [m]."""
+
+    @property
+    @abstractmethod
+    def size(self) -> float | None:
+        """A radius, or what stands for one [m]; None for what has no end."""
+
+    @abstractmethod
+    def moved(self, step: Array) -> Self:
+        """Return the same region elsewhere, a step (2,) [m] away."""
+
+    @abstractmethod
+    def resized(self, size: float) -> Self:
+        """Return a region of the same form and another `size` [m]."""
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H (2,) and ∇²H (2, 2); where ∇H has no direction, one is chosen."""
+        h, gx, gy, distance, tx, ty = self.compiled.jet(self._block, float(q[0]), float(q[1]))
+        tangent = np.array((tx, ty))
+        return h, np.array((gx, gy)), np.outer(tangent, tangent) / distance
+
+    def core(self, q: Array, reach: float) -> Core:
+        """Return the core; see `PlanarBarrier.core`."""
+        c, x, y = self._block, float(q[0]), float(q[1])
+        h, _, _, distance, _, _ = self.compiled.jet(c, x, y)
+        return Core(*self.compiled.core(c, x, y, h, distance, reach))
+
+    @cached_property
+    def _block(self) -> Array:
+        block = np.zeros(layout.WIDTH)
+        self.write(block)
+        return block
+
+
+@njit(cache=True, error_model="numpy")
+def point_jet(x: float, y: float) -> PlanarJet:
+    """Return ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent."""
+    distance = np.sqrt(x * x + y * y)
+    if distance < TINY:
+        return distance, 1.0, 0.0, np.inf, 0.0, 1.0
+    nx, ny = x / distance, y / distance
+    return distance, nx, ny, distance, -ny, nx
+
+
+def traced_norm(jax: Any, x: Any, y: Any) -> Any:
+    """Return ‖(x, y)‖ for JAX; at 0 its gradient is taken along +x, as `point_jet` does."""
+    jnp = jax.numpy
+    square = x * x + y * y
+    apart = square > TINY**2
+    return jnp.where(apart, jnp.sqrt(jnp.where(apart, square, 1.0)), x)
+
+
+def set_pairs(barrier: Barrier, *names: str) -> None:
+    """Replace fields by pairs of finite numbers.
+
+    Raises:
+        InvalidInputError: if one is no such pair.
+    """
+    for name in names:
+        values = getattr(barrier, name)
+        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=FARTHEST)
+        object.__setattr__(barrier, name, tuple(pair.tolist()))
+
+
+def set_positive(barrier: Barrier, name: str) -> None:
+    """Replace a field by a positive number.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    number = finite_float(
+        f"{barrier.name}: {name}",
+        getattr(barrier, name),
+        minimum=0.0,
+        maximum=FARTHEST,
+        exclusive=True,
+    )
+    object.__setattr__(barrier, name, number)
+
+
+def shifted(point: Pair, step: Array) -> Pair:
+    """Return a point (2,) moved by a step (2,)."""
+    return point[0] + float(step[0]), point[1] + float(step[1])

@@ -1,0 +1,168 @@
+"""A capsule: all that lies within a radius of a segment."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Pair
+from hcbf_gym.barriers.shape import (
+    Array,
+    Compiled,
+    Planar,
+    PlanarJet,
+    Shape,
+    point_jet,
+    set_pairs,
+    set_positive,
+    shifted,
+    traced_norm,
+)
+from hcbf_gym.errors import InvalidInputError
+
+CODE = 4
+START_X, START_Y = 2, 3  # [m]
+ALONG_X, ALONG_Y, LENGTH = 4, 5, 6  # the unit vector along the segment, and its length [m]
+RADIUS = 7  # [m]
+
+
+@njit(cache=True)
+def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> int:
+    """Write the outside of a capsule into the block c (WIDTH,)."""
+    c[:] = 0.0
+    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
+    c[START_X], c[START_Y] = start
+    ex, ey = end[0] - start[0], end[1] - start[1]
+    length = np.sqrt(ex * ex + ey * ey)
+    c[ALONG_X], c[ALONG_Y], c[LENGTH] = ex / length, ey / length, length
+    c[RADIUS] = radius
+    return CODE
+
+
+@njit(cache=True, error_model="numpy")
+def jet(c: Array, x: float, y: float) -> PlanarJet:
+    """Return H and its derivatives; see `Compiled`."""
+    dx, dy, ax, ay = x - c[START_X], y - c[START_Y], c[ALONG_X], c[ALONG_Y]
+    along = ax * dx + ay * dy
+    if 0.0 < along < c[LENGTH]:
+        across = ax * dy - ay * dx
+        side = 1.0 if across >= 0.0 else -1.0
+        return side * across - c[RADIUS], -side * ay, side * ax, np.inf, ax, ay
+    end = min(max(along, 0.0), c[LENGTH])
+    n, nx, ny, distance, tx, ty = point_jet(dx - end * ax, dy - end * ay)
+    return n - c[RADIUS], nx, ny, distance, tx, ty
+
+
+@njit(cache=True, error_model="numpy")
+def core(
+    c: Array, x: float, y: float, h: float, distance: float, reach: float
+) -> tuple[float, float, bool]:
+    """Return an end as the core where it stays the nearest, none beside a side, else the segment.
+
+    Beside a side ∇H does not turn: outside, the robot is kept from crossing the segment; inside, it
+    must be too far from the segment to cross it.
+    """
+    along = c[ALONG_X] * (x - c[START_X]) + c[ALONG_Y] * (y - c[START_Y])
+    away, radius = h + c[RADIUS], c[RADIUS]
+    if along <= -reach or along >= c[LENGTH] + reach:
+        return away, radius, True
+    beside = reach <= along <= c[LENGTH] - reach
+    if beside and (h > 0.0 or away >= reach):
+        return np.inf, radius, False
+    return away, radius, False
+
+
+@njit(cache=True, error_model="numpy")
+def bounds(c: Array) -> tuple[float, float, float, float]:
+    """Return the corners of the box around the capsule."""
+    x, y, radius = c[START_X], c[START_Y], c[RADIUS]
+    ex, ey = x + c[LENGTH] * c[ALONG_X], y + c[LENGTH] * c[ALONG_Y]
+    return min(x, ex) - radius, min(y, ey) - radius, max(x, ex) + radius, max(y, ey) + radius
+
+
+@dataclass(frozen=True)
+class Capsule(Shape):
+    """The outside of a capsule, ``h = min_{s ∈ [0, 1]} ‖p − (1 − s) a − s b‖ − r``.
+
+    h is the distance to it, continuously differentiable but on the segment.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        start: (2,) a, where the segment starts at t = 0 [m].
+        end: (2,) b, where it ends, another point [m].
+        radius: r [m], positive.
+        velocity: (2,) of the capsule [m/s].
+
+    Raises:
+        InvalidInputError: if both ends are one point, the radius is not positive or a number is not
+            finite.
+    """
+
+    start: Pair = (0.0, 0.0)
+    end: Pair = (1.0, 0.0)
+    radius: float = 1.0
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[str] = "capsule"
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_pairs(self, "start", "end", "velocity")
+        set_positive(self, "radius")
+        if np.linalg.norm(self._vector) <= 1e-9:
+            raise InvalidInputError(
+                f"{self.name}: end: got {self.end}, expected a point away from the start "
+                f"{self.start}; a disc has one"
+            )
+
+    @property
+    def _vector(self) -> Array:
+        return np.subtract(self.end, self.start)
+
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,)."""
+        return write(c, self.velocity, self.start, self.end, self.radius)
+
+    def outline(self) -> Array:
+        """Return (34, 2) corners, the half circle around the end first."""
+        turn = np.arctan2(self._vector[1], self._vector[0]) + np.linspace(-0.5, 0.5, 17) * np.pi
+        half = self.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        return np.concatenate([self.end + half, self.start - half])
+
+    def traced(self, jax: Any) -> Planar:
+        """Return (x, y) → H for JAX."""
+        (cx, cy), radius, length = self.start, self.radius, float(np.linalg.norm(self._vector))
+        (ax, ay), where = (self._vector / length).tolist(), jax.numpy.where
+
+        def value(x: Any, y: Any) -> Any:
+            dx, dy = x - cx, y - cy
+            along, across = ax * dx + ay * dy, ax * dy - ay * dx
+            end = where(along > 0.5 * length, length, 0.0)
+            beside = where(across >= 0.0, across, -across)
+            to_end = traced_norm(jax, dx - end * ax, dy - end * ay)
+            return where((along > 0.0) & (along < length), beside, to_end) - radius
+
+        return value
+
+    @property
+    def anchor(self) -> Array:
+        """(2,) the middle of the segment [m]."""
+        return 0.5 * np.add(self.start, self.end)
+
+    @property
+    def size(self) -> float:
+        """The radius [m]."""
+        return self.radius
+
+    def moved(self, step: Array) -> Self:
+        """Return the capsule a step (2,) away."""
+        return replace(self, start=shifted(self.start, step), end=shifted(self.end, step))
+
+    def resized(self, size: float) -> Self:
+        """Return a capsule of another radius, and the same ratio of length to radius."""
+        half = 0.5 * size / self.radius * self._vector
+        start, end = (self.anchor - half).tolist(), (self.anchor + half).tolist()
+        return replace(self, start=tuple(start), end=tuple(end), radius=size)

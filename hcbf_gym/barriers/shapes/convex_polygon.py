@@ -1,0 +1,242 @@
+"""A convex polygon."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Pair
+from hcbf_gym.barriers.shape import (
+    TINY,
+    Array,
+    Compiled,
+    Planar,
+    PlanarJet,
+    Shape,
+    point_jet,
+    set_pairs,
+    shifted,
+    traced_norm,
+)
+from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.models.constants import FARTHEST
+
+CODE = 3
+COUNT, FIRST = 2, 3  # x and y of each corner from FIRST on [m]
+MAX_VERTICES = (layout.WIDTH - FIRST) // 2
+"""Most corners of a polygon."""
+
+
+@njit(cache=True)
+def write(c: Array, velocity: Pair, vertices: Array) -> int:
+    """Write the outside of a polygon with the corners (k, 2) into the block c (WIDTH,)."""
+    c[:] = 0.0
+    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
+    c[COUNT] = vertices.shape[0]
+    for i in range(vertices.shape[0]):
+        c[FIRST + 2 * i], c[FIRST + 1 + 2 * i] = vertices[i, 0], vertices[i, 1]
+    return CODE
+
+
+@njit(cache=True)
+def _count(c: Array) -> int:
+    """Return how many corners there are, within what a block can hold."""
+    count = c[COUNT]
+    return int(count) if 1.0 <= count <= MAX_VERTICES else 1
+
+
+@njit(cache=True, error_model="numpy")
+def jet(c: Array, x: float, y: float) -> PlanarJet:
+    """Return H and its derivatives; see `Compiled`."""
+    corners = _count(c)
+    nearest2, offset_x, offset_y = np.inf, 0.0, 0.0
+    outside, on_edge, edge_x, edge_y = False, False, 0.0, 0.0
+    for i in range(corners):
+        ax, ay, ex, ey = _edge(c, i, corners)
+        ox, oy = x - ax, y - ay
+        outside |= ey * ox - ex * oy > 0.0
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        ox, oy = ox - along * ex, oy - along * ey
+        distance2 = ox * ox + oy * oy
+        if distance2 < nearest2:
+            nearest2, offset_x, offset_y = distance2, ox, oy
+            on_edge, edge_x, edge_y = 0.0 < along < 1.0, ex, ey
+    nearest = np.sqrt(nearest2)
+    if outside and not on_edge and nearest >= TINY:
+        return point_jet(offset_x, offset_y)
+    length = np.sqrt(edge_x * edge_x + edge_y * edge_y)
+    nx, ny = edge_y / length, -edge_x / length
+    return nearest if outside else -nearest, nx, ny, np.inf, -ny, nx
+
+
+@njit(cache=True, error_model="numpy")
+def core(
+    c: Array, x: float, y: float, h: float, distance: float, reach: float
+) -> tuple[float, float, bool]:
+    """Return nothing as the core where one edge stays the nearest, else a corner, else all.
+
+    Inside, the nearest edge is taken for the region: no bound is known where it changes.
+    """
+    if h <= 0.0:
+        return np.inf, 0.0, False
+    corners = _count(c)
+    ax, ay, ex, ey = _edge(c, corners - 1, corners)
+    length = np.sqrt(ex * ex + ey * ey)
+    beyond = ((x - ax) * ex + (y - ay) * ey) / length - length  # past the end of the edge before
+    for i in range(corners):
+        ax, ay, ex, ey = _edge(c, i, corners)
+        length = np.sqrt(ex * ex + ey * ey)
+        along = ((x - ax) * ex + (y - ay) * ey) / length
+        above = (ey * (x - ax) - ex * (y - ay)) / length
+        if above > 0.0 and along >= reach and along <= length - reach:
+            return np.inf, 0.0, False
+        if beyond >= reach and along <= -reach:
+            return h, 0.0, True
+        beyond = along - length
+    return h, 0.0, False
+
+
+@njit(cache=True, error_model="numpy")
+def _edge(c: Array, i: int, corners: int) -> tuple[float, float, float, float]:
+    """Return the start (x, y) and the vector (x, y) of edge i [m]."""
+    j = i + 1 if i + 1 < corners else 0
+    ax, ay = c[FIRST + 2 * i], c[FIRST + 1 + 2 * i]
+    return ax, ay, c[FIRST + 2 * j] - ax, c[FIRST + 1 + 2 * j] - ay
+
+
+@njit(cache=True, error_model="numpy")
+def bounds(c: Array) -> tuple[float, float, float, float]:
+    """Return the corners of the box around the polygon."""
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(_count(c)):
+        x, y = c[FIRST + 2 * i], c[FIRST + 1 + 2 * i]
+        low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
+    return low_x, low_y, high_x, high_y
+
+
+@dataclass(frozen=True)
+class ConvexPolygon(Shape):
+    """The outside of a convex polygon: h is the signed distance to it.
+
+    Outside, h is continuously differentiable (its curvature jumps where the nearest point passes
+    from an edge to a corner); inside, it is the depth below the nearest edge.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        vertices: (k, 2) corners [m], counter-clockwise, 3 ≤ k ≤ 8, strictly convex.
+        velocity: (2,) of the polygon [m/s].
+
+    Raises:
+        InvalidInputError: if the corners are too few, too many, clockwise or not strictly convex.
+    """
+
+    vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[str] = "convex-polygon"
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_pairs(self, "velocity")
+        name = f"{self.name}: vertices"
+        corners = finite_array(name, self.vertices, (None, 2), largest=FARTHEST)
+        _check(name, corners[None])
+        object.__setattr__(self, "vertices", tuple(tuple(c) for c in corners.tolist()))
+
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,)."""
+        return write(c, self.velocity, np.array(self.vertices))
+
+    @classmethod
+    def pack(cls, name: str, values: Array) -> Array:
+        """Return the blocks of polygons (k, v, 2): v corners [m], counter-clockwise."""
+        corners = finite_array(name, values, (None, None, 2), largest=FARTHEST)
+        blocks, count = np.zeros((len(corners), layout.WIDTH)), corners.shape[1]
+        _check(name, corners)
+        blocks[:, COUNT] = count
+        blocks[:, FIRST : FIRST + 2 * count] = corners.reshape(len(corners), 2 * count)
+        return blocks
+
+    def outline(self) -> Array:
+        """Return (k, 2) the corners."""
+        return np.array(self.vertices)
+
+    def traced(self, jax: Any) -> Planar:
+        """Return (x, y) → H for JAX."""
+        jnp, corners = jax.numpy, np.array(self.vertices)
+        sides = np.concatenate([corners, np.roll(corners, -1, axis=0) - corners], axis=1).tolist()
+
+        def nearest_side(x: Any, y: Any) -> tuple[Any, Any]:
+            """Return whether (x, y) is outside, and the side that decides h: corner, direction."""
+            height, nearest2, highest, nearest = -np.inf, np.inf, sides[0], sides[0]
+            for side in sides:
+                ax, ay, ex, ey = side
+                length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
+                above = (ey * dx - ex * dy) / np.sqrt(length2)
+                along = jnp.clip((dx * ex + dy * ey) / length2, 0.0, 1.0)
+                distance2 = (dx - along * ex) ** 2 + (dy - along * ey) ** 2
+                higher, nearer = above > height, distance2 < nearest2
+                highest = [jnp.where(higher, n, o) for n, o in zip(side, highest, strict=True)]
+                nearest = [jnp.where(nearer, n, o) for n, o in zip(side, nearest, strict=True)]
+                height, nearest2 = jnp.maximum(height, above), jnp.minimum(nearest2, distance2)
+            outside = height > 0.0
+            side = [jnp.where(outside, n, i) for n, i in zip(nearest, highest, strict=True)]
+            return outside, side
+
+        def value(x: Any, y: Any) -> Any:
+            # which side it is has no derivative: only the chosen one is differentiated
+            at = jax.lax.stop_gradient(x), jax.lax.stop_gradient(y)
+            outside, (ax, ay, ex, ey) = nearest_side(*at)
+            length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
+            above = (ey * dx - ex * dy) / jnp.sqrt(length2)
+            along = (dx * ex + dy * ey) / length2
+            end = (along <= 0.0) | (along >= 1.0)
+            far = jnp.where(along > 0.5, 1.0, 0.0)
+            to_corner = traced_norm(jax, dx - far * ex, dy - far * ey)
+            return jnp.where(outside & end, to_corner, above)
+
+        return value
+
+    @property
+    def anchor(self) -> Array:
+        """(2,) the mean of the corners [m]."""
+        return np.mean(self.vertices, axis=0)
+
+    @property
+    def size(self) -> float:
+        """The way from the mean of the corners to the farthest [m]."""
+        return float(np.linalg.norm(self.vertices - self.anchor, axis=1).max())
+
+    def moved(self, step: Array) -> Self:
+        """Return the polygon a step (2,) away."""
+        return replace(self, vertices=tuple(shifted(corner, step) for corner in self.vertices))
+
+    def resized(self, size: float) -> Self:
+        """Return a polygon of the same angles."""
+        corners = self.anchor + size / self.size * (np.array(self.vertices) - self.anchor)
+        return replace(self, vertices=tuple(map(tuple, corners.tolist())))
+
+
+def _check(name: str, corners: Array) -> None:
+    """Refuse corners (k, v, 2) that are not those of k strictly convex polygons.
+
+    Raises:
+        InvalidInputError: if they are not.
+    """
+    if not 3 <= corners.shape[1] <= MAX_VERTICES:
+        raise InvalidInputError(
+            f"{name}: got {corners.shape[1]} corners, expected 3 to {MAX_VERTICES}"
+        )
+    edges = np.roll(corners, -1, axis=1) - corners
+    following = np.roll(edges, -1, axis=1)
+    turns = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]
+    winding = np.arctan2(turns, np.sum(edges * following, axis=2)).sum(axis=1)
+    bent = (turns <= 0.0).any(axis=1) | (winding > 2.5 * np.pi)
+    if bent.any():
+        raise InvalidInputError(
+            f"{name}: got {corners[bent][0].tolist()}, "
+            "expected the corners of a strictly convex polygon, counter-clockwise"
+        )

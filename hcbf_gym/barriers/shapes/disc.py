@@ -1,0 +1,130 @@
+"""A disc."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Pair
+from hcbf_gym.barriers.shape import (
+    Array,
+    Compiled,
+    Oval,
+    Planar,
+    PlanarJet,
+    Shape,
+    point_jet,
+    set_pairs,
+    set_positive,
+    shifted,
+    traced_norm,
+)
+from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.models.constants import FARTHEST
+
+CODE = 1
+CENTER_X, CENTER_Y, RADIUS = 2, 3, 4  # [m]
+
+
+@njit(cache=True)
+def write(c: Array, velocity: Pair, center: Pair, radius: float) -> int:
+    """Write the outside of a disc into the block c (WIDTH,)."""
+    c[:] = 0.0
+    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
+    c[CENTER_X], c[CENTER_Y] = center
+    c[RADIUS] = radius
+    return CODE
+
+
+@njit(cache=True, error_model="numpy")
+def jet(c: Array, x: float, y: float) -> PlanarJet:
+    """Return H and its derivatives; see `Compiled`."""
+    n, nx, ny, distance, tx, ty = point_jet(x - c[CENTER_X], y - c[CENTER_Y])
+    return n - c[RADIUS], nx, ny, distance, tx, ty
+
+
+@njit(cache=True, error_model="numpy")
+def core(
+    c: Array, x: float, y: float, h: float, distance: float, reach: float
+) -> tuple[float, float, bool]:
+    """Return the centre as the core."""
+    return distance, c[RADIUS], True
+
+
+@njit(cache=True, error_model="numpy")
+def bounds(c: Array) -> tuple[float, float, float, float]:
+    """Return the corners of the square around the disc."""
+    x, y, radius = c[CENTER_X], c[CENTER_Y], c[RADIUS]
+    return x - radius, y - radius, x + radius, y + radius
+
+
+@dataclass(frozen=True)
+class Disc(Shape):
+    """The outside of a disc, ``h = ‖p − c‖ − r``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        center: (2,) c at t = 0 [m].
+        radius: r [m], positive.
+        velocity: (2,) of the centre [m/s].
+
+    Raises:
+        InvalidInputError: if the radius is not positive or a number is not finite.
+
+    Source: section IV-A of the paper, h₃ and h₄.
+    """
+
+    center: Pair = (0.0, 0.0)
+    radius: float = 1.0
+    velocity: Pair = (0.0, 0.0)
+    kind: ClassVar[str] = "disc"
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_pairs(self, "center", "velocity")
+        set_positive(self, "radius")
+
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,)."""
+        return write(c, self.velocity, self.center, self.radius)
+
+    @classmethod
+    def pack(cls, name: str, values: Array) -> Array:
+        """Return the blocks of discs (k, 3): centre and radius [m]."""
+        discs = finite_array(name, values, (None, 3), largest=FARTHEST)
+        if (discs[:, 2] <= 0.0).any():
+            raise InvalidInputError(f"{name}: got radius {discs[:, 2].min()}, expected > 0")
+        blocks = np.zeros((len(discs), layout.WIDTH))
+        blocks[:, [CENTER_X, CENTER_Y, RADIUS]] = discs
+        return blocks
+
+    def outline(self) -> Oval:
+        """Return the circle."""
+        return Oval(self.center, (self.radius, self.radius), 0.0)
+
+    def traced(self, jax: Any) -> Planar:
+        """Return (x, y) → H for JAX."""
+        (cx, cy), radius = self.center, self.radius
+        return lambda x, y: traced_norm(jax, x - cx, y - cy) - radius
+
+    @property
+    def anchor(self) -> Array:
+        """(2,) the centre [m]."""
+        return np.array(self.center)
+
+    @property
+    def size(self) -> float:
+        """The radius [m]."""
+        return self.radius
+
+    def moved(self, step: Array) -> Self:
+        """Return the disc a step (2,) away."""
+        return replace(self, center=shifted(self.center, step))
+
+    def resized(self, size: float) -> Self:
+        """Return a disc of another radius."""
+        return replace(self, radius=size)

@@ -1,0 +1,137 @@
+"""A straight wall."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Pair
+from hcbf_gym.barriers.shape import Array, Compiled, Planar, PlanarJet, Shape, Wall
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
+
+CODE = 0
+NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
+
+
+@njit(cache=True)
+def write(c: Array, normal: Pair, offset: float) -> int:
+    """Write ``h = n·p − offset`` into the block c (WIDTH,)."""
+    c[:] = 0.0
+    c[NORMAL_X], c[NORMAL_Y] = normal
+    c[OFFSET] = offset
+    return CODE
+
+
+@njit(cache=True, error_model="numpy")
+def jet(c: Array, x: float, y: float) -> PlanarJet:
+    """Return H and its derivatives; see `Compiled`."""
+    nx, ny = c[NORMAL_X], c[NORMAL_Y]
+    return nx * x + ny * y - c[OFFSET], nx, ny, np.inf, -ny, nx
+
+
+@njit(cache=True, error_model="numpy")
+def core(
+    c: Array, x: float, y: float, h: float, distance: float, reach: float
+) -> tuple[float, float, bool]:
+    """Return a core infinitely far away: ∇H never turns."""
+    return np.inf, np.inf, False
+
+
+@njit(cache=True, error_model="numpy")
+def bounds(c: Array) -> tuple[float, float, float, float]:
+    """Return none."""
+    return np.inf, np.inf, -np.inf, -np.inf
+
+
+@dataclass(frozen=True)
+class HalfPlane(Shape):
+    """The allowed side of a straight wall, ``h = n·p − offset``.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        normal: (2,) unit vector that points into the allowed side.
+        offset: n·p on the wall [m].
+
+    Raises:
+        InvalidInputError: if the normal is not a unit vector or a number is not finite.
+    """
+
+    normal: Pair = (1.0, 0.0)
+    offset: float = 0.0
+    kind: ClassVar[str] = "half-plane"
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        normal = finite_array(f"{self.name}: normal", self.normal, (2,))
+        normal = _unit(f"{self.name}: normal", normal)
+        object.__setattr__(self, "normal", tuple(normal.tolist()))
+        object.__setattr__(
+            self,
+            "offset",
+            finite_float(f"{self.name}: offset", self.offset, minimum=-FARTHEST, maximum=FARTHEST),
+        )
+
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,)."""
+        return write(c, self.normal, self.offset)
+
+    @classmethod
+    def pack(cls, name: str, values: Array) -> Array:
+        """Return the blocks of walls (k, 3): unit normal and offset [m]."""
+        walls = finite_array(name, values, (None, 3), largest=FARTHEST)
+        blocks = np.zeros((len(walls), layout.WIDTH))
+        blocks[:, [NORMAL_X, NORMAL_Y]] = _unit(name, walls[:, :2])
+        blocks[:, OFFSET] = walls[:, 2]
+        return blocks
+
+    def outline(self) -> Wall:
+        """Return the wall."""
+        return Wall(self.normal, self.offset)
+
+    def traced(self, jax: Any) -> Planar:
+        """Return (x, y) → H for JAX."""
+        (nx, ny), offset = self.normal, self.offset
+        return lambda x, y: nx * x + ny * y - offset
+
+    @property
+    def anchor(self) -> Array:
+        """(2,) the point of the wall nearest the origin [m]."""
+        return self.offset * np.array(self.normal)
+
+    @property
+    def size(self) -> None:
+        """None: a wall has no end."""
+        return
+
+    def moved(self, step: Array) -> Self:
+        """Return the wall a step (2,) away."""
+        return replace(self, offset=self.offset + float(step @ np.array(self.normal)))
+
+    def resized(self, size: float) -> Self:
+        """Refuse: a wall has no size.
+
+        Raises:
+            InvalidInputError: always.
+        """
+        raise InvalidInputError(f"{self.name}: got a wall, expected a region that has a size")
+
+
+def _unit(name: str, normals: Array) -> Array:
+    """Return unit normals (…, 2), to the last digit.
+
+    Raises:
+        InvalidInputError: if one is not.
+    """
+    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    if (np.abs(lengths - 1.0) > 1e-6).any():
+        raise InvalidInputError(f"{name}: got a normal of length {_worst(lengths)}, expected 1")
+    return np.where(np.abs(lengths - 1.0) > 1e-12, normals / lengths, normals)
+
+
+def _worst(lengths: Array) -> float:
+    return float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])

@@ -1,0 +1,68 @@
+"""A cap on the speed, the one built-in barrier that is no region."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.models.constants import FARTHEST
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def value(v_max: float, vx: float, vy: float) -> float:
+    """Return h at the velocity (vx, vy); its gradient is −v/v_max, its Hessian −1/v_max."""
+    return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max)
+
+
+@dataclass(frozen=True)
+class SpeedLimit(Barrier):
+    """A cap on the speed of a second-order model, ``h = (v_max² − ‖v‖²) / (2 v_max)``.
+
+    Smooth everywhere, and equal to v_max − ‖v‖ [m/s] to first order at the limit.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        v_max: [m/s], positive.
+        margin: what the row reserves of h [m/s]: a body sways around its model's speed.
+
+    Raises:
+        InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).
+    """
+
+    v_max: float = 1.0
+    margin: float = 0.0
+    kind: ClassVar[str] = "speed-limit"
+    reads_position: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        v_max = finite_float(
+            f"{self.name}: v_max", self.v_max, minimum=0.0, maximum=FARTHEST, exclusive=True
+        )
+        margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0)
+        if margin >= v_max:
+            raise InvalidInputError(f"{self.name}: margin: got {margin}, expected below {v_max}")
+        object.__setattr__(self, "v_max", v_max)
+        object.__setattr__(self, "margin", margin)
+
+    def write(self, c: Array) -> int:
+        """Write the block c (WIDTH,) and return the kind."""
+        c[:] = 0.0
+        c[layout.V_MAX] = self.v_max
+        return layout.SPEED_LIMIT
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives."""
+        gradient, hessian = np.zeros(len(x)), np.zeros((len(x),) * 2)
+        gradient[2:4] = -x[2:4] / self.v_max
+        hessian[2:4, 2:4] = -np.eye(2) / self.v_max
+        h = value(self.v_max, float(x[2]), float(x[3]))
+        return Jet(h, gradient, hessian, 0.0, np.zeros(len(x)), 0.0)

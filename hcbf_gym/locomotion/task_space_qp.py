@@ -1,0 +1,69 @@
+"""The task-space QP of each tick: compiled up to its bounds, DAQP where one binds."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.locomotion import qp
+from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.task_space import WORKSPACE, set_torque, take_solution
+from hcbf_gym.locomotion.tick import tick
+
+Records = NDArray[np.void]
+
+
+class TaskSpaceQp:
+    """The program of each tick, and its torques; where no bound binds, a tick is one compiled call.
+
+    Attributes:
+        feedforward: (12,) τ of the latest solution [N·m]; a view, which every tick changes.
+        program: that of the latest tick; views, too.
+
+    Args:
+        settings: (1,) `tick.SETTINGS`.
+        memory: (1,) `tick.MEMORY`, moved on by every tick.
+    """
+
+    def __init__(self, settings: Records, memory: Records) -> None:
+        self._settings, self._memory = settings, memory
+        self._workspace = np.zeros(1, dtype=WORKSPACE)
+        work = self._workspace[0]
+        self._torque, self.feedforward = work.torque, work.feedforward
+        self._programs = [
+            qp.QuadraticProgram(
+                work.H,
+                work.f,
+                work.A[: 12 + 4 * contacts],
+                work.lower[: 24 + 4 * contacts],
+                work.upper[: 24 + 4 * contacts],
+                0,
+            )
+            for contacts in range(5)
+        ]
+        # where no bound binds, the solution is in the workspace and the multipliers are zero
+        self._free = [
+            qp.QpSolution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
+            for program in self._programs
+        ]
+        self.program = self._programs[0]
+
+    def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
+        """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
+        contacts, free = tick(self._settings, self._memory, self._workspace, state.vector, u)
+        self.program = self._programs[contacts]
+        if free:
+            return self._torque.copy(), self._free[contacts]
+        solution = qp.solve(self.program)
+        if solution.x is not None:
+            self._workspace["z"][0] = solution.x
+        finish(self._workspace, solution.x is not None)
+        return self._torque.copy(), solution
+
+
+@njit(cache=True)
+def finish(workspace: Records, solved: bool) -> None:
+    """Set the torques after the solver has been asked."""
+    if solved:
+        take_solution(workspace[0])
+    else:
+        set_torque(workspace[0])

@@ -1,1 +1,0 @@
-"""Rational arithmetic for levels whose least squares do not fit into doubles."""

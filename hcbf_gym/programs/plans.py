@@ -1,0 +1,196 @@
+r"""The programs: each is a plan, a few choices that stand beside its equation.
+
+Throughout, u ∈ U, rows of one priority are one level, and û_k solves the program of row k alone: it
+is the input of U nearest u* that meets row k or, where none does, violates it least. A plan is read
+by two interpreters: `planar.cascade`, compiled for two inputs, and `general.cascade` for any number
+of inputs and for QP solvers by name.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from hcbf_gym.errors import InvalidInputError, check_options, choose
+
+STRICT = ("first", "all")
+LOWER = ("nothing", "relaxed", "drawn")
+ORDER = ("at once", "by level")
+LOCK = ("nothing", "pin", "bound")
+
+
+@dataclass(frozen=True)
+class Plan:
+    r"""A program as data: which stages there are, and what each does.
+
+    A stage of strict rows keeps the inputs that meet them or, where none does, violate them least,
+    :math:`\min Σ_k \max(0, b_k − a_k u)²`. A stage of other rows chooses the u that trades what
+    they pay against the distance to u*, :math:`λ_u ‖u^⋆ − u‖² + Σ_k λ_{δ_k} δ_k²`, among the
+    inputs that the stages so far leave. The answer is that of the last stage.
+
+    Args:
+        strict: the strict rows: those of priority 1 ("first"), or "all" but those of levels to
+            which the user gives a weight.
+        lower: what the other rows pay for: "relaxed" rows for their violation,
+            :math:`δ_k = \max(δ_{min}, b_k − a_k u)`; rows "drawn" to what they get alone for the
+            difference, :math:`δ_k = a_k(û_k − u)`; "nothing" lets them go.
+        order: the stages: the strict rows, then all others "at once"; or "by level".
+        lock: what later stages keep of a level that paid: "pin" each row's value, "bound" each
+            row's violation; "nothing" if all is done at once.
+
+    Raises:
+        InvalidInputError: on other values; if rows are locked that do not pay by level, or the
+            other way round.
+    """
+
+    strict: str
+    lower: str = "nothing"
+    order: str = "at once"
+    lock: str = "nothing"
+
+    def __post_init__(self) -> None:
+        for name, choices in (
+            ("strict", STRICT),
+            ("lower", LOWER),
+            ("order", ORDER),
+            ("lock", LOCK),
+        ):
+            choose(f"plan: {name}", getattr(self, name), dict.fromkeys(choices))
+        locks = self.order == "by level" and self.lower != "nothing"
+        if locks == (self.lock == "nothing"):
+            expected = f"one of {LOCK[1:]}" if locks else "'nothing'"
+            raise InvalidInputError(
+                f"plan: got lock {self.lock!r} with lower {self.lower!r} and order "
+                f"{self.order!r}, expected {expected}"
+            )
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The options of its programs; see `Prices`."""
+        if self.lower == "nothing":
+            return ()
+        if self.strict == "all":
+            return ("weights", "delta_gamma", "lambda_u")
+        known = ("epsilon",) if self.lower == "relaxed" else ()
+        return ("gamma0", "delta_gamma", "lambda_u", *known)
+
+    @property
+    def ranks(self) -> bool:
+        """Whether rows of priority 1 come before the others."""
+        return self.strict == "first" or self.order == "by level"
+
+
+CBF_QP = Plan(strict="all")
+r"""CBF-QP (section II-C): every row is hard.
+
+.. math:: \min_{u ∈ U} ‖u^⋆ − u‖² \quad \text{s.t.}\quad a_k u ≥ b_k \;\text{for all } k.
+
+Where the rows conflict it has no solution and says so: the status is VIOLATED whatever the
+priority of the row that is missed, and u violates the rows least, ``min Σ δ_k²``.
+"""
+
+R_CBF_QP = Plan(strict="first", lower="relaxed")
+r"""R-CBF-QP (section III-A) with m rows: lower rows may be missed, at a price.
+
+.. math::
+    \min_{u ∈ U,\, δ ≥ δ_{min}} λ_u ‖u^⋆ − u‖² + \sum_k λ_{δ_k} δ_k² \quad \text{s.t.}\quad
+    a_i u ≥ b_i \;(\text{priority } 1), \qquad a_k u ≥ b_k − δ_k \;(\text{others}).
+"""
+
+H_CBF_QP = Plan(strict="first", lower="drawn")
+r"""H-CBF-QP for one relaxed row, IH-CBF-QP for several (sections III-B, III-C).
+
+Lower rows are drawn to what each would get alone:
+
+.. math::
+    \min_{u ∈ U,\, δ} λ_u ‖u^⋆ − u‖² + \sum_k λ_{δ_k} δ_k² \quad \text{s.t.}\quad
+    a_i u ≥ b_i \;(\text{priority } 1), \qquad a_k u + δ_k = a_k û_k \;(\text{others}).
+"""
+
+EH_CBF_QP = Plan(strict="first", lower="drawn", order="by level", lock="pin")
+r"""EH-CBF-QP (section III-D) as printed: each level is pinned before the next.
+
+For each priority p = 2, 3, …
+
+.. math::
+    \min_{u ∈ U,\, δ} λ_u ‖u^⋆ − u‖² + \sum_{k ∈ p} λ_{δ_k} δ_k² \quad \text{s.t.}\quad
+    & a_i u ≥ b_i \;(\text{priority } 1), \\
+    & a_i u + δ_i^⋆ = a_i û_i \;(\text{priorities } 2 … p−1), \\
+    & a_k u + δ_k = a_k û_k \;(\text{priority } p).
+
+The equalities hold whether or not a row is near its bound: in the plane two of them leave nothing
+to decide.
+"""
+
+LEX_CBF_QP = Plan(strict="all", lower="relaxed", order="by level", lock="bound")
+r"""Lex-CBF-QP (ours): no row gives way while one of lower priority still could.
+
+For each priority p = 1, 2, …, with :math:`δ_i^⋆` the violations of the earlier stages,
+
+.. math::
+    \min_{u ∈ U,\, δ ≥ 0} \sum_{k ∈ p} δ_k² \quad \text{s.t.}\quad
+    a_i u ≥ b_i − δ_i^⋆ \;(\text{priorities } 1 … p−1), \qquad a_k u ≥ b_k − δ_k,
+
+and at last the u nearest u*. A level with a weight minimises
+:math:`λ_u ‖u^⋆ − u‖² + \sum_{k ∈ p} λ_{δ_k} δ_k²` instead, and its δ is locked in the same way.
+"""
+
+_PLANS: dict[str, Plan] = {
+    "cbf-qp": CBF_QP,
+    "r-cbf-qp": R_CBF_QP,
+    "h-cbf-qp": H_CBF_QP,
+    "ih-cbf-qp": H_CBF_QP,
+    "eh-cbf-qp": EH_CBF_QP,
+    "lex-cbf-qp": LEX_CBF_QP,
+}
+
+
+def names() -> list[str]:
+    """Return the names of the programs."""
+    return list(_PLANS)
+
+
+def register(name: str, plan: Plan) -> None:
+    """Make a plan known by a name, wherever the name of a program is taken.
+
+    Args:
+        name: not yet taken by another plan.
+        plan: the program.
+
+    Raises:
+        InvalidInputError: if the name is taken or no text, or the plan is none.
+    """
+    if not isinstance(name, str) or not name:
+        raise InvalidInputError(f"program name: got {name!r}, expected a text that is not empty")
+    if not isinstance(plan, Plan):
+        raise InvalidInputError(f"plan: got {plan!r}, expected a Plan")
+    if _PLANS.get(name, plan) != plan:
+        raise InvalidInputError(
+            f"program name: got {name!r}, expected one that is not taken; taken: {sorted(_PLANS)}"
+        )
+    _PLANS[name] = plan
+
+
+Named = str | Plan | Mapping[str, Any]
+"""What stands for a program: a name, a plan, or a plan's choices in a plain dict."""
+
+
+def plan_of(program: Named) -> Plan:
+    """Return the plan that a name stands for, or the plan itself, or that of a plain dict.
+
+    Raises:
+        UnknownNameError: on an unknown name; the message lists the choices.
+        InvalidInputError: on a dict of other keys or values.
+    """
+    if isinstance(program, Plan):
+        return program
+    if isinstance(program, Mapping):
+        check_options("plan", program, [field.name for field in fields(Plan)])
+        if "strict" not in program:
+            raise InvalidInputError(f"plan: got {dict(program)}, expected 'strict' among its keys")
+        return Plan(**program)
+    return choose("program", program, _PLANS)
+
+
+def plain(program: Named) -> str | dict[str, Any]:
+    """Return a name as it is, and a plan as a plain dict, for a wrapper's spec."""
+    return program if isinstance(program, str) else asdict(plan_of(program))

@@ -1,0 +1,116 @@
+"""What is handed to the filter of N planar double integrators, as one record a plant.
+
+Whatever is misshaped, too old or no number on the way from the plant is a fault of that plant, and
+`senses.look` does not believe it.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
+from hcbf_gym.wrappers.senses import PLANT
+
+Array = NDArray[np.float64]
+
+_FLOAT = np.dtype(np.float64)
+_PARTS = ("model", "lag", "covariance")
+
+
+class Intake:
+    """The records of N plants.
+
+    Args:
+        plant: what each of them is.
+        count: N.
+
+    Attributes:
+        plants: (N,) `senses.PLANT`.
+        x: (N, 4) of them, positions [m] and velocities [m/s].
+        time: (N,) of them [s].
+    """
+
+    def __init__(self, plant: Plant, count: int):
+        self._max_age = np.inf if plant.max_age is None else plant.max_age
+        self.plants = np.zeros(count, dtype=PLANT)
+        self.x: Array = self.plants["x"]
+        self.time: Array = self.plants["time"]
+        self._fault: NDArray[np.int64] = self.plants["fault"]
+        self._faulty, self._told = False, False  # whether there is anything to take back
+        self._states: Array = self.x[0] if count == 1 else self.x
+
+    def take(self, estimate: Estimate, now: Any) -> None:
+        """Note what is known of the plants.
+
+        Args:
+            estimate: as the plant's reader returned it.
+            now: () or (N,) the time where the estimate has none [s].
+        """
+        if estimate.fault is not None or self._faulty:
+            self._faulty = estimate.fault is not None
+            self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
+        x = estimate.x
+        sound = type(x) is np.ndarray and x.dtype is _FLOAT and x.shape == self._states.shape
+        if sound:
+            self._states[:] = x
+        else:
+            sound = _copy(self.x, x)
+        if estimate.time is None:
+            self.time[:] = now
+        elif not _copy(self.time, estimate.time):
+            self.time[:] = -np.inf  # what is no time does not go on
+        told = not (estimate.covariance is estimate.model is estimate.lag is None)
+        if told or self._told:
+            self._told = told
+            sound &= self._take_parts(estimate)
+        if not sound:
+            self.blame(Reason.STATE)
+        elif estimate.age is not None:
+            self._check_age(estimate.age)
+
+    def blame(self, reason: Any, mask: Any = ...) -> None:
+        """Note why the masked plants are not believed."""
+        self._fault[mask], self._faulty = reason, True
+
+    def _take_parts(self, estimate: Estimate) -> bool:
+        """Note what stands beside the states, and tell whether it is made of numbers."""
+        self.plants["has_model"] = estimate.model is not None
+        sound = True
+        for name in _PARTS:
+            part, value = self.plants[name], getattr(estimate, name)
+            part[...] = 0.0
+            sound &= value is None or _copy(part, value)
+        return sound
+
+    def _alarms(self, fault: Any) -> Any:
+        """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
+        alarms = np.zeros(len(self.plants))
+        if not _copy(alarms, fault) or not np.isin(alarms, KNOWN_FAULTS).all():
+            return Reason.STATE
+        return alarms
+
+    def _check_age(self, age: Any) -> None:
+        """Note which states are older than the plant allows, or of no age at all."""
+        ages = np.full(len(self.plants), np.nan)
+        _copy(ages, age)
+        self.blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= self._max_age)))
+
+
+def _copy(target: Array, value: Any) -> bool:
+    """Copy a value (N, …), or of one plant without the N; tell whether it is made of numbers."""
+    if isinstance(value, float) and target.shape == (1,):
+        target[0] = value
+        return True
+    one = len(target) == 1
+    if type(value) is not np.ndarray or value.dtype.char != "d":
+        shapes = (target.shape, target.shape[1:]) if one else (target.shape,)
+        found = (real_numbers(value, shape) for shape in shapes)
+        value = next((numbers for numbers in found if numbers is not None), None)
+        if value is None:
+            return False
+    if value.shape != target.shape and not (one and value.shape == target.shape[1:]):
+        return False
+    target[...] = value
+    return True

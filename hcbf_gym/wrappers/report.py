@@ -1,0 +1,125 @@
+"""What ``info["safety_filter"]`` says: its layout stands here, once; a line here is a field of it.
+
+Plants other than the planar double integrator add `conditioning` (m,): 0 where no input matters to
+a row, less than 1 near a kink of its function. A field that a filter does not write is 0.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Records = NDArray[Any]
+
+PLANT = np.dtype(
+    (
+        np.record,
+        [
+            ("u_nominal", "f8", 2),  # u*, as the filter received it
+            ("u_safe", "f8", 2),  # u, what the environment receives
+            ("intervention", "f8"),  # ‖u − u*‖
+            ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
+            ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
+            ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
+            ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move
+            ("alpha1_scale", "f8"),  # by how much α₁ was scaled down to what U can brake
+            ("status", "i8"),  # a `programs.FilterStatus`
+            ("reason", "i8"),  # a `models.plant.Reason`
+            ("covered", "i8"),  # a `models.plant.Coverage`
+        ],
+    )
+)
+"""What is said of a plant."""
+
+ROW = np.dtype(
+    (
+        np.record,
+        [
+            ("slack", "f8"),  # the row's violation
+            ("delta", "f8"),  # the program's own relaxation
+            ("margin", "f8"),  # what the row keeps between h and zero
+        ],
+    )
+)
+"""What is said of each row (m,)."""
+
+_ROWS = ROW.names or ()
+_PLANTS = PLANT.names or ()
+_WORD = 8  # bytes of a number or a code
+
+
+def of_one(u: dict[str, Array], rows: dict[str, Array], told: dict[str, Any]) -> dict[str, Any]:
+    """Return the report of one plant of any number of inputs.
+
+    Args:
+        u: inputs (n_u,) by their names.
+        rows: what is said of the rows (m,) by its names.
+        told: numbers and codes by their names; the others are 0.
+    """
+    scalars = {name: PLANT[name] for name in _PLANTS if PLANT[name].shape == ()}
+    report: dict[str, Any] = {name: value.copy() for name, value in (u | rows).items()}
+    return report | {name: kind.type(told.get(name, 0)) for name, kind in scalars.items()}
+
+
+class Sheet:
+    """Where compiled code writes what is said of the plants that it filters.
+
+    Args:
+        count: N of a batch; None for one plant, whose report has no leading N.
+
+    Attributes:
+        plants: (N,) `PLANT`.
+        rows: (N, M) `ROW`; M is m, and one more with guidance.
+    """
+
+    def __init__(self, count: int | None):
+        self._alone = count is None
+        self.plants: Records = np.zeros(1 if count is None else count, dtype=PLANT)
+        self.widen(0, 0)
+
+    def widen(self, m: int, total: int) -> None:
+        """Make room for `total` rows, of which m are reported."""
+        told, words = self.plants, total * len(self.plants) * ROW.itemsize // _WORD
+        self._m, self._total = m, total
+        self._divide(np.zeros(len(told) * PLANT.itemsize // _WORD + words))
+        self.plants[...] = told
+        if self._alone:
+            self._places = _places(m)
+
+    def renew(self) -> None:
+        """Give a batch's next report memory of its own; that of one plant is copied."""
+        if not self._alone:
+            self._divide(self._numbers.copy())
+
+    def _divide(self, memory: Array) -> None:
+        """Let the two records be parts of one memory, which is copied at once."""
+        words = len(self.plants) * PLANT.itemsize // _WORD
+        self._numbers, self._codes = memory, memory.view(np.int64)
+        self.plants = memory[:words].view(PLANT)
+        self.rows: Records = memory[words:].view(ROW).reshape(len(self.plants), self._total)
+
+    def report(self) -> dict[str, Any]:
+        """Return what was written, by its names."""
+        if not self._alone:
+            report = {name: self.plants[name] for name in _PLANTS}
+            return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
+        report, numbers, codes = _BLANK.copy(), self._numbers.copy(), self._codes
+        for name, place, is_code in self._places:
+            report[name] = codes[place] if is_code else numbers[place]
+        return report
+
+
+_BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
+
+
+def _places(m: int) -> list[tuple[str, int | slice, bool]]:
+    """Return where one plant's memory holds each field, and whether that is a code."""
+    start, step = PLANT.itemsize // _WORD, ROW.itemsize // _WORD
+    places: list[tuple[str, int | slice, bool]] = []
+    for name, (kind, offset, *_) in (PLANT.fields or {}).items():
+        at, size = offset // _WORD, kind.itemsize // _WORD
+        places.append((name, slice(at, at + size) if size > 1 else at, kind == np.int64))
+    for k, name in enumerate(_ROWS):
+        places.append((name, slice(start + k, start + k + m * step, step), False))
+    return places

@@ -1,0 +1,75 @@
+"""Guidance as the filter of N planar double integrators asks for it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import check_options, choose
+from hcbf_gym.guidance import row as guidance_row
+from hcbf_gym.guidance.geodesic import Geodesic
+from hcbf_gym.guidance.local import Local
+from hcbf_gym.wrappers.intake import Intake
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Way:
+    """Where guidance leads N plants, if anything guides them.
+
+    Args:
+        choice: "geodesic", "local", a dict with more of it, or None.
+        count: N.
+
+    Attributes:
+        guides: whether anything does.
+        through: the highest rank that gives way to guidance, 0 for none.
+
+    Raises:
+        UnknownNameError: if there is no such guidance; the message lists the choices.
+        InvalidInputError: on an unknown option.
+    """
+
+    def __init__(self, choice: Any, count: int):
+        self._guide: Geodesic | Local | None = None
+        self.guides, self.through = choice is not None, 0
+        if choice is not None:
+            options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
+            check_options("guidance", options, ("kind", "through"))
+            kinds = {"geodesic": Geodesic, "local": Local}
+            self._guide = choose("guidance", options.get("kind", "geodesic"), kinds)(count)
+            self.through = int(options.get("through", 0))
+
+    def begin(
+        self, scenes: BarrierSet, x: Array, clearance: float, world: tuple[Any, Any], mask: Mask
+    ) -> None:
+        """Look at the scenes that begin.
+
+        Args:
+            scenes: of all plants.
+            x: (N, 4) their states.
+            clearance: what strict edges keep [m].
+            world: the goal and the extent, as the plant gives them [m].
+            mask: (N,) which scenes begin.
+        """
+        if isinstance(self._guide, Local):
+            self._guide.reset(scenes, mask=mask)
+        elif self._guide is not None:
+            start = np.where(np.isfinite(x[:, :2]), x[:, :2], 0.0)
+            goal, extent = world
+            self._guide.reset(scenes, goal, extent, clearance, start=start, mask=mask)
+
+    def lead(self, scenes: BarrierSet, intake: Intake, u_nominal: Array) -> None:
+        """Write where guidance leads the plants now into their records."""
+        guide, plants = self._guide, intake.plants
+        if isinstance(guide, Local):
+            guide.barriers = scenes
+            a, b = guide.rows(intake.x, intake.time, u_nominal)
+            plants["way"][:, :2], plants["way"][:, 2] = a, b
+        elif guide is not None:
+            guide.update(intake.time)
+            fields = guide.field, guide.through, guide.geometry, guide.goal
+            guidance_row.lead(*fields, intake.x, guide.pull, plants["way"], plants["reachable"])

@@ -1,0 +1,131 @@
+"""The built-in shapes and their rows again, in NumPy: what the compiled ones are compared with."""
+
+import numpy as np
+
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Core, Disc, Ellipse, HalfPlane, SpeedLimit
+
+TINY = 1e-9
+
+
+def jet(barrier, q):
+    """Return H, ∇H and ∇²H of a shape at the position q in its frame."""
+    if isinstance(barrier, HalfPlane):
+        normal = np.array(barrier.normal)
+        return float(normal @ q - barrier.offset), normal, np.zeros((2, 2))
+    if isinstance(barrier, Disc):
+        distance, direction, curvature = norm_jet(q - np.array(barrier.center))
+        return distance - barrier.radius, direction, curvature
+    if isinstance(barrier, Ellipse):
+        scaling, scale = scaling_of(barrier), min(barrier.semi_axes)
+        norm, direction, curvature = norm_jet(scaling @ (q - np.array(barrier.center)))
+        return (
+            scale * (norm - 1.0),
+            scale * scaling.T @ direction,
+            scale * scaling.T @ curvature @ scaling,
+        )
+    if isinstance(barrier, Capsule):
+        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
+        share = np.clip((q - start) @ vector / (vector @ vector), 0.0, 1.0)
+        distance, direction, curvature = norm_jet(q - start - share * vector)
+        flat = np.zeros((2, 2))
+        return distance - barrier.radius, direction, flat if 0.0 < share < 1.0 else curvature
+    assert isinstance(barrier, ConvexPolygon)
+    corners = np.array(barrier.vertices)
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
+    heights = np.sum(normals * (q - corners), axis=1)
+    nearest = int(np.argmax(heights))
+    along = np.clip(np.sum((q - corners) * edges, axis=1) / lengths**2, 0.0, 1.0)
+    offsets = q - (corners + along[:, None] * edges)
+    closest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+    distance, direction, curvature = norm_jet(offsets[closest])
+    if heights[nearest] <= 0.0 or distance < TINY:
+        return float(heights[nearest]), normals[nearest], np.zeros((2, 2))
+    if 0.0 < along[closest] < 1.0:
+        return distance, normals[closest], np.zeros((2, 2))
+    return distance, direction, curvature
+
+
+def core(barrier, q, reach):
+    """Return the core of a shape."""
+    h = jet(barrier, q)[0]
+    if isinstance(barrier, HalfPlane):
+        return Core(np.inf, np.inf, False)
+    if isinstance(barrier, Disc):
+        return Core(h + barrier.radius, barrier.radius, True)
+    if isinstance(barrier, Ellipse):
+        radius = min(barrier.semi_axes)
+        return Core(h + radius, radius, True)
+    if isinstance(barrier, Capsule):
+        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
+        length = float(np.linalg.norm(vector))
+        along, away = float((q - start) @ vector) / length, h + barrier.radius
+        beside = reach <= along <= length - reach and (h > 0.0 or away >= reach)
+        at_end = along <= -reach or along >= length + reach
+        return Core(np.inf if beside else away, barrier.radius, at_end)
+    assert isinstance(barrier, ConvexPolygon)
+    if h <= 0.0:
+        return Core(np.inf, 0.0, False)
+    corners = np.array(barrier.vertices)
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    along = np.sum((q - corners) * edges, axis=1) / lengths
+    above = edges[:, 1] * (q - corners)[:, 0] - edges[:, 0] * (q - corners)[:, 1] > 0.0
+    if (above & (along >= reach) & (along <= lengths - reach)).any():
+        return Core(np.inf, 0.0, False)
+    beyond = np.roll(along - lengths, 1)  # past the end of the edge before
+    return Core(h, 0.0, bool(((beyond >= reach) & (along <= -reach)).any()))
+
+
+def held_row(barrier, x, t, settings, margin, margin_rate):
+    """Return a, b, h and α₂(ψ) of a built-in barrier while u is held."""
+    period, u_max = settings.period, settings.u_max
+    alpha1, alpha2, half = settings.alpha1, settings.alpha2, 0.5 * u_max * period**2
+    if isinstance(barrier, SpeedLimit):
+        velocity, v_max = x[2:], barrier.v_max
+        h = (v_max**2 - velocity @ velocity) / (2.0 * v_max)
+        kept, cost = h - margin, u_max**2 * period / (2.0 * v_max)
+        b = max(-alpha2(kept), cost - kept / period) if kept >= 0.0 else cost - alpha2(kept)
+        b = min(b, float(velocity @ velocity) / (v_max * period))
+        return -velocity / v_max, b + margin_rate, h, alpha2(kept)
+    q, r = x[:2] - barrier.frame_velocity * t, x[2:] - barrier.frame_velocity
+    reach = float(np.linalg.norm(r)) * period + half
+    h, gradient, hessian = jet(barrier, q)
+    distance, radius, is_point = core(barrier, q, reach)
+    kept, rate = h - margin - max(0.0, half - radius), float(gradient @ r) - margin_rate
+    psi, end = rate + alpha1(kept), kept + rate * period
+    sideways = np.sqrt(max(0.0, distance * float(r @ hessian @ r))) if is_point else 0.0
+    nu = turning(distance, sideways, reach, period, u_max)
+    chord = min(alpha1.derivative(end - half), alpha1.derivative(end + half))
+    promised = alpha1(end - half) + chord * half
+    b = (psi - period * alpha2(psi) - rate + nu - promised) / (period + 0.5 * chord * period**2)
+    if kept >= 0.0 and end >= 0.0:
+        b = max(b, -2.0 * end / period**2)
+    return gradient, b, h, alpha2(psi)
+
+
+def turning(distance, sideways, reach, period, u_max):
+    """Return ν."""
+    if np.isinf(distance):
+        return 0.0
+    mean = max(0.5 * u_max * period**2, 0.5 * (distance + max(distance - reach, 0.0)))
+    loss = u_max**2 * period**3 / (16.0 * mean)
+    across = max(0.0, sideways - 0.5 * u_max * period)
+    gain = distance**2 / (distance + reach) ** 3 * across**2 * period
+    return loss - max(0.0, float(np.sqrt(gain) - np.sqrt(loss))) ** 2
+
+
+def norm_jet(r):
+    """Return ‖r‖, its gradient and its Hessian; at r = 0 the direction is taken along +x."""
+    distance = float(np.linalg.norm(r))
+    if distance < TINY:
+        return distance, np.array([1.0, 0.0]), np.zeros((2, 2))
+    direction = r / distance
+    return distance, direction, (np.eye(2) - np.outer(direction, direction)) / distance
+
+
+def scaling_of(ellipse):
+    """Return (2, 2) the map from p − c to the coordinates in which an ellipse is a unit disc."""
+    cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
+    return np.diag(1.0 / np.array(ellipse.semi_axes)) @ np.array([[cos, sin], [-sin, cos]])

@@ -1,0 +1,143 @@
+"""What every built-in shape keeps, whichever there are."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from needs import remedy
+
+from hcbf_gym import barriers
+from hcbf_gym.barriers import Barrier, Oval, Shapes, Wall, layout, shapes
+from hcbf_gym.errors import InvalidInputError
+
+ALL = [cls(cls.kind, 1) for cls in shapes.SHAPES]
+BOUNDED = [shape for shape in ALL if not isinstance(shape.outline(), Wall)]
+
+
+def named(shape):
+    return shape.kind
+
+
+def block_of(shape):
+    block = np.zeros(layout.WIDTH)
+    return shape.write(block), block
+
+
+def corners_of(shape):
+    drawn = shape.outline()
+    return drawn.corners() if isinstance(drawn, Oval) else drawn
+
+
+def points(n, seed=0):
+    return np.random.default_rng(seed).uniform(-3.0, 3.0, (n, 2))
+
+
+def test_kinds_and_codes_tell_shapes_apart():
+    codes = [shape.compiled.code for shape in ALL]
+    assert len(set(codes)) == len({shape.kind for shape in ALL}) == len(ALL)
+    assert min(codes) >= 0
+    assert max(codes) < layout.SPEED_LIMIT
+    assert [cls.__name__ for cls in sorted(shapes.SHAPES, key=lambda c: c.__name__)] == sorted(
+        shapes.__all__
+    )
+
+
+@pytest.mark.parametrize("shape", ALL, ids=named)
+def test_compiled_code_finds_the_functions_of_its_kind(shape):
+    code, block = block_of(shape)
+    assert code == shape.compiled.code
+    assert shapes.bounds(code, block) == shape.compiled.bounds(block)
+    for x, y in points(50).tolist():
+        h, *_, d, _, _ = found = shapes.jet(code, block, x, y)
+        assert found == shape.compiled.jet(block, x, y)
+        assert shapes.core(code, block, x, y, h, d, 0.1) == shape.compiled.core(
+            block, x, y, h, d, 0.1
+        )
+
+
+@pytest.mark.parametrize("shape", ALL, ids=named)
+def test_h_is_convex_no_steeper_than_1_and_has_its_gradient(shape):
+    for q, other in zip(points(200), points(200, 1), strict=True):
+        h, gradient, hessian = shape.planar_jet(q)
+        assert shape.planar_jet(0.5 * (q + other))[0] <= 0.5 * (h + shape.planar_jet(other)[0]) + (
+            1e-12
+        )
+        steepness = np.linalg.norm(gradient)
+        assert steepness <= 1.0 + 1e-12
+        assert steepness == pytest.approx(1.0) or not shape.compiled.is_distance
+        ahead, behind = (
+            np.array([shape.planar_jet(q + s * e)[0] for e in np.eye(2)]) for s in (1e-6, -1e-6)
+        )
+        np.testing.assert_allclose((ahead - behind) / 2e-6, gradient, atol=1e-5)
+        assert np.linalg.eigvalsh(hessian).min() >= -1e-12
+
+
+@pytest.mark.parametrize("shape", ALL, ids=named)
+def test_the_core_says_where_the_gradient_does_not_turn(shape):
+    rng = np.random.default_rng(2)
+    for q in points(300, 2):
+        h, gradient, _ = shape.planar_jet(q)
+        reach = rng.uniform(0.01, 0.5)
+        core = shape.core(q, reach)
+        if np.isfinite(core.distance):
+            assert core.distance - core.radius == pytest.approx(h)
+        elif h > 0.0:
+            for _ in range(20):
+                angle = rng.uniform(0.0, 2.0 * np.pi)
+                there = q + rng.uniform(0.0, reach) * np.array([np.cos(angle), np.sin(angle)])
+                near, turned, _ = shape.planar_jet(there)
+                assert near < 0.0 or np.allclose(turned, gradient)
+
+
+@pytest.mark.parametrize("shape", BOUNDED, ids=named)
+def test_it_is_drawn_where_h_is_zero_and_within_its_bounds(shape):
+    corners = corners_of(shape)
+    np.testing.assert_allclose([shape.planar_jet(q)[0] for q in corners], 0.0, atol=1e-9)
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    assert (edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0] > 0.0).all()
+    low_x, low_y, high_x, high_y = shape.compiled.bounds(block_of(shape)[1])
+    assert (corners >= np.array([low_x, low_y]) - 1e-9).all()
+    assert (corners <= np.array([high_x, high_y]) + 1e-9).all()
+
+
+@pytest.mark.parametrize("shape", BOUNDED, ids=named)
+def test_moved_and_resized_it_is_the_same_elsewhere_and_larger(shape):
+    step, larger = np.array([0.7, -0.3]), shape.resized(2.0 * shape.size)
+    assert larger.size == pytest.approx(2.0 * shape.size)
+    np.testing.assert_allclose(larger.anchor, shape.anchor)
+    for q in points(20):
+        h = shape.planar_jet(q)[0]
+        assert shape.moved(step).planar_jet(q + step)[0] == pytest.approx(h)
+        away = shape.anchor + 2.0 * (q - shape.anchor)
+        assert larger.planar_jet(away)[0] == pytest.approx(2.0 * h)
+
+
+@pytest.mark.parametrize("shape", ALL, ids=named)
+def test_it_travels_through_json_and_stands_in_arrays(shape):
+    assert barriers.from_dict(json.loads(json.dumps(barriers.to_dict(shape)))) == shape
+    inherited = {field.name for field in dataclasses.fields(Barrier)} | {"velocity"}
+    own = [getattr(shape, f.name) for f in dataclasses.fields(shape) if f.name not in inherited]
+    numbers = np.concatenate([np.ravel(value) for value in own])
+    values = np.array([own[0]] * 3) if np.ndim(own[0]) == 2 else np.array([numbers] * 3)
+    many = Shapes("many", 1, shape.kind, values, velocity=(0.1, 0.2))
+    code, block = block_of(shape)
+    block[[layout.VELOCITY_X, layout.VELOCITY_Y]] = 0.1, 0.2
+    assert many.kind == code
+    np.testing.assert_allclose(many.parameters, [block] * 3)
+    with pytest.raises(InvalidInputError, match="expected"):
+        Shapes("many", 1, shape.kind, np.where(np.isfinite(values), np.nan, values))
+
+
+@pytest.mark.parametrize("shape", ALL, ids=named)
+def test_jax_differentiates_the_same_h(shape):
+    jax = pytest.importorskip("jax", reason=remedy("jax"))
+    traced = shape.traced(jax)
+    with jax.enable_x64(True):
+        one = jax.value_and_grad(lambda q: traced(q[0], q[1]))
+        for q in (*points(10), shape.anchor):
+            h, gradient, _ = shape.planar_jet(q)
+            value, slope = one(q)
+            assert float(value) == pytest.approx(h, abs=1e-12)
+            np.testing.assert_allclose(slope, gradient, atol=1e-12)

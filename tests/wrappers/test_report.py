@@ -1,0 +1,86 @@
+"""What info["safety_filter"] holds: the fields of `wrappers.report`, from every core."""
+
+import os
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import hcbf_gym  # noqa: F401 - registers the environments
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter, report
+
+U = np.array([1.0, 0.5])
+NATIVE = """
+import gymnasium as gym, numpy as np, hcbf_gym
+envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
+envs = hcbf_gym.wrappers.VectorSafetyFilter(envs, guidance="local")
+envs.reset(seed=0)
+for k in range(5):
+    *_, info = envs.step(np.array([[5.0, 0.1 * k], [-5.0, 2.0], [0.0, -5.0]]))
+told = info["safety_filter"]
+print([told[name].tolist() for name in ("u_safe", "slack", "status", "margin", "intervention")])
+"""
+
+
+def filtered(solver=None):
+    env = gym.make("HCBF-Regions-v0", scenario="paper-simulation")
+    return SafetyFilter(env, solver=solver)
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+def test_one_plant_tells_every_field_as_an_array_or_a_scalar_of_numpy(solver):
+    env = filtered(solver)
+    _, at_reset = env.reset(seed=0)
+    *_, at_step = env.step(U)
+    for told in (at_reset["safety_filter"], at_step["safety_filter"]):
+        assert {*(report.PLANT.names or ()), *(report.ROW.names or ())} <= set(told)
+        for name in report.PLANT.names or ():
+            kind = report.PLANT[name]
+            assert np.shape(told[name]) == kind.shape
+            assert np.asarray(told[name]).dtype == kind.base
+            assert isinstance(told[name], np.ndarray | np.generic)
+        for name in report.ROW.names or ():
+            assert told[name].shape == told["slack"].shape
+
+
+def test_a_batch_tells_the_same_fields_with_a_leading_axis():
+    envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3), guidance="geodesic")
+    envs.reset(seed=0)
+    *_, info = envs.step(np.tile(U, (3, 1)))
+    told = info["safety_filter"]
+    one = filtered()
+    one.reset(seed=0)
+    *_, of_one = one.step(U)
+    assert {name for name in told if not name.startswith("_")} == set(of_one["safety_filter"])
+    assert all(len(value) == 3 for value in told.values())
+
+
+def test_a_report_is_not_changed_by_the_next_step():
+    envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=2))
+    for env, u in ((filtered(), U), (envs, np.tile(U, (2, 1)))):
+        env.reset(seed=0)
+        *_, info = env.step(u)
+        told = info["safety_filter"]
+        before = {name: np.array(value) for name, value in told.items()}
+        for _ in range(3):
+            env.step(-3.0 * u)
+        for name, value in before.items():
+            assert np.array_equal(told[name], value)
+
+
+def test_the_native_filter_answers_alike_uncompiled():
+    answers = [
+        subprocess.run(
+            [sys.executable, "-c", NATIVE],
+            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for disabled in ("0", "1")
+    ]
+    compiled, uncompiled = map(eval, answers)
+    for ours, theirs in zip(compiled, uncompiled, strict=True):
+        assert np.allclose(ours, theirs, rtol=0.0, atol=1e-9)

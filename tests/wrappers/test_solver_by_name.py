@@ -1,0 +1,73 @@
+"""A solver by name answers the rows that the compiled programs have: held ones, where held."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import wrappers
+from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.models.plant import Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+LISTED = [
+    HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-0.4),
+    Disc("disc", 2, center=(0.0, 0.6), radius=0.3),
+]
+
+
+class Double(gym.Env):
+    """A planar double integrator that brings nothing but its spaces; 50 Hz."""
+
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,))
+    action_space = gym.spaces.Box(-5.0, 5.0, (2,))
+
+    def __init__(self):
+        self.x = np.zeros(4)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.zeros(4)
+        return self.x, {}
+
+    def step(self, action):
+        self.x = DoubleIntegrator().step(self.x, np.asarray(action), 0.02)
+        return self.x, 0.0, False, False, {}
+
+
+def reports(world, program, rows, solver):
+    """Return u_safe, slack, margin and status of 60 steps towards a corner."""
+    env, plant = world()
+    env = wrappers.SafetyFilter(env, program, plant=plant, rows=rows, solver=solver)
+    env.reset(seed=3)
+    said = []
+    for k in range(60):
+        action = np.array([4.0 * np.cos(0.02 * k), 4.0 * np.sin(0.02 * k)], dtype=np.float32)
+        *_, info = env.step(action)
+        report = info["safety_filter"]
+        said.append(np.hstack([report[key] for key in ("u_safe", "slack", "margin", "status")]))
+    return np.array(said)
+
+
+def listed():
+    """Return an environment with a plant that lists its barriers."""
+    return Double(), Plant(DoubleIntegrator(), LISTED, lambda env, *_: env.x, period=0.02)
+
+
+def scene():
+    """Return an environment of this package, which brings its plant."""
+    return gym.make("HCBF-Regions-v0", scenario="random"), None
+
+
+@pytest.mark.parametrize("rows", ["held", "usual"])
+@pytest.mark.parametrize("program", ["h-cbf-qp", "lex-cbf-qp"])
+@pytest.mark.parametrize("world", [listed, scene])
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_a_solver_by_name_gives_the_compiled_answers(world, program, rows):
+    compiled, named = (reports(world, program, rows, solver) for solver in (None, "daqp"))
+    np.testing.assert_allclose(named, compiled, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_held_rows_with_a_solver_by_name_differ_from_usual_ones():
+    held, usual = (reports(listed, "lex-cbf-qp", rows, "daqp") for rows in ("held", "usual"))
+    assert np.abs(held - usual).max() > 1e-3
