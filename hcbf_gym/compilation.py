@@ -95,7 +95,8 @@ def sources_hash(files: list[Path]) -> str:
     Args:
         files: below `hcbf_gym/`, or in another package that imports it.
     """
-    found, waiting = set(), list(files)
+    found = set()
+    waiting = list(files)
     while waiting:
         file = waiting.pop()
         if file not in found:

@@ -156,8 +156,10 @@ def shortcomings(
 
 def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     strict = scenes.priority == 1
-    caps, regions = strict & (scenes.kind == layout.SPEED_LIMIT), strict & scenes.is_region
-    v_max, kept = scenes.parameters[..., layout.V_MAX], scenes.own_margin + speed_margin
+    caps = strict & (scenes.kind == layout.SPEED_LIMIT)
+    regions = strict & scenes.is_region
+    v_max = scenes.parameters[..., layout.V_MAX]
+    kept = scenes.own_margin + speed_margin
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
     slow = regions & ~IS_DISTANCE[scenes.kind]

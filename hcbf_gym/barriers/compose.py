@@ -75,7 +75,8 @@ def smooth_maximum(*parts: Part, sharpness: float) -> Scalar:
         sharpness: k, in units of 1/h, positive.
     """
     functions, k = _functions(parts), _sharpness(sharpness)
-    jax, excess = import_jax("smooth_maximum"), np.log(len(parts))
+    jax = import_jax("smooth_maximum")
+    excess = np.log(len(parts))
     return lambda x, t: (_log_sum_exp(jax, [k * h(x, t) for h in functions]) - excess) / k
 
 

@@ -59,7 +59,8 @@ class RowsKernel:
         self.reaches = [reach_of_function(model, function) for function in functions]
         alphas = _traced_class_k(alpha1), _traced_class_k(alpha2)
         kernel = _rows_kernel(model, functions, self.reaches, alphas)
-        jax, wrap = import_jax("barriers.Function"), compile64 if compiled else run64
+        jax = import_jax("barriers.Function")
+        wrap = compile64 if compiled else run64
         many = jax.vmap(kernel, (0, 0, None, None, None))
         self.one = wrap(_packed(kernel, model.n, len(functions)))
         self.many = wrap(lambda *inputs: jax.numpy.stack(many(*inputs)))
@@ -74,7 +75,8 @@ class FunctionRows:
     """
 
     def __init__(self, kernel: RowsKernel, functions: Sequence[Function]) -> None:
-        self._kernel, self._functions = kernel, tuple(functions)
+        self._kernel = kernel
+        self._functions = tuple(functions)
         self.reaches = kernel.reaches
         self._parameters = np.concatenate([function.packed for function in functions])
         self._priority = np.array([f.priority for f in self._functions], dtype=np.int64)
@@ -97,7 +99,8 @@ class FunctionRows:
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.
         """
-        m, n_u = len(self._functions), self._kernel.model.n_u
+        m = len(self._functions)
+        n_u = self._kernel.model.n_u
         if x.ndim == 1:
             inputs = np.concatenate((x, (t,), margin, margin_rate, self._parameters))
             out = np.asarray(self._kernel.one(inputs))
@@ -132,7 +135,8 @@ def reach_of_function(model: ReducedOrderModel, function: Function) -> Reach:
     Raises:
         InvalidInputError: if none does.
     """
-    jax, h = import_jax("barriers.Function"), function.traced
+    jax = import_jax("barriers.Function")
+    h = function.traced
     states, times = samples(model)
 
     def at_samples(derivative: Callable[[Any, Any], Any]) -> Array:
@@ -158,7 +162,8 @@ def _along_inputs(model: ReducedOrderModel, h: Scalar) -> Callable[[Any, Any], l
     jax = import_jax("barriers.Function")
 
     def lie(x: Any, t: Any) -> list[Any]:
-        inputs, zero = model.g(x), 0.0 * t
+        inputs = model.g(x)
+        zero = 0.0 * t
         return [jax.jvp(h, (x, t), (inputs[:, j], zero))[1] for j in range(model.n_u)]
 
     return lie
@@ -192,20 +197,25 @@ def _rows_kernel(
     The last is nan where h is not finite, so that one comparison finds both.
     """
     jax = import_jax("barriers.Function")
-    jnp, barrier = jax.numpy, jax.lax.optimization_barrier
+    jnp = jax.numpy
+    barrier = jax.lax.optimization_barrier
     alpha1, alpha2 = alphas
     ends = np.cumsum([function.packed.size for function in functions]).tolist()
 
     def row(k: int, x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
-        value, scale = functions[k].of(parameters), reaches[k].size
+        value = functions[k].of(parameters)
+        scale = reaches[k].size
         psi: Scalar = lambda x, s: value(x, s) - margin - rate * (s - t)  # noqa: E731
         early = jnp.zeros(())
         for _ in range(reaches[k].degree - 1):
             early = _largest(jnp, [early, *_along_inputs(model, psi)(x, t)])
             psi = _next(model, psi, alpha1)
-        a, bound = _along_inputs(model, psi)(x, t), alpha2(psi(x, t))
-        b, size = -bound - _lie(model, psi)(x, t), _largest(jnp, a)
-        h, bend = value(x, t), _bend(jnp, value, x, t)
+        a = _along_inputs(model, psi)(x, t)
+        bound = alpha2(psi(x, t))
+        b = -bound - _lie(model, psi)(x, t)
+        size = _largest(jnp, a)
+        h = value(x, t)
+        bend = _bend(jnp, value, x, t)
         gone = size <= VANISHED * scale
         conditioning = jnp.where(size < scale, size / scale, 1.0) * (1.0 - bend)
         return [
@@ -255,7 +265,8 @@ def _bend(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
     """Return how much h turns within `_PROBE` of x: 0 where it is smooth, up to 1 at a kink."""
     probe = _PROBE * (1.0 + jnp.abs(x)) * np.cos(np.arange(1.0, x.shape[0] + 1.0))
     here = h(x, t)
-    ahead, behind = h(x + probe, t) - here, here - h(x - probe, t)
+    ahead = h(x + probe, t) - here
+    behind = here - h(x - probe, t)
     whole = jnp.abs(ahead) + jnp.abs(behind)
     turned = jnp.abs(ahead - behind) / jnp.where(whole > 0.0, whole, 1.0)
     return jnp.where(turned > _KINK, turned, 0.0)

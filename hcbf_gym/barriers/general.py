@@ -163,7 +163,9 @@ class GeneralRows:
         for k, barrier in prepared.rest:
             jet = _checked(barrier, barrier.jet(x, t), x.size)
             h[k] = jet.h
-            psi, gradient, rate = jet.h - kept[k], jet.gradient, jet.rate - growing[k]
+            psi = jet.h - kept[k]
+            gradient = jet.gradient
+            rate = jet.rate - growing[k]
             if prepared.reaches[k].degree == 2:
                 slope = self.alpha1.derivative(psi)
                 h_dot = float(gradient @ drift) + rate
@@ -242,7 +244,8 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
             for field, shape in zip(fields, shapes, strict=False)
         )
     except (TypeError, ValueError):  # nothing to go through, or a ragged list
-        fields, fits = [], False
+        fields = []
+        fits = False
     if not fits:
         raise InvalidInputError(
             f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers: h, "
@@ -301,7 +304,8 @@ def _in_input(gradients: Array, drift: Array, inputs: Array) -> tuple[Array, Arr
         inputs: (n, n_u) g.
     """
     a, along = np.zeros((len(gradients), inputs.shape[1])), np.zeros(len(gradients))
-    conditioning, steer = np.zeros(len(gradients)), (inputs * inputs).sum()
+    conditioning = np.zeros(len(gradients))
+    steer = (inputs * inputs).sum()
     for k in range(len(gradients)):
         whole = reached = 0.0
         for i in range(drift.size):

@@ -82,7 +82,8 @@ class LateInputs:
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
-        self._model, self._links = model, links_of(model)
+        self._model = model
+        self._links = links_of(model)
         self._late: dict[bytes, bool] = {}
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:

@@ -54,9 +54,11 @@ class Shapes:
         velocity: ArrayLike = (0.0, 0.0),
     ):
         check_name(name, priority)
-        self.name, self.priority = name, int(priority)
+        self.name = name
+        self.priority = int(priority)
         cls = choose("shape", shape, {one.kind: one for one in SHAPES})
-        self.kind, given = cls.compiled.code, as_array(f"{name}: values", values)
+        self.kind = cls.compiled.code
+        given = as_array(f"{name}: values", values)
         nothing = np.zeros((0, layout.WIDTH))
         self.parameters = cls.pack(f"{name}: {shape}", given) if given.size else nothing
         wanted = (2,) if as_array(f"{name}: velocity", velocity).ndim == 1 else (len(self), 2)

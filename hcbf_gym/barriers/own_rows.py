@@ -49,7 +49,8 @@ def _held_row(
 ) -> tuple[Array, float, float, float] | None:
     """Return the row for a held input, None where the barrier knows no core."""
     w, packed = barrier.frame_velocity, settings.packed
-    q, r = x[:2] - w * t, x[2:] - w
+    q = x[:2] - w * t
+    r = x[2:] - w
     speed = float(np.linalg.norm(r))
     core = barrier.core(q, reach_of(speed, packed))
     if core is None:

@@ -106,7 +106,8 @@ def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
         return gradient @ g / size if size > 0.0 else np.zeros(model.n_u)
 
     def second(k: int) -> Array:
-        x, jet = states[k], jets[k]
+        x = states[k]
+        jet = jets[k]
         turned = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ jet.gradient
         return relative(turned + jet.gradient_rate, inputs[k])
 

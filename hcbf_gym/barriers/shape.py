@@ -120,7 +120,8 @@ class Shape(PlanarBarrier):
             if field.default is not MISSING and field.name != "velocity"
         }
         numbers = finite_array(name, values, (None, sum(sizes.values())), largest=FARTHEST)
-        blocks, ends = np.zeros((len(numbers), layout.WIDTH)), np.cumsum(list(sizes.values()))[:-1]
+        blocks = np.zeros((len(numbers), layout.WIDTH))
+        ends = np.cumsum(list(sizes.values()))[:-1]
         for row, block in zip(numbers, blocks, strict=True):
             parts = [p if p.size > 1 else float(p[0]) for p in np.split(row, ends)]
             cls(name, 1, **dict(zip(sizes, parts, strict=True))).write(block)
@@ -160,7 +161,9 @@ class Shape(PlanarBarrier):
 
     def core(self, q: Array, reach: float) -> Core:
         """Return the core; see `PlanarBarrier.core`."""
-        c, x, y = self._block, float(q[0]), float(q[1])
+        c = self._block
+        x = float(q[0])
+        y = float(q[1])
         h, _, _, distance, _, _ = self.compiled.jet(c, x, y)
         return Core(*self.compiled.core(c, x, y, h, distance, reach))
 

@@ -88,7 +88,9 @@ def chase_camera(data: mujoco.MjData) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:] = data.subtree_com[1]
-    camera.distance, camera.azimuth, camera.elevation = 3.2, 110.0, -32.0
+    camera.distance = 3.2
+    camera.azimuth = 110.0
+    camera.elevation = -32.0
     return camera
 
 

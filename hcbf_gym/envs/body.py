@@ -49,7 +49,8 @@ class Footprint:
     """
 
     def __init__(self, model: mujoco.MjModel, trunk: str):
-        self._model, self._trunk = model, model.body(trunk).id
+        self._model = model
+        self._trunk = model.body(trunk).id
         self._body = body_of(model, self._trunk)
 
     def radius(self, joints: Array) -> float:
@@ -65,7 +66,8 @@ class Footprint:
         data.qpos[:7] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
         data.qpos[7 : 7 + len(joints)] = joints
         mujoco.mj_kinematics(self._model, data)
-        body, places = self._body, data.geom_xpos[self._body.geom]
+        body = self._body
+        places = data.geom_xpos[self._body.geom]
         rotations = data.geom_xmat[body.geom].reshape(-1, 3, 3)
         points = places + np.einsum("pij,pj->pi", rotations, body.place)
         far = np.hypot(points[:, 0], points[:, 1]) + body.radius
@@ -100,7 +102,8 @@ def body_of(model: mujoco.MjModel, root: int) -> Body:
 
 def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
     """Return points (k, 3) of a geom in its own frame, and the radius around them [m]."""
-    kind, size = model.geom_type[geom], model.geom_size[geom]
+    kind = model.geom_type[geom]
+    size = model.geom_size[geom]
     axis = np.linspace(-1.0, 1.0, ALONG)
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.zeros((1, 3)), float(size[0])

@@ -107,7 +107,8 @@ def _estimation_holds(declared: Declared) -> bool:
     """Tell whether no sensor is worse than the worst preset's."""
     if declared.estimation is None:
         return True
-    got, worst = sensors.make(declared.estimation), sensors.PRESETS["uwb"]
+    got = sensors.make(declared.estimation)
+    worst = sensors.PRESETS["uwb"]
     return all(
         getattr(got, f.name) >= getattr(worst, f.name)
         if f.name in ("rate", "drift_time", "orientation_time", "slip_time")

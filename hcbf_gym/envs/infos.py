@@ -100,7 +100,9 @@ class Reporter:
             fresh: as in `at_reset`, or a function of the environments (N,) that were reset.
             ended: (N,) whose episodes ended in this step.
         """
-        added, everyone, restarted = {self._key: entry}, np.ones_like(ended), np.zeros_like(ended)
+        added = {self._key: entry}
+        everyone = np.ones_like(ended)
+        restarted = np.zeros_like(ended)
         if self._mode is AutoresetMode.NEXT_STEP:
             restarted = self._ended
         elif self._mode is AutoresetMode.SAME_STEP:

@@ -111,7 +111,8 @@ class Randomization:
 
     def draw_start(self, rng: np.random.Generator) -> tuple[Array, float]:
         """Draw where an episode starts: the offset (2,) [m] and turn [rad] from the scenario's."""
-        direction, side = rng.uniform(-np.pi, np.pi), rng.choice([-1.0, 1.0])
+        direction = rng.uniform(-np.pi, np.pi)
+        side = rng.choice([-1.0, 1.0])
         distance = rng.uniform(*self.start_distance)
         offset = distance * np.array([np.cos(direction), np.sin(direction)])
         return offset, float(side * rng.uniform(*self.start_yaw))

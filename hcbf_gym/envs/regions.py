@@ -188,7 +188,8 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             InvalidInputError: if the scene is of another kind than the environment's.
         """
         self._scenes.check({"scenario": scenario})
-        self.scenario, self._covered = scenario, Coverage.SCENE
+        self.scenario = scenario
+        self._covered = Coverage.SCENE
         self._batch.set_scene(0, scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -105,7 +105,8 @@ class RegionsBatch:
 
         All scenes must be random ones, so that the start and what a layout leaves out stay.
         """
-        kind, parameters = self.barrier_set.kind[i], self.barrier_set.parameters[i]
+        kind = self.barrier_set.kind[i]
+        parameters = self.barrier_set.parameters[i]
         write(layout.half_width, layout.regions, kind, parameters)
         self._references.tables[i, 0, :2] = layout.goal
 
@@ -195,7 +196,9 @@ def _observe(
     references: References, x: Array, steps: NDArray[np.int64], sensed: Array, m: int
 ) -> tuple[Array, Array]:
     """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,)."""
-    references, x, sensed = References(*borrowed(references)), borrowed(x), borrowed(sensed)
+    references = References(*borrowed(references))
+    x = borrowed(x)
+    sensed = borrowed(sensed)
     now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
     for i in range(x.shape[0]):
         now[i] = _reference(references, i, steps[i])
@@ -223,7 +226,9 @@ def _advance(
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     px, py = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     for i in range(x.shape[0]):
-        state, action, top_speed = x[i], u[i], 0.0
+        state = x[i]
+        action = u[i]
+        top_speed = 0.0
         goal = _reference(references, i, steps[i])
         distance[i] = np.hypot(goal[0] - state[0], goal[1] - state[1])
         for s in range(SUBSTEPS):
@@ -233,7 +238,8 @@ def _advance(
             px[s], py[s] = state[0], state[1]
             top_speed = max(top_speed, np.hypot(state[2], state[3]))
         for k in range(kind.shape[1]):
-            which, c = kind[i, k], parameters[i, k]
+            which = kind[i, k]
+            c = parameters[i, k]
             if which == layout.SPEED_LIMIT:
                 min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue

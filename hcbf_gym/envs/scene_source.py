@@ -44,7 +44,8 @@ class SceneSource:
         options = {} if options is None else options
         records.check_mapping("reset: options", options)
         check_options("reset: options", options, OPTIONS)
-        got, own = _alike(self.next(np.random.default_rng(0), options)), _alike(self.own)
+        got = _alike(self.next(np.random.default_rng(0), options))
+        own = _alike(self.own)
         if got != own:
             raise InvalidInputError(
                 f"reset: options: scenario: got {got}, expected the environment's {own}"

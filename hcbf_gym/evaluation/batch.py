@@ -81,7 +81,9 @@ def rollout_batch(
     idle = {"intervention": np.zeros(n), "delta": np.zeros((n, m))}
     alive, terminated_itself = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     least = info["min_h"].copy()
-    position, h, error = [inner.rom_state[:, :2]], [info["h"]], [info["tracking_error"]]
+    position = [inner.rom_state[:, :2]]
+    h = [info["h"]]
+    error = [info["tracking_error"]]
     reward, intervention, delta, deadlock, running = [], [], [], [], []
     radius = inner.scenes[0].goal_radius
     while alive.any():

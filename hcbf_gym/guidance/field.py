@@ -82,7 +82,8 @@ def march(cost: Array, start_j: int, start_i: int, cell: float, field: Field) ->
     heap = [(0.0, start_j * nx + start_i)]
     while len(heap) > 0:
         _, index = heapq.heappop(heap)
-        j, i = index // nx, index % nx
+        j = index // nx
+        i = index % nx
         if known[j, i]:
             continue
         known[j, i] = True
@@ -99,7 +100,8 @@ def march(cost: Array, start_j: int, start_i: int, cell: float, field: Field) ->
                 along_y = min(along_y, field[y - 1, x])
             if y < ny - 1:
                 along_y = min(along_y, field[y + 1, x])
-            step, difference = cost[y, x] * cell, abs(along_x - along_y)
+            step = cost[y, x] * cell
+            difference = abs(along_x - along_y)
             if difference >= step:
                 arrival = min(along_x, along_y) + step
             else:
@@ -141,17 +143,22 @@ def flood(rank: Ranks, start_j: int, start_i: int, through: Ranks) -> None:
                         or (j < ny - 1 and reached[j + 1, i])
                     )
                     if beside:
-                        reached[j, i], through[j, i], stack[top] = True, level, j * nx + i
+                        reached[j, i] = True
+                        through[j, i] = level
+                        stack[top] = j * nx + i
                         top += 1
         while top > 0:
             top -= 1
-            j, i = stack[top] // nx, stack[top] % nx
+            j = stack[top] // nx
+            i = stack[top] % nx
             for dj, di in ((0, 1), (0, -1), (1, 0), (-1, 0)):
                 y, x = j + dj, i + di
                 if y < 0 or y >= ny or x < 0 or x >= nx or reached[y, x]:
                     continue
                 if _enters(rank[y, x], level):
-                    reached[y, x], through[y, x], stack[top] = True, level, y * nx + x
+                    reached[y, x] = True
+                    through[y, x] = level
+                    stack[top] = y * nx + x
                     top += 1
 
 

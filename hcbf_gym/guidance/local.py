@@ -60,14 +60,18 @@ def circulation(
             to step, zeros at a reset.
     """
     held = memory[0] != 0.0
-    nearest, nx, ny = LEAVE if held else REACH, 0.0, 0.0
+    nearest = LEAVE if held else REACH
+    nx = 0.0
+    ny = 0.0
     for k in range(kind.size):
         if not kernels.is_region(kind[k]):
             continue
         h, gx, gy, _, _, _ = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         if h < nearest and gx * u_nominal[0] + gy * u_nominal[1] < 0.0:
             norm = np.sqrt(gx * gx + gy * gy)
-            nearest, nx, ny = h, gx / norm, gy / norm
+            nearest = h
+            nx = gx / norm
+            ny = gy / norm
     if nx == 0.0 and ny == 0.0:
         memory[0], memory[1] = 0.0, t
         return 0.0, 0.0, -1.0
@@ -78,7 +82,8 @@ def circulation(
         memory[1] = t
     elif t - memory[1] >= STUCK:
         memory[0], memory[1] = -memory[0], t
-    ax, ay = memory[0] * ny, -memory[0] * nx
+    ax = memory[0] * ny
+    ay = -memory[0] * nx
     return ax, ay, -pull.gain * (ax * x[2] + ay * x[3] - pull.speed)
 
 

@@ -56,11 +56,15 @@ def lowest_neighbour(view: Field, geometry: Array, x: float, y: float) -> tuple[
     """Return the centre of the lowest cell around the one nearest a point."""
     ny, nx = view.shape
     j, i = cell_of(x, y, geometry)
-    low_j, low_i, lowest = j, i, np.inf
+    low_j = j
+    low_i = i
+    lowest = np.inf
     for near_j in range(max(j - 1, 0), min(j + 2, ny)):
         for near_i in range(max(i - 1, 0), min(i + 2, nx)):
             if view[near_j, near_i] < lowest:
-                low_j, low_i, lowest = near_j, near_i, view[near_j, near_i]
+                low_j = near_j
+                low_i = near_i
+                lowest = view[near_j, near_i]
     return geometry[0] + low_i * geometry[2], geometry[1] + low_j * geometry[2]
 
 
@@ -166,7 +170,10 @@ def lead(
         rank: (N,) to be written.
     """
     for n in range(x.shape[0]):
-        way[n, 0], way[n, 1], way[n, 2], rank[n] = 0.0, 0.0, -1.0, 0.0
+        way[n, 0] = 0.0
+        way[n, 1] = 0.0
+        way[n, 2] = -1.0
+        rank[n] = 0.0
         if np.isfinite(x[n, 0] + x[n, 1] + x[n, 2] + x[n, 3]):
             way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
             rank[n] = reachable(through[n], geometry[n], x[n, 0], x[n, 1])

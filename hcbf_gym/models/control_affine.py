@@ -49,7 +49,9 @@ class ControlAffine(ReducedOrderModel):
         n_u: int,
         velocity_at: int | None = None,
     ) -> None:
-        self.n, self.n_u, self.velocity_at = count("n", n), count("n_u", n_u), velocity_at
+        self.n = count("n", n)
+        self.n_u = count("n_u", n_u)
+        self.velocity_at = velocity_at
         self._f, self._g = f, g
         probe = np.linspace(0.1, 0.9, self.n)
         drift, inputs = f(probe), g(probe)

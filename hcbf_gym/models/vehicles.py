@@ -77,12 +77,15 @@ class KinematicBicycle(ReducedOrderModel):
 
     def f(self, x: Any) -> Any:
         """Return (4,) the drift (v cos θ, v sin θ, 0, 0)."""
-        xp, zero = namespace(x), 0.0 * x[3]
+        xp = namespace(x)
+        zero = 0.0 * x[3]
         return xp.stack([x[3] * xp.cos(x[2]), x[3] * xp.sin(x[2]), zero, zero])
 
     def g(self, x: Any) -> Any:
         """Return (4, 2) the input matrix."""
-        xp, zero, v = namespace(x), 0.0 * x[3], x[3]
+        xp = namespace(x)
+        zero = 0.0 * x[3]
+        v = x[3]
         accelerate = xp.stack([zero, zero, zero, zero + 1.0])
         steer = xp.stack([-v * xp.sin(x[2]), v * xp.cos(x[2]), v / self.rear, zero])
         return xp.stack([accelerate, steer], axis=1)
@@ -93,7 +96,9 @@ class KinematicBicycle(ReducedOrderModel):
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (4, 4) ∂f/∂x."""
-        cos, sin, v = np.cos(x[2]), np.sin(x[2]), x[3]
+        cos = np.cos(x[2])
+        sin = np.sin(x[2])
+        v = x[3]
         jacobian = np.zeros((4, 4))
         jacobian[0, 2:], jacobian[1, 2:] = (-v * sin, cos), (v * cos, sin)
         return jacobian

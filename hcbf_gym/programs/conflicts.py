@@ -68,7 +68,8 @@ def conflict_report(
 
 
 def _feasible(rows: CbfRows, kept: NDArray[np.int64], admissible: Remaining) -> bool:
-    a, b = rows.a[kept], rows.b[kept]
+    a = rows.a[kept]
+    b = rows.b[kept]
     constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2
     if (b[constant] > 0.0).any():
         return False

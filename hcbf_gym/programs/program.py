@@ -63,7 +63,10 @@ def check_rows(rows: CbfRows, n_u: int) -> None:
         raise InvalidInputError(f"rows.alpha2_psi: got {rows.alpha2_psi}, expected finite numbers")
     a, b, h, priority = rows.a, rows.b, rows.h, rows.priority
     if b.ndim == 1:
-        a, b, h, priority = a[None], b[None], h[None], priority[None]
+        a = a[None]
+        b = b[None]
+        h = h[None]
+        priority = priority[None]
     if not all(well_formed(a[i], b[i], h[i], priority[i]) for i in range(len(b))):
         explain(rows)
 

@@ -68,7 +68,8 @@ def _violation(
 ) -> NDArray[np.float64]:
     slack = np.zeros(b.size)
     for k in range(b.size):
-        square, lack = 0.0, b[k]
+        square = 0.0
+        lack = b[k]
         for j in range(u.size):
             square += a[k, j] * a[k, j]
             lack -= a[k, j] * u[j]

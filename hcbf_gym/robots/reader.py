@@ -185,7 +185,8 @@ def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
 
 def _foot(model: mujoco.MjModel, feet: list[int]) -> tuple[float, float]:
     """Return the calf's length and the foot's radius [m]."""
-    places, radii = model.geom_pos[feet], model.geom_size[feet, 0]
+    places = model.geom_pos[feet]
+    radii = model.geom_size[feet, 0]
     straight = np.allclose(places[:, :2], 0.0, atol=1e-4) and (places[:, 2] < 0.0).all()
     equal = np.allclose(places[:, 2], places[0, 2]) and np.allclose(radii, radii[0])
     if not (straight and equal):
@@ -237,10 +238,12 @@ def _no_load_speed(model: mujoco.MjModel) -> Array:
 
 def _home(model: mujoco.MjModel) -> tuple[Array, float]:
     """Return the joints of the home pose [rad] and the height that its key gives, else 0 [m]."""
-    joints, height = np.tile(_DEFAULT_LEG, 4), 0.0
+    joints = np.tile(_DEFAULT_LEG, 4)
+    height = 0.0
     if "home" in [model.key(i).name for i in range(model.nkey)]:
         qpos = model.key("home").qpos
-        height, joints = float(qpos[2]), np.array(qpos[7:19])
+        height = float(qpos[2])
+        joints = np.array(qpos[7:19])
     low, high = model.jnt_range[1:].T
     limited = model.jnt_limited[1:] > 0
     outside = limited & ((joints < low) | (joints > high))

@@ -64,8 +64,10 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
 
     hide(regions, length, half_width)
     for k in range(count):
-        region, chance = regions[k], chances[k]
-        wanted, room = 0.35 + 0.55 * chance[_SIZE], -np.inf
+        region = regions[k]
+        chance = chances[k]
+        wanted = 0.35 + 0.55 * chance[_SIZE]
+        room = -np.inf
         for attempt in range(_TRIES):
             x = length * chance[4 + 2 * attempt]
             y = goal[1] * x / length + 0.7 * half_width * (2.0 * chance[5 + 2 * attempt] - 1.0)

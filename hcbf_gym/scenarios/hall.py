@@ -85,7 +85,9 @@ def corners(region: Array) -> Array:
     """Return (k, 2) the corners of a polygon or box, counter-clockwise."""
     x, y, radius, angle = region[X], region[Y], region[RADIUS], region[ANGLE]
     if region[SHAPE] == BOX:
-        cos, sin, other = np.cos(angle), np.sin(angle), region[ASPECT] * radius
+        cos = np.cos(angle)
+        sin = np.sin(angle)
+        other = region[ASPECT] * radius
         box = np.empty((4, 2))
         for i, (along, across) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
             box[i, 0] = x + along * radius * cos - across * other * sin
@@ -111,7 +113,8 @@ def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters
     for wall in range(2):
         kind[wall] = half_plane.write(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
     for k in range(regions.shape[0]):
-        region, c = regions[k], parameters[2 + k]
+        region = regions[k]
+        c = parameters[2 + k]
         center, velocity = (region[X], region[Y]), (region[VX], region[VY])
         shape, radius = region[SHAPE], region[RADIUS]
         if shape == DISC:

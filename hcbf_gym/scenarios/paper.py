@@ -84,7 +84,8 @@ def _ring_of_boxes(region: Disc, gap: Disc) -> tuple[BoxObstacle, ...]:
 
     None stands where the light box at the other region's centre does.
     """
-    center, side = np.array(region.center), 0.4
+    center = np.array(region.center)
+    side = 0.4
     radius = region.radius - 0.35 - side / 2
     toward_gap = np.array(gap.center) - center
     free = float(np.arctan2(toward_gap[1], toward_gap[0]))

@@ -77,12 +77,15 @@ def _lay_out(
 ) -> float:
     """Write the goal and the regions; return the hall's half width."""
     conflict = hall[_CONFLICT] < CONFLICT_SHARE
-    order, n = np.empty(len(PRIORITIES), dtype=np.int64), 0
+    order = np.empty(len(PRIORITIES), dtype=np.int64)
+    n = 0
     for slot in range(len(PRIORITIES)):  # who has a stretch of its own, and in which order
         in_play = slot in (0, _FIRST_OF_2) or presence[slot] < 0.5
         if in_play and not (conflict and slot in (_FIRST_OF_2, _OF_3)):
             place = int(n * chances[slot, _PLACE])
-            order[n], order[place], n = order[place], slot, n + 1
+            order[n] = order[place]
+            order[place] = slot
+            n = n + 1
 
     half_width = 2.2 + 0.6 * hall[_WIDTH] + (gap - GAP)
     length = 8.5 + 1.5 * hall[_LENGTH] + 0.5 * n * (gap - GAP)
@@ -95,7 +98,8 @@ def _lay_out(
         reach = first + k * stretch, stretch, half_width - gap
         _place(regions[slot], chances[slot], reach, gap, goal)
         if moving and PRIORITIES[slot] > 1:
-            speed, heading = MAX_DRIFT * chances[slot, _PLACE], 2.0 * np.pi * chances[slot, _SIZE]
+            speed = MAX_DRIFT * chances[slot, _PLACE]
+            heading = 2.0 * np.pi * chances[slot, _SIZE]
             regions[slot, VX], regions[slot, VY] = speed * np.cos(heading), speed * np.sin(heading)
     if conflict:
         _collide(regions[_OF_3], regions[_FIRST_OF_2], chances[_OF_3])
@@ -127,6 +131,7 @@ def _collide(inner: Array, outer: Array, chance: Array) -> None:
     distance = 0.1 + 0.1 * chance[_DISTANCE]  # below the depth: the rows exclude another
     inner[RADIUS] = 0.6 + 0.2 * chance[_INNER]
     outer[RADIUS] = 0.4 + 0.2 * chance[_OUTER]
-    back, ahead = depth - inner[RADIUS], distance + outer[RADIUS]
+    back = depth - inner[RADIUS]
+    ahead = distance + outer[RADIUS]
     inner[X], inner[Y] = back * np.cos(heading), back * np.sin(heading)
     outer[X], outer[Y] = ahead * np.cos(heading), ahead * np.sin(heading)

@@ -111,7 +111,8 @@ class BezierReference:
 
     def _timing(self, t: float) -> tuple[float, float, float]:
         """Return the length run [m], the speed [m/s] and its change [m/s²]."""
-        total, ramp = self._arc_length[1][-1], self.ramp
+        total = self._arc_length[1][-1]
+        ramp = self.ramp
         top = total / (self.duration - ramp)
         if t < 0.0:
             return 0.0, 0.0, 0.0

@@ -40,7 +40,8 @@ _KIND, _ACROSS, _TILT, _SPAN, _DEPTH, _SIDE = range(6)
 
 def draw(rng: np.random.Generator) -> Layout:
     """Return the scene that the generator decides; it gives as many numbers for every scene."""
-    hall, chances = rng.random(4), rng.random((2, 6))
+    hall = rng.random(4)
+    chances = rng.random((2, 6))
     goal, regions = np.empty(2), np.empty((len(PRIORITIES), 8))
     half_width = _lay_out(hall, chances, goal, regions)
     return Layout(half_width, goal, regions, PRIORITIES)
@@ -56,7 +57,8 @@ def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
     hide(regions, length, half_width)
     for k in range(2):
         slot = 3 * k if hall[_ORDER] < 0.5 else 3 - 3 * k
-        trap, back = regions[slot : slot + 3], stretching * BOTTOMS[k]
+        trap = regions[slot : slot + 3]
+        back = stretching * BOTTOMS[k]
         kind = KINDS[int(3.0 * chances[k, _KIND])]
         if kind == "dead end":
             _dead_end(trap, chances[k], back, goal, half_width)

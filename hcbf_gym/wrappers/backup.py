@@ -31,7 +31,8 @@ class Backup:
 
     def know(self, x: Array) -> None:
         """Take a measured state (n,) for the present one."""
-        self._x, self._applied = x, None
+        self._x = x
+        self._applied = None
 
     def apply(self, u: Array) -> None:
         """Note the input (n_u,) that is applied from now on for one period."""
@@ -44,7 +45,8 @@ class Backup:
             return
         with np.errstate(all="ignore"):
             after = self._plant.model.step(self._x, self._applied, period)
-        self._x, self._applied = real_numbers(after, self._x.shape), None
+        self._x = real_numbers(after, self._x.shape)
+        self._applied = None
 
     def input(self) -> Array:
         """Return the input of U (n_u,) that brings the plant to rest soonest."""

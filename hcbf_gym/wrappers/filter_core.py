@@ -75,6 +75,8 @@ class FilterCore(ABC):
         alpha1: α₁ as the rows have it, scaled down where U cannot brake what it asks for.
         alpha2: α₂.
         alpha1_scale: by which factor; 1 where U can.
+        row_settings: how rows are made, for a held input where that was asked for.
+        uncertainty: what they reserve.
 
     Args:
         plant: of the environment.
@@ -84,7 +86,8 @@ class FilterCore(ABC):
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range.
+        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
+            or α₂.
     """
 
     def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings, count: int):
@@ -95,7 +98,12 @@ class FilterCore(ABC):
         self.settings = settings
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
-        self.alpha1_scale = self._fit_alpha1(settings)
+        self.alpha1_scale = self._fit_alpha1()
+        planar = isinstance(plant.model, DoubleIntegrator)
+        held = settings.rows == "held" and planar and plant.period is not None
+        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
+        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
+        self.uncertainty = kept(plant, settings.margin, held)
         self._said: set[str] = set()
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self._steps: Array = np.zeros(count)
@@ -126,7 +134,7 @@ class FilterCore(ABC):
         known = self._coverage[self._fresh]
         self._coverage[self._fresh] = np.where(scenes == Coverage.OUTSIDE, scenes, known)
 
-    def _fit_alpha1(self, settings: FilterSettings) -> float:
+    def _fit_alpha1(self) -> float:
         """Scale α₁ down to what U can brake, and return the factor, which reports repeat.
 
         Raises:
@@ -140,15 +148,15 @@ class FilterCore(ABC):
                 f"input set: got {self.input_set}, which holds no braking input in some direction; "
                 "expected 0 inside it, not on its edge"
             )
-        rows = self._row_settings(settings)
+        rows = self._row_settings()
         factor = braking.share(rows, self.input_set)
         if factor < 1.0:
             self.alpha1 = self.alpha1.scaled(factor)
         return factor
 
-    def _row_settings(self, settings: FilterSettings) -> RowSettings:
+    def _row_settings(self) -> RowSettings:
         """Return how rows are made, for a held input where that was asked for and α's allow it."""
-        period = self.plant.period if settings.rows == "held" else None
+        period = self.plant.period if self.settings.rows == "held" else None
         steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
         if period is None or steepest * period > 1.0:
             return RowSettings(self.alpha1, self.alpha2)
@@ -167,7 +175,7 @@ class FilterCore(ABC):
                 pass it from rest within one period.
         """
         margin = self.plant.uncertainty.speed
-        scenes.check(self._row_settings(self.settings), margin)
+        scenes.check(self.row_settings, margin)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
         for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
             if not one.promised:

@@ -70,7 +70,8 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
         settings: of the program.
         others: the rest of the constants, by their names.
     """
-    record, own = np.zeros(1, dtype=CONSTANTS), settings._asdict()
+    record = np.zeros(1, dtype=CONSTANTS)
+    own = settings._asdict()
     vertices, weights = own.pop("vertices"), own.pop("weights")
     sizes = {"corners": len(vertices), "weights": weights.shape[1]}
     for name, number in (own | sizes | others).items():
@@ -155,7 +156,8 @@ def filter_plants(
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
         written; or `ASKS` where there is a reason to speak.
     """
-    c, numbers = borrowed(constants)[0], borrowed(program)
+    c = borrowed(constants)[0]
+    numbers = borrowed(program)
     plants = Plants(
         *borrowed(scene), borrowed(sensed), borrowed(own), borrowed(told), borrowed(rows)
     )
@@ -178,7 +180,8 @@ def filter_plants(
         numbers[: 2 * c.corners].reshape(c.corners, 2),
         numbers[2 * c.corners :].reshape(-1, c.weights),
     )
-    work, asks = _make_work(settings, min(count, TOGETHER), m, plants.rows.shape[1]), False
+    work = _make_work(settings, min(count, TOGETHER), m, plants.rows.shape[1])
+    asks = False
     for first in range(0, count, TOGETHER):
         asks |= _filter(c, settings, _some(plants, first, min(first + TOGETHER, count)), work)
     return ASKS if asks else DONE
@@ -245,7 +248,8 @@ def _some(p: Plants, first: int, end: int) -> Plants:
 def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     """Filter as many plants as there is room for, and tell whether there is a reason to speak."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
-    count, asks = p.kind.shape[0], False
+    count = p.kind.shape[0]
+    asks = False
     if p.own.size > 0:
         _take_rows(p, w)
     else:
@@ -274,7 +278,8 @@ def _take_rows(p: Plants, w: Work) -> None:
                 row.h,
                 row.alpha2_psi,
             )
-            w.margin[0, i, k], w.priority[i, k] = row.margin, p.priority[i, k]
+            w.margin[0, i, k] = row.margin
+            w.priority[i, k] = p.priority[i, k]
 
 
 @njit(cache=True, inline="always")
@@ -305,7 +310,8 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
 @njit(cache=True, inline="always")
 def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
-    plant, told = p.sensed[i], p.told[i]
+    plant = p.sensed[i]
+    told = p.told[i]
     if not _are_finite(p, w, i) and told.reason == 0:
         told.reason = BARRIERS
     told.model_error = np.sqrt(plant.error)
@@ -327,7 +333,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
 @njit(cache=True, inline="always")
 def _are_finite(p: Plants, w: Work, i: int) -> bool:
     """Tell whether the safety rows of a state are finite; where they are not, take them out."""
-    finite, m = True, p.kind.shape[1]
+    finite = True
+    m = p.kind.shape[1]
     for k in range(m):
         finite &= np.isfinite(w.a[i, k, 0] + w.a[i, k, 1] + w.rows[B, i, k] + w.rows[H, i, k])
         finite &= np.isfinite(w.rows[ALPHA2_PSI, i, k] + w.margin[0, i, k])
@@ -363,7 +370,8 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
 
     A program that has a last rank gets its row, the others' u* is shaped by it.
     """
-    plant, last = p.sensed[i], p.kind.shape[1]
+    plant = p.sensed[i]
+    last = p.kind.shape[1]
     a_x, a_y, b = plant.way[0], plant.way[1], plant.way[2]
     if not c.guided:
         w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
@@ -387,8 +395,13 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
 @njit(cache=True, inline="always")
 def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
-    plant, told, m = p.sensed[i], p.told[i], p.kind.shape[1]
-    u, u_nominal, slack, delta = w.answer.u[i], told.u_nominal, w.answer.slack[i], w.answer.delta[i]
+    plant = p.sensed[i]
+    told = p.told[i]
+    m = p.kind.shape[1]
+    u = w.answer.u[i]
+    u_nominal = told.u_nominal
+    slack = w.answer.slack[i]
+    delta = w.answer.delta[i]
     if _stops(told.reason, plant.alarm, c.brakes):
         _brake(told.reason == plant.alarm and told.reason != MOTION, w, i)
     dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]
@@ -405,7 +418,9 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         told.u_safe[k] = plant.input[k] = u[k]
     for k in range(m):
         row = p.rows[i, k]
-        row.slack, row.delta, row.margin = slack[k], delta[k], w.margin[0, i, k]
+        row.slack = slack[k]
+        row.delta = delta[k]
+        row.margin = w.margin[0, i, k]
 
 
 @njit(cache=True, inline="always")

@@ -10,7 +10,7 @@ from hcbf_gym import programs
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.margins import derive_all
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, SolverError, finite_array
 from hcbf_gym.models.constants import ASKING, STANDING
@@ -22,7 +22,7 @@ from hcbf_gym.programs.program import check_rows
 from hcbf_gym.wrappers import report
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
 from hcbf_gym.wrappers.fused import is_unsafe
 from hcbf_gym.wrappers.monitor import Monitor
 
@@ -76,10 +76,6 @@ class GeneralCore(FilterCore):
             settings.program, input_set=input_set, **solver, **self.program_options
         )
         self._planar = plant.model == DoubleIntegrator()
-        held = settings.rows == "held" and self._planar and plant.period is not None
-        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
-        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
-        self.uncertainty = kept(plant, settings.margin, held)
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False

@@ -72,14 +72,16 @@ class Intake:
 
     def blame(self, reason: Any, mask: Any = ...) -> None:
         """Note why the masked plants are not believed."""
-        self._fault[mask], self._faulty = reason, True
+        self._fault[mask] = reason
+        self._faulty = True
 
     def _take_parts(self, estimate: Estimate) -> bool:
         """Note what stands beside the states, and tell whether it is made of numbers."""
         self.plants["has_model"] = estimate.model is not None
         sound = True
         for name in _PARTS:
-            part, value = self.plants[name], getattr(estimate, name)
+            part = self.plants[name]
+            value = getattr(estimate, name)
             part[...] = 0.0
             sound &= value is None or _copy(part, value)
         return sound

@@ -110,7 +110,9 @@ class Monitor:
     """
 
     def __init__(self, model: ReducedOrderModel, period: float | None, input_set: InputSet):
-        self._model, self._period, self._radius = model, period, input_set.radius
+        self._model = model
+        self._period = period
+        self._radius = input_set.radius
         largest = np.full(model.n_u, input_set.radius)
         self._largest = (
             np.maximum(-input_set.low, input_set.high) if isinstance(input_set, Box) else largest
@@ -177,7 +179,8 @@ class Monitor:
 
     def _motion_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
         """Account for what no input explains, and tell whether that alarms."""
-        model, period = self._model, self._period or 1.0
+        model = self._model
+        period = self._period or 1.0
         g = model.g(last)
         steered = g * self._steered[:, None]
         to_input = self._inverse(steered)
@@ -187,7 +190,8 @@ class Monitor:
         arrived = u + np.clip(off, -2.0 * self._largest, 2.0 * self._largest)
         if np.abs(arrived - u).max() > _ROUNDING * self._radius:
             expected = model.step(last, arrived, period)
-        missed, meant = _missed(x, expected), expected - last
+        missed = _missed(x, expected)
+        meant = expected - last
         turned = model.f(x) + model.g(x) @ arrived - model.f(last) - g @ arrived
         new = np.array([missed, meant + missed, meant]) @ unreached.T
         change = float(np.linalg.norm(unreached @ turned))

@@ -11,14 +11,13 @@ from hcbf_gym import programs
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import derive_all
-from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.wrappers import fused, senses
 from hcbf_gym.wrappers.belief import real_numbers
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, kept
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
 from hcbf_gym.wrappers.intake import Intake
 from hcbf_gym.wrappers.report import Sheet
 from hcbf_gym.wrappers.way import Way
@@ -48,10 +47,6 @@ class PlanarCore(FilterCore):
         program = programs.make_batch(
             settings.program, input_set=input_set, **self.program_options
         ).settings_of(count)
-        held = settings.rows == "held" and plant.period is not None
-        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
-        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
-        self.uncertainty = kept(plant, settings.margin, held)
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._way = Way(settings.guidance, count)
         numbers = self.uncertainty._asdict()

@@ -80,7 +80,8 @@ class Sheet:
 
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""
-        told, words = self.plants, total * len(self.plants) * ROW.itemsize // _WORD
+        told = self.plants
+        words = total * len(self.plants) * ROW.itemsize // _WORD
         self._m, self._total = m, total
         self._divide(np.zeros(len(told) * PLANT.itemsize // _WORD + words))
         self.plants[...] = told
@@ -95,7 +96,8 @@ class Sheet:
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""
         words = len(self.plants) * PLANT.itemsize // _WORD
-        self._numbers, self._codes = memory, memory.view(np.int64)
+        self._numbers = memory
+        self._codes = memory.view(np.int64)
         self.plants = memory[:words].view(PLANT)
         self.rows: Records = memory[words:].view(ROW).reshape(len(self.plants), self._total)
 
@@ -104,7 +106,9 @@ class Sheet:
         if not self._alone:
             report = {name: self.plants[name] for name in _PLANTS}
             return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
-        report, numbers, codes = _BLANK.copy(), self._numbers.copy(), self._codes
+        report = _BLANK.copy()
+        numbers = self._numbers.copy()
+        codes = self._codes
         for name, place, is_code in self._places:
             report[name] = codes[place] if is_code else numbers[place]
         return report
@@ -118,7 +122,8 @@ def _places(m: int) -> list[tuple[str, int | slice, bool]]:
     start, step = PLANT.itemsize // _WORD, ROW.itemsize // _WORD
     places: list[tuple[str, int | slice, bool]] = []
     for name, (kind, offset, *_) in (PLANT.fields or {}).items():
-        at, size = offset // _WORD, kind.itemsize // _WORD
+        at = offset // _WORD
+        size = kind.itemsize // _WORD
         places.append((name, slice(at, at + size) if size > 1 else at, kind == np.int64))
     for k, name in enumerate(_ROWS):
         places.append((name, slice(start + k, start + k + m * step, step), False))

@@ -75,7 +75,8 @@ class Sb3VecEnv(VecEnv):
         self.applied = (safe - self._center) / self._reach
         self._returns += reward
         self._lengths += 1
-        infos, done = _split(info), terminated | truncated
+        infos = _split(info)
+        done = terminated | truncated
         for i in np.flatnonzero(done):
             infos[i] |= {
                 "terminal_observation": observation[i],

@@ -158,7 +158,8 @@ def _strays(plant: Any, period: float, confidence: float) -> bool:
     keep = max(0.0, 1.0 - period / WINDOW)
     drift2 = told2 = seen2 = 0.0
     for k in range(2):
-        position, velocity = model[k] + lag[k], model[2 + k] + lag[2 + k]
+        position = model[k] + lag[k]
+        velocity = model[2 + k] + lag[2 + k]
         told = 0.5 * period * (velocity + body[2 + k])
         drift[k] = keep * drift[k] + position - body[k] - told
         motion[k] = keep * motion[k] + told

@@ -35,7 +35,8 @@ class Way:
 
     def __init__(self, choice: Any, count: int):
         self._guide: Geodesic | Local | None = None
-        self.guides, self.through = choice is not None, 0
+        self.guides = choice is not None
+        self.through = 0
         if choice is not None:
             options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
             check_options("guidance", options, ("kind", "through"))

@@ -44,7 +44,10 @@ def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> in
 @njit(cache=True, error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
-    dx, dy, ax, ay = x - c[START_X], y - c[START_Y], c[ALONG_X], c[ALONG_Y]
+    dx = x - c[START_X]
+    dy = y - c[START_Y]
+    ax = c[ALONG_X]
+    ay = c[ALONG_Y]
     along = ax * dx + ay * dy
     if 0.0 < along < c[LENGTH]:
         across = ax * dy - ay * dx
@@ -65,7 +68,8 @@ def core(
     must be too far from the segment to cross it.
     """
     along = c[ALONG_X] * (x - c[START_X]) + c[ALONG_Y] * (y - c[START_Y])
-    away, radius = h + c[RADIUS], c[RADIUS]
+    away = h + c[RADIUS]
+    radius = c[RADIUS]
     if along <= -reach or along >= c[LENGTH] + reach:
         return away, radius, True
     beside = reach <= along <= c[LENGTH] - reach
@@ -134,12 +138,16 @@ class Capsule(Shape):
 
     def traced(self, jax: Any) -> Planar:
         """Return (x, y) → H for JAX."""
-        (cx, cy), radius, length = self.start, self.radius, float(np.linalg.norm(self._vector))
-        (ax, ay), where = (self._vector / length).tolist(), jax.numpy.where
+        (cx, cy) = self.start
+        radius = self.radius
+        length = float(np.linalg.norm(self._vector))
+        (ax, ay) = (self._vector / length).tolist()
+        where = jax.numpy.where
 
         def value(x: Any, y: Any) -> Any:
             dx, dy = x - cx, y - cy
-            along, across = ax * dx + ay * dy, ax * dy - ay * dx
+            along = ax * dx + ay * dy
+            across = ax * dy - ay * dx
             end = where(along > 0.5 * length, length, 0.0)
             beside = where(across >= 0.0, across, -across)
             to_end = traced_norm(jax, dx - end * ax, dy - end * ay)
@@ -164,5 +172,6 @@ class Capsule(Shape):
     def resized(self, size: float) -> Self:
         """Return a capsule of another radius, and the same ratio of length to radius."""
         half = 0.5 * size / self.radius * self._vector
-        start, end = (self.anchor - half).tolist(), (self.anchor + half).tolist()
+        start = (self.anchor - half).tolist()
+        end = (self.anchor + half).tolist()
         return replace(self, start=tuple(start), end=tuple(end), radius=size)

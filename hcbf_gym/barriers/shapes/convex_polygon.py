@@ -51,7 +51,9 @@ def _count(c: Array) -> int:
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     corners = _count(c)
-    nearest2, offset_x, offset_y = np.inf, 0.0, 0.0
+    nearest2 = np.inf
+    offset_x = 0.0
+    offset_y = 0.0
     outside, on_edge, edge_x, edge_y = False, False, 0.0, 0.0
     for i in range(corners):
         ax, ay, ex, ey = _edge(c, i, corners)
@@ -62,12 +64,15 @@ def jet(c: Array, x: float, y: float) -> PlanarJet:
         distance2 = ox * ox + oy * oy
         if distance2 < nearest2:
             nearest2, offset_x, offset_y = distance2, ox, oy
-            on_edge, edge_x, edge_y = 0.0 < along < 1.0, ex, ey
+            on_edge = 0.0 < along < 1.0
+            edge_x = ex
+            edge_y = ey
     nearest = np.sqrt(nearest2)
     if outside and not on_edge and nearest >= TINY:
         return point_jet(offset_x, offset_y)
     length = np.sqrt(edge_x * edge_x + edge_y * edge_y)
-    nx, ny = edge_y / length, -edge_x / length
+    nx = edge_y / length
+    ny = -edge_x / length
     return nearest if outside else -nearest, nx, ny, np.inf, -ny, nx
 
 
@@ -109,7 +114,10 @@ def _edge(c: Array, i: int, corners: int) -> tuple[float, float, float, float]:
 @njit(cache=True, error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the box around the polygon."""
-    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    low_x = np.inf
+    low_y = np.inf
+    high_x = -np.inf
+    high_y = -np.inf
     for i in range(_count(c)):
         x, y = c[FIRST + 2 * i], c[FIRST + 1 + 2 * i]
         low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
@@ -154,7 +162,8 @@ class ConvexPolygon(Shape):
     def pack(cls, name: str, values: Array) -> Array:
         """Return the blocks of polygons (k, v, 2): v corners [m], counter-clockwise."""
         corners = finite_array(name, values, (None, None, 2), largest=FARTHEST)
-        blocks, count = np.zeros((len(corners), layout.WIDTH)), corners.shape[1]
+        blocks = np.zeros((len(corners), layout.WIDTH))
+        count = corners.shape[1]
         _check(name, corners)
         blocks[:, COUNT] = count
         blocks[:, FIRST : FIRST + 2 * count] = corners.reshape(len(corners), 2 * count)
@@ -166,19 +175,26 @@ class ConvexPolygon(Shape):
 
     def traced(self, jax: Any) -> Planar:
         """Return (x, y) → H for JAX."""
-        jnp, corners = jax.numpy, np.array(self.vertices)
+        jnp = jax.numpy
+        corners = np.array(self.vertices)
         sides = np.concatenate([corners, np.roll(corners, -1, axis=0) - corners], axis=1).tolist()
 
         def nearest_side(x: Any, y: Any) -> tuple[Any, Any]:
             """Return whether (x, y) is outside, and the side that decides h: corner, direction."""
-            height, nearest2, highest, nearest = -np.inf, np.inf, sides[0], sides[0]
+            height = -np.inf
+            nearest2 = np.inf
+            highest = sides[0]
+            nearest = sides[0]
             for side in sides:
                 ax, ay, ex, ey = side
-                length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
+                length2 = ex * ex + ey * ey
+                dx = x - ax
+                dy = y - ay
                 above = (ey * dx - ex * dy) / np.sqrt(length2)
                 along = jnp.clip((dx * ex + dy * ey) / length2, 0.0, 1.0)
                 distance2 = (dx - along * ex) ** 2 + (dy - along * ey) ** 2
-                higher, nearer = above > height, distance2 < nearest2
+                higher = above > height
+                nearer = distance2 < nearest2
                 highest = [jnp.where(higher, n, o) for n, o in zip(side, highest, strict=True)]
                 nearest = [jnp.where(nearer, n, o) for n, o in zip(side, nearest, strict=True)]
                 height, nearest2 = jnp.maximum(height, above), jnp.minimum(nearest2, distance2)
@@ -190,7 +206,9 @@ class ConvexPolygon(Shape):
             # which side it is has no derivative: only the chosen one is differentiated
             at = jax.lax.stop_gradient(x), jax.lax.stop_gradient(y)
             outside, (ax, ay, ex, ey) = nearest_side(*at)
-            length2, dx, dy = ex * ex + ey * ey, x - ax, y - ay
+            length2 = ex * ex + ey * ey
+            dx = x - ax
+            dy = y - ay
             above = (ey * dx - ex * dy) / jnp.sqrt(length2)
             along = (dx * ex + dy * ey) / length2
             end = (along <= 0.0) | (along >= 1.0)

@@ -44,7 +44,9 @@ def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float)
 @njit(cache=True, error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
-    dx, dy, scale = x - c[CENTER_X], y - c[CENTER_Y], c[SHORTER_AXIS]
+    dx = x - c[CENTER_X]
+    dy = y - c[CENTER_Y]
+    scale = c[SHORTER_AXIS]
     xx, xy = scale * c[MAP_XX], scale * c[MAP_XY]
     yx, yy = scale * c[MAP_YX], scale * c[MAP_YY]
     n, nx, ny, distance, tx, ty = point_jet(xx * dx + xy * dy, yx * dx + yy * dy)
@@ -74,7 +76,9 @@ def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the square around the circle around the ellipse."""
     first = c[MAP_XX] ** 2 + c[MAP_XY] ** 2
     second = c[MAP_YX] ** 2 + c[MAP_YY] ** 2
-    x, y, longer = c[CENTER_X], c[CENTER_Y], 1.0 / np.sqrt(min(first, second))
+    x = c[CENTER_X]
+    y = c[CENTER_Y]
+    longer = 1.0 / np.sqrt(min(first, second))
     return x - longer, y - longer, x + longer, y + longer
 
 
@@ -121,11 +125,14 @@ class Ellipse(Shape):
     def traced(self, jax: Any) -> Planar:
         """Return (x, y) → H for JAX."""
         (cx, cy), (first, second) = self.center, self.semi_axes
-        cos, sin, scale = np.cos(self.angle), np.sin(self.angle), min(first, second)
+        cos = np.cos(self.angle)
+        sin = np.sin(self.angle)
+        scale = min(first, second)
 
         def value(x: Any, y: Any) -> Any:
             dx, dy = x - cx, y - cy
-            along, across = (cos * dx + sin * dy) / first, (cos * dy - sin * dx) / second
+            along = (cos * dx + sin * dy) / first
+            across = (cos * dy - sin * dx) / second
             return scale * (traced_norm(jax, along, across) - 1.0)
 
         return value

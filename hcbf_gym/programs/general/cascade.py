@@ -67,12 +67,14 @@ def decide(plan: Plan, inputs: "Inputs", rows: StageRows, lambda_u: float) -> tu
     """
     if plan.lower == "drawn":
         rows = rows._replace(target=_targets(inputs, rows))
-    stages, u = list(_stages(rows)), None
+    stages = list(_stages(rows))
+    u = None
     met = list(takewhile(lambda stage: stage.strict.all(), stages))
     inputs = _meet_in_turn(inputs, met)
     for stage in stages[len(met) :]:
         if stage.strict.all():
-            inputs, u = inputs.meet(stage), None
+            inputs = inputs.meet(stage)
+            u = None
         elif plan.lower == "relaxed":
             u = inputs.relax(stage, lambda_u)
         elif plan.lower == "drawn":
@@ -92,7 +94,8 @@ def _stages(rows: StageRows) -> Iterator[StageRows]:
 
 def _targets(inputs: "Inputs", rows: StageRows) -> Array:
     """Return ``a_k û_k`` (m,) of the rows that are not strict, and b_k of the others."""
-    target, nominal = rows.b.copy(), inputs.nearest()
+    target = rows.b.copy()
+    nominal = inputs.nearest()
     for k in np.flatnonzero(~rows.strict):
         target[k] = rows.a[k] @ nominal
         if target[k] < rows.b[k]:
@@ -111,7 +114,8 @@ def _meet_in_turn(inputs: "Inputs", stages: list[StageRows]) -> "Inputs":
         if met is not None:
             break
     else:
-        met, count = inputs, 0
+        met = inputs
+        count = 0
     if count == len(stages):
         return met
     met = met.violating_least(stages[count])

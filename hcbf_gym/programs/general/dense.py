@@ -36,7 +36,9 @@ def level_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
 
 @njit(cache=True)
 def _scaled_rows(a: Array, b: Array, least: float, by_power: bool) -> tuple[Array, Array]:
-    scaled, bound, kept = np.empty_like(a), np.empty_like(b), 0
+    scaled = np.empty_like(a)
+    bound = np.empty_like(b)
+    kept = 0
     for k in range(b.size):
         square = 0.0
         for j in range(a.shape[1]):
@@ -63,16 +65,20 @@ def whiten(a: Array, target: Array, centre: Array) -> tuple[Array, Array]:
         centre: (n,) c.
     """
     n = centre.size
-    factor, y = np.eye(n), centre.copy()
+    factor = np.eye(n)
+    y = centre.copy()
     for k in range(target.size):
-        row, t = a[k].copy(), target[k]
+        row = a[k].copy()
+        t = target[k]
         for i in range(n):
             if row[i] == 0.0:
                 continue
             length = np.hypot(factor[i, i], row[i])
-            cos, sin = factor[i, i] / length, row[i] / length
+            cos = factor[i, i] / length
+            sin = row[i] / length
             for j in range(i, n):
-                above, below = factor[i, j], row[j]
+                above = factor[i, j]
+                below = row[j]
                 factor[i, j] = cos * above + sin * below
                 row[j] = cos * below - sin * above
             y[i], t = cos * y[i] + sin * t, cos * t - sin * y[i]
@@ -128,18 +134,24 @@ def with_slack(
         target: (s,) their bounds.
         least: (s,) bounds of the slacks.
     """
-    hard, free, count = lower.size, rows.shape[1], target.size
+    hard = lower.size
+    free = rows.shape[1]
+    count = target.size
     matrix, below = np.zeros((hard + 2 * count, free + count)), np.empty(hard + 2 * count)
     matrix[:hard, :free], below[:hard] = rows, lower
     for k in range(count):
-        soft, alone, square = hard + k, hard + count + k, 1.0
+        soft = hard + k
+        alone = hard + count + k
+        square = 1.0
         for j in range(free):
             square += a[k, j] * a[k, j]
         norm = np.sqrt(square)
         for j in range(free):
             matrix[soft, j] = a[k, j] / norm
-        matrix[soft, free + k], below[soft] = 1.0 / norm, target[k] / norm
-        matrix[alone, free + k], below[alone] = 1.0, least[k]
+        matrix[soft, free + k] = 1.0 / norm
+        below[soft] = target[k] / norm
+        matrix[alone, free + k] = 1.0
+        below[alone] = least[k]
     return matrix, below
 
 
@@ -211,7 +223,8 @@ def lock(rows: Array, bounds: Array, a: Array, b: Array, u: Array) -> tuple[Arra
 @njit(cache=True)
 def _violated(a: Array, b: Array, u: Array) -> NDArray[np.bool_]:
     """Return (s,) which rows ``a u ≥ b`` u violates, rounding aside."""
-    allowed, total = MET * (1.0 + np.abs(u).max()), 0.0
+    allowed = MET * (1.0 + np.abs(u).max())
+    total = 0.0
     lack, violated = np.empty(b.size), np.empty(b.size, dtype=np.bool_)
     for k in range(b.size):
         square, value = 0.0, 0.0

@@ -27,7 +27,8 @@ class SolverInputs(Remaining):
     def violating_least(self, rows: StageRows) -> "SolverInputs":
         """Keep those that violate the rows least, ``min Σ max(0, b_k − a_k u)²``."""
         steer = np.einsum("ij,ij->i", rows.a, rows.a) > ZERO_GRADIENT**2
-        a, b = rows.a[steer], rows.b[steer]
+        a = rows.a[steer]
+        b = rows.b[steer]
         soft = SoftRows(a, b, np.ones(b.size), np.zeros(b.size))
         return self._lock(a, b, least_cost(self, soft))
 
@@ -41,10 +42,14 @@ class SolverInputs(Remaining):
         paid = rows.weight > 0.0
         if not paid.any():
             return self.nearest()
-        a, b, weight, least = rows.a[paid], rows.b[paid], rows.weight[paid], rows.least[paid]
+        a = rows.a[paid]
+        b = rows.b[paid]
+        weight = rows.weight[paid]
+        least = rows.least[paid]
         if lambda_u > 0.0:
             return trade(self, SoftRows(a, b, weight / lambda_u, least))
-        u, root = least_cost(self, SoftRows(a, b, weight, least)), np.sqrt(weight)
+        u = least_cost(self, SoftRows(a, b, weight, least))
+        root = np.sqrt(weight)
         return self._lock(root[:, None] * a, root * (b - least), u).nearest()
 
     def draw(self, rows: StageRows, lambda_u: float) -> Array:
@@ -52,7 +57,9 @@ class SolverInputs(Remaining):
         paid = rows.weight > 0.0
         if not paid.any():
             return self.nearest()
-        a, t, weight = rows.a[paid], rows.target[paid], rows.weight[paid]
+        a = rows.a[paid]
+        t = rows.target[paid]
+        weight = rows.weight[paid]
         if lambda_u > 0.0:
             return trade(self, SoftRows(a, t, weight / lambda_u, None))
         return self._pin(a, least_cost(self, SoftRows(a, t, weight, None))).nearest()

@@ -46,7 +46,8 @@ class GeneralProgram(Program):
         if self.input_set.contains(desired, 0.0) and (rows.a @ desired >= rows.b).all():
             slack = np.zeros(rows.b.size)
             return FilterResult(desired, slack, staged.least, FilterStatus.NOMINAL, 0)
-        solver, radius = Solver(self.solver), self.input_set.radius
+        solver = Solver(self.solver)
+        radius = self.input_set.radius
         try:
             inputs = self._admissible._replace(u_nominal=desired, solver=solver)
             u, target = decide(self.plan, inputs, staged, self.prices.lambda_u)

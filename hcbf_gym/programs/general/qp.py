@@ -153,7 +153,8 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
     identity = scipy.sparse.csc_matrix(_identity(centre.size))
-    rows, cones = scipy.sparse.csc_matrix(-a), [clarabel.NonnegativeConeT(lower.size)]
+    rows = scipy.sparse.csc_matrix(-a)
+    cones = [clarabel.NonnegativeConeT(lower.size)]
     answer = clarabel.DefaultSolver(identity, -centre, rows, -lower, cones, settings).solve()
     status = clarabel.SolverStatus
     if answer.status in (status.Solved, status.AlmostSolved, status.InsufficientProgress):

@@ -79,7 +79,8 @@ def least_cost(
         b: (k,) their bounds.
         inputs: u(z), z of r elements.
     """
-    free, count = centre.size, soft.target.size
+    free = centre.size
+    count = soft.target.size
     one = to_rational(np.eye(count))
     rows, lower = inputs.rows(a, b)
     gradient, target = inputs.rows(soft.a, soft.target)
@@ -87,7 +88,8 @@ def least_cost(
     if soft.least is None:
         below, least = -above, -target
     else:
-        below, least = np.hstack((0 * gradient, one)), to_rational(soft.least)
+        below = np.hstack((0 * gradient, one))
+        least = to_rational(soft.least)
     constraints = np.vstack((np.hstack((rows, np.zeros((len(b), count), dtype=int))), above, below))
     price = to_rational(np.concatenate((np.full(free, _TINY), soft.weight)))
     start = to_rational(np.concatenate((centre, np.zeros(count))))
@@ -105,7 +107,9 @@ def project(centre: Array, ease: Array, a: Array, b: Array) -> Array:
             rounding alone makes such.
         b: (k,) their bounds.
     """
-    x, active, multiplier = centre, [], []
+    x = centre
+    active = []
+    multiplier = []
     while True:
         lack = b - a @ x
         p = int(np.argmax(lack)) if len(b) else 0

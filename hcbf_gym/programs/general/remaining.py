@@ -44,7 +44,8 @@ class Remaining(NamedTuple):
     @classmethod
     def of(cls, input_set: InputSet, u_nominal: Array, solver: Solver) -> Self:
         """Return U."""
-        n_u, (a, b) = input_set.n_u, input_set.halfspaces()
+        n_u = input_set.n_u
+        (a, b) = input_set.halfspaces()
         return cls(u_nominal, solver, np.zeros(n_u), np.eye(n_u), a, b, input_set.radius)
 
     def nearest(self) -> Array:

@@ -42,7 +42,8 @@ def trader(inputs: Remaining, soft: SoftRows) -> Callable[[Array], Array]:
     if not basis.shape[1]:
         return lambda u_nominal: point
     root = np.sqrt(soft.weight)
-    a, target = root[:, None] * (soft.a @ basis), root * (soft.target - soft.a @ point)
+    a = root[:, None] * (soft.a @ basis)
+    target = root * (soft.target - soft.a @ point)
     least = None if soft.least is None else root * soft.least
     choose = _equalities(inputs, a, target) if least is None else _soft(inputs, a, target, least)
     return lambda u_nominal: point + basis @ choose(basis.T @ (u_nominal - point))
@@ -113,9 +114,11 @@ def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array:
 def _proximal(inputs: Remaining, soft: SoftRows, steepest: float) -> Array | None:
     """Iterate ``u_{j+1} = argmin Σ w_k δ_k² + ε ‖u − u_j‖²``; None unless it settles."""
     steep = soft._replace(weight=soft.weight * (PULL / steepest**2))
-    nearest_to, u = trader(inputs, steep), inputs.nearest()
+    nearest_to = trader(inputs, steep)
+    u = inputs.nearest()
     for _ in range(20):
-        previous, u = u, nearest_to(u)
+        previous = u
+        u = nearest_to(u)
         if np.abs(u - previous).max() <= SETTLED * (1.0 + np.abs(u).max()):
             return u
     return None

@@ -144,7 +144,8 @@ def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) 
     Returns:
         The number of stages.
     """
-    start, count = w.start, 0
+    start = w.start
+    count = 0
     for k in range(priority.size):
         count = max(count, _stage(settings, weights, priority[k]))
     for stage in range(count + 2):
@@ -168,7 +169,9 @@ def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) 
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
     """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
     k: int = row.index
-    row.ax, row.ay, row.b = rows.a[k, 0], rows.a[k, 1], rows.b[k]
+    row.ax = rows.a[k, 0]
+    row.ay = rows.a[k, 1]
+    row.b = rows.b[k]
     row.norm = np.hypot(row.ax, row.ay)
     gamma0 = _gamma0(weights, rows.priority[k])
     row.strict = np.isinf(gamma0)
@@ -179,7 +182,8 @@ def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
 @njit(cache=True, error_model="numpy", inline="always")
 def _decide(settings: Settings, stage_count: int, ux: float, uy: float, w: Workspace) -> Point:
     """Run the stages on rows sorted by them."""
-    vertices, feasible = settings.vertices, w.polygons[FEASIBLE]
+    vertices = settings.vertices
+    feasible = w.polygons[FEASIBLE]
     count = vertices.shape[0]
     copy(vertices, count, feasible)
     if settings.lower == DRAWN:
@@ -192,7 +196,8 @@ def _decide(settings: Settings, stage_count: int, ux: float, uy: float, w: Works
         if count == 1:
             break  # nothing is left to decide
         if rows[0].strict:
-            count, found = stages.meet(count, rows, w), False
+            count = stages.meet(count, rows, w)
+            found = False
         elif settings.lower == RELAXED:
             x, y = stages.relax(count, Cost(rows, settings.lambda_u, ux, uy), w)
             found = True

@@ -69,7 +69,8 @@ def settle(
             row = cost.rows[k]
             if k == own or not _kinks_at(row, x, y, radius):
                 continue
-            ex, ey = -row.ay / row.norm, row.ax / row.norm
+            ex = -row.ay / row.norm
+            ey = row.ax / row.norm
             along = sign * (ex * line.nx + ey * line.ny)
             if abs(along) <= THIN:
                 continue

@@ -23,7 +23,8 @@ def least_cost(
         radius: the largest norm of an input.
     """
     w = make_workspace(radius, 4 + lower.size, soft.shape[0])
-    size, corners = 4.0 * radius, w.polygons[FEASIBLE]
+    size = 4.0 * radius
+    corners = w.polygons[FEASIBLE]
     corners[0, 0], corners[0, 1], corners[1, 0], corners[1, 1] = -size, -size, size, -size
     corners[2, 0], corners[2, 1], corners[3, 0], corners[3, 1] = size, size, -size, size
     count = 4

@@ -27,7 +27,8 @@ class LeastSquares(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float]:
     """Return the least and the greatest n·u on a polygon."""
-    low, high = np.inf, -np.inf
+    low = np.inf
+    high = -np.inf
     for i in range(count):
         value = nx * corners[i, 0] + ny * corners[i, 1]
         low, high = min(low, value), max(high, value)
@@ -48,7 +49,9 @@ def cut(corners: Array, count: int, line: Line, radius: float) -> int:
         The new number of corners.
     """
     nx, ny, d = line
-    thin, same, scratch = THIN * radius, SAME_CORNER * radius, corners[corners.shape[0] // 2 :]
+    thin = THIN * radius
+    same = SAME_CORNER * radius
+    scratch = corners[corners.shape[0] // 2 :]
     lowest, highest = span(corners, count, nx, ny)
     if lowest >= d:
         return count
@@ -104,7 +107,8 @@ def _append(corners: Array, count: int, x: float, y: float, distance: float) -> 
 @njit(cache=True, error_model="numpy")
 def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: float) -> int:
     """Keep, of the corners with n·u ≥ level, the two that lie farthest apart."""
-    low, high = np.inf, -np.inf
+    low = np.inf
+    high = -np.inf
     low_x = low_y = high_x = high_y = 0.0
     for i in range(count):
         x, y = corners[i, 0], corners[i, 1]
@@ -176,7 +180,8 @@ def minimise(
     # R = σ p nᵀ: n·u is decided, and u* decides the rest
     angle = 0.5 * np.arctan2(2.0 * r11 * r12, r11 * r11 - r12 * r12 - r22 * r22)
     nx, ny = np.cos(angle), np.sin(angle)
-    p1, p2 = r11 * nx + r12 * ny, r22 * ny
+    p1 = r11 * nx + r12 * ny
+    p2 = r22 * ny
     low, high = span(corners, count, nx, ny)
     target = min(max((p1 * z1 + p2 * z2) / (p1 * p1 + p2 * p2), low), high)
     chord = w.polygons[COPY]
@@ -210,7 +215,9 @@ def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: f
         return corners[0, 0], corners[0, 1]
     if count > 2 and contains(corners, count, cx, cy):
         return cx, cy
-    best, best_x, best_y = np.inf, corners[0, 0], corners[0, 1]
+    best = np.inf
+    best_x = corners[0, 0]
+    best_y = corners[0, 1]
     last = count - 1
     dx, dy = corners[0, 0] - corners[last, 0], corners[0, 1] - corners[last, 1]
     e1 = r11 * corners[0, 0] + r12 * corners[0, 1] - z1
@@ -220,8 +227,10 @@ def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: f
         x, y = corners[i, 0], corners[i, 1]
         j = i + 1 if i + 1 < count else 0
         dx, dy = corners[j, 0] - x, corners[j, 1] - y
-        d1, d2 = r11 * dx + r12 * dy, r22 * dy
-        e1, e2 = r11 * x + r12 * y - z1, r22 * y - z2
+        d1 = r11 * dx + r12 * dy
+        d2 = r22 * dy
+        e1 = r11 * x + r12 * y - z1
+        e2 = r22 * y - z2
         leaving = d1 * e1 + d2 * e2
         if leaving >= 0.0 and arriving <= 0.0:
             return x, y
@@ -229,7 +238,8 @@ def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: f
         arriving = leaving + d1 * d1 + d2 * d2
         if 0.0 < t < 1.0:
             px, py = x + t * dx, y + t * dy
-            g1, g2 = r11 * px + r12 * py - z1, r22 * py - z2
+            g1 = r11 * px + r12 * py - z1
+            g2 = r22 * py - z2
             inward = -dy * (r11 * g1) + dx * (r12 * g1 + r22 * g2)
             if inward >= 0.0 or count == 2:
                 return px, py

@@ -73,7 +73,8 @@ class _Compiled:
         if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
             self.prices.least_slack(rows)
             rows = rows._replace(alpha2_psi=rows.b)
-        shape, kind = rows.b.shape, rows.priority.dtype.kind
+        shape = rows.b.shape
+        kind = rows.priority.dtype.kind
         fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
         if not fits or kind not in "iu" or rows.alpha2_psi.shape != shape:  # type: ignore[union-attr]
             check_shapes(rows, 2)
@@ -130,7 +131,8 @@ class BatchProgram(_Compiled):
             InvalidInputError: on malformed input or rows, or weights of another number of states.
         """
         desired = finite_array("u_nominal", u_nominal, (None, 2))
-        shape, count = rows.b.shape, len(desired)
+        shape = rows.b.shape
+        count = len(desired)
         if rows.b.ndim != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
         answer, status = self._solve(tuple(self.settings_of(count)), desired, rows)

@@ -53,7 +53,8 @@ def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
     x, y, found = _guess(corners, count, cost, w)
     if found:
         return x, y
-    cell, rows = w.polygons[CELL], cost.rows
+    cell = w.polygons[CELL]
+    rows = cost.rows
     copy(corners, count, cell)
     for k in range(rows.size):
         pays = rows[k].weight != 0.0 and rows[k].norm > ZERO_GRADIENT
@@ -130,7 +131,8 @@ def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
 
     Rows whose kinks pass the cell by are noted as met or paid.
     """
-    chosen, depth = -1, 0.0
+    chosen = -1
+    depth = 0.0
     for k in range(cost.rows.size):
         row = cost.rows[k]
         if row.state != OPEN:
@@ -142,7 +144,8 @@ def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
         elif highest <= line.d + thin:
             row.state = PAID
         elif min(line.d - lowest, highest - line.d) > depth:
-            chosen, depth = k, min(line.d - lowest, highest - line.d)
+            chosen = k
+            depth = min(line.d - lowest, highest - line.d)
     return chosen
 
 
@@ -168,7 +171,8 @@ def keep_least(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[in
 @njit(cache=True, error_model="numpy")
 def flattest_that_counts(rows: Rows) -> float:
     """Return the steepness ``√w_k ‖a_k‖`` below which rows are too flat beside the steepest."""
-    steepest, flattest = 0.0, np.inf
+    steepest = 0.0
+    flattest = np.inf
     for k in range(rows.size):
         row = rows[k]
         if row.weight > 0.0 and row.norm > ZERO_GRADIENT:

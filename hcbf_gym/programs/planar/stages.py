@@ -37,7 +37,9 @@ from hcbf_gym.programs.tolerances import THIN, ZERO_GRADIENT
 @njit(cache=True, error_model="numpy")
 def meet(count: int, rows: Rows, w: Workspace) -> int:
     """Keep the inputs that meet the rows or, where none does, violate them least (``min Σ δ²``)."""
-    feasible, trial, new = w.polygons[FEASIBLE], w.polygons[TRIAL], count
+    feasible = w.polygons[FEASIBLE]
+    trial = w.polygons[TRIAL]
+    new = count
     if rows.size == 1:  # a cut that cannot be met leaves the face of least violation
         row = rows[0]
         return cut(feasible, count, row_line(row, row.b), w.radius) if _steers(row) else count
@@ -115,7 +117,8 @@ def _drawn(cost: Cost) -> LeastSquares:
 @njit(cache=True, error_model="numpy")
 def set_targets(vertices: Array, rows: Rows, ux: float, uy: float, w: Workspace) -> None:
     """Write ``a_k û_k`` of each row that is not strict, û_k its own program's solution."""
-    corners, trial = vertices.shape[0], w.polygons[TRIAL]
+    corners = vertices.shape[0]
+    trial = w.polygons[TRIAL]
     x0, y0 = nearest(vertices, corners, ux, uy)
     for k in range(rows.size):
         row = rows[k]
