@@ -33,6 +33,7 @@ class WalkerDrive:
     Attributes:
         truth: (4,) position [m] and velocity [m/s] of the point that follows the model.
         told: (k,) what the controller is told, in the robot's axes [m/s, rad/s].
+        ctrl: (k,) inputs of the actuators.
         failed: whether the controller gave something that is no action; the last one was kept.
 
     Raises:
@@ -87,7 +88,7 @@ class WalkerDrive:
         self.adapter.reset(simulation.yaw)
         self._action[:] = self.told[:] = 0.0
         self._phase[:] = walker.first_phase
-        self._ctrl: Array = self._offset.copy()
+        self.ctrl: Array = self._offset.copy()
         sizes = self._observer.size, len(self._action)
         self._controller = walker.controller(sizes, simulation.model)
         base = np.empty((1, 13))
@@ -119,9 +120,9 @@ class WalkerDrive:
         for tick in self._ticks:
             if self._since % self._per_action == 0:
                 self.told[:] = self.adapter.command(vx, vy, simulation.yaw, simulation.yaw_rate)
-                self._act()
+                self.act()
             self._since += 1
-            simulation.step(self._ctrl)
+            simulation.step(self.ctrl)
             if simulation.diverged:  # the last finite state stands
                 break
             simulation.base(base[count])
@@ -149,7 +150,7 @@ class WalkerDrive:
         lag = np.array([0.0, 0.0, body[2] - told[0], body[3] - told[1]])
         return Estimate(x, time, None, x, lag, np.float64(self.simulation.yaw))
 
-    def _act(self) -> None:
+    def act(self) -> None:
         """Ask the controller, and keep the last inputs where it gives none."""
         seen = self._observer.observe()
         assert self._controller is not None
@@ -159,7 +160,7 @@ class WalkerDrive:
             action = np.array([np.nan])
         if action.shape == self._action.shape and math.isfinite(action.sum()):
             self._action[:] = action
-            self._ctrl = self._offset + self._scale * action
+            self.ctrl = self._offset + self._scale * action
         else:
             self.failed = True
         if self._clock:

@@ -75,8 +75,8 @@ class PlanarCore(FilterCore):
 
     def since(self, seconds: float) -> None:
         """Take the next sample to come so many seconds after the last one [s]: periods jitter."""
-        settings = self._constants
-        self._constants = (*settings[:3], seconds, *settings[4:])
+        self._period = seconds
+        self._constants["period"] = seconds
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""

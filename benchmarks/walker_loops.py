@@ -1,0 +1,136 @@
+"""How a walker follows, and how fast it runs: its bare loop, and the environment under a filter."""
+
+import time
+import warnings
+from collections.abc import Mapping
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+from hcbf_gym import wrappers
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.envs.walker_drive import WalkerDrive
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.robots.walker import Walker
+from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.studies.identification.identify import identify
+
+SEED = 77
+"""Of the commands; none of those with which the responses beside the contracts were measured."""
+ROUNDS = 5
+"""Turns of each loop, taken in alternation; the fastest counts."""
+
+
+def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
+    """Return how robots follow steps, turns and stops, the A1 with its own controller beside them.
+
+    Args:
+        contracts: name → a contract's path or name.
+        seconds: of random commands [s].
+    """
+    header = (
+        "robot", "gains", "time constant [s]", "delay [s]", "residual 95 % [m/s]",
+        "residual 99.9 % [m/s]", "overshoot [m/s]", "rise [s]", "stops within [m]",
+        "brakes [m/s²]", "falls",
+    )  # fmt: skip
+    rows = []
+    for name, contract in (dict(contracts) | {"a1": "a1"}).items():
+        r = identify(Walker.load(contract), seconds, SEED).response
+        rows.append(
+            [
+                name,
+                ", ".join(f"{gain:.2f}" for gain in r.gain),
+                f"{r.time_constant:.3f}",
+                f"{r.delay:.2f}",
+                f"{r.residual[1]:.3f}",
+                f"{r.residual[2]:.3f}",
+                f"{r.overshoot:.3f}",
+                f"{r.rise:.2f}",
+                f"{r.stopping:.3f}",
+                f"{r.braking:.2f}",
+                str(r.falls),
+            ]
+        )
+    return Table(f"velocity steps, turns and stops, {seconds:g} s of commands", header, rows)
+
+
+def speeds(contracts: Mapping[str, str], seconds: float = 10.0) -> Table:
+    """Return how many times faster than real time robots run, bare and filtered, on this core.
+
+    Args:
+        contracts: name → a contract's path or name.
+        seconds: of every turn [s].
+    """
+    rows = []
+    for name, contract in contracts.items():
+        bare, filtered = _Bare(contract), _Filtered(contract)
+        for loop in (bare, filtered):
+            loop.run(1.0)
+        taken = [(bare.run(seconds), filtered.run(seconds)) for _ in range(ROUNDS)]
+        one, other = (seconds / min(turn) for turn in zip(*taken, strict=True))
+        ratio = float(np.median([b / f for b, f in taken]))
+        rows.append([name, f"{one:.0f}", f"{other:.0f}", f"{ratio:.2f}"])
+    header = ("robot", "bare loop [× real time]", "filtered, with infos", "median of the ratios")
+    return Table("policy, physics, filter and infos on one core", header, rows)
+
+
+class _Bare:
+    """The robot's controller and physics, and nothing else."""
+
+    def __init__(self, contract: str):
+        walker = Walker.load(contract)
+        self._physics = WalkerPhysics(walker)
+        adapter = Adapter(walker.command, walker.response)
+        self._drive = WalkerDrive(self._physics, adapter, None)
+        self._drive.reset(np.zeros(2), 0.0, BarrierSet([()]), np.random.default_rng(0))
+        self._ticks = round(walker.period / self._physics.model.opt.timestep)
+        self._period = walker.period
+
+    def run(self, seconds: float) -> float:
+        """Return how long so many seconds take [s]."""
+        model, data, drive = self._physics.model, self._physics.data, self._drive
+        start = time.perf_counter()
+        for _ in range(round(seconds / self._period)):
+            drive.told[0] = 0.5
+            drive.act()
+            data.ctrl[:] = drive.ctrl
+            for _ in range(self._ticks):
+                mujoco.mj_step(model, data)
+        return time.perf_counter() - start
+
+
+class _Filtered:
+    """The environment under a filter and an attack."""
+
+    def __init__(self, contract: str):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._env = wrappers.SafetyFilter(
+                gym.make(
+                    "HCBF-WalkerRegions-v0",
+                    robot=contract,
+                    scenario="random",
+                    max_episode_steps=10**6,
+                    disable_env_checker=True,
+                )
+            )
+        self._seed = 0
+
+    def run(self, seconds: float) -> float:
+        """Return how long so many seconds take [s], the attack not counted."""
+        env, taken = self._env, 0.0
+        self._seed += 1
+        observation, info = env.reset(seed=self._seed)
+        wanted = wants("rotating", env, self._seed)
+        for _ in range(round(seconds / CONTROL_DT)):
+            u = wanted(observation, info)
+            start = time.perf_counter()
+            observation, _, ended, _, info = env.step(u)
+            taken += time.perf_counter() - start
+            if ended:
+                observation, info = env.reset()
+        return taken
