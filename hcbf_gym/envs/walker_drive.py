@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.set import BarrierSet
@@ -45,6 +46,8 @@ class WalkerDrive:
         walker, timestep = simulation.walker, float(simulation.model.opt.timestep)
         self._footprint = footprint
         self._ticks: Array = np.arange(1, ticks_of(timestep) + 1) * np.float64(timestep)
+        self._base: Array = np.empty((len(self._ticks), 13))
+        self._rows = list(self._base)
         self._per_action = round(walker.period / timestep)
         parts, k = simulation.parts, len(simulation.parts.actuators)
         self._scale = walker.scale(parts)
@@ -112,31 +115,29 @@ class WalkerDrive:
 
     def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Walk:
         """Tell the robot a velocity (2,) in the world [m/s] for one control step."""
-        simulation, bodies = self.simulation, []
-        base = np.empty((len(self._ticks), 13))
+        simulation, base, bodies = self.simulation, self._base, []
         force = np.zeros_like(simulation.obstacle_forces())
         vx, vy = velocity.tolist()
-        count = 0
-        for tick in self._ticks:
+        for k, row in enumerate(self._rows):
             if self._since % self._per_action == 0:
                 self.told[:] = self.adapter.command(vx, vy, simulation.yaw, simulation.yaw_rate)
                 self.act()
             self._since += 1
             simulation.step(self.ctrl)
-            if simulation.diverged:  # the last finite state stands
-                break
-            simulation.base(base[count])
-            count += 1
+            simulation.base(row)
             if self._footprint is not None:
-                bodies.append(self._body_h(barriers, time + tick))
+                bodies.append(self._body_h(barriers, time + self._ticks[k]))
             if len(force):
                 force = np.maximum(force, simulation.obstacle_forces())
-        walked = tracked(base[:count], self.adapter.look_ahead) if count else self.truth[None]
+        simulation.look()
+        walked = tracked(base, self.adapter.look_ahead)
+        if len(walked) == 0:  # the last finite state stands
+            walked = self.truth[None]
         self.truth = walked[-1]
         times = time + self._ticks[: len(walked)]
         if self._footprint is None:
             return Walk(walked, times, force)
-        bodies = bodies or [self._body_h(barriers, time)]
+        bodies = bodies[: len(walked)]
         return Walk(walked, times, force, bodies[-1], np.minimum.reduce(bodies))
 
     def estimate(self, time: float) -> Estimate:
@@ -175,18 +176,22 @@ class WalkerDrive:
         return self._footprint.h(self.simulation.data, barriers, time)
 
 
+@njit(cache=True, error_model="numpy")
 def tracked(base: Array, look_ahead: float) -> Array:
-    """Return (k, 4) position and velocity of the point before the trunk.
+    """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
 
     Args:
         base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
         look_ahead: ℓ [m].
     """
-    path = base[:, [0, 1, 7, 8]]
-    if look_ahead > 0.0:
-        w, x, y, z = base[:, 3:7].T
+    path = np.empty((len(base), 4))
+    for n in range(len(base)):
+        w, x, y, z = base[n, 3:7]
         yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        ahead = look_ahead * np.column_stack([np.cos(yaw), np.sin(yaw)])
-        path[:, :2] += ahead
-        path[:, 2:] += base[:, 12:] * np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        ahead_x, ahead_y = look_ahead * np.cos(yaw), look_ahead * np.sin(yaw)
+        path[n, 0], path[n, 1] = base[n, 0] + ahead_x, base[n, 1] + ahead_y
+        path[n, 2] = base[n, 7] - base[n, 12] * ahead_y
+        path[n, 3] = base[n, 8] + base[n, 12] * ahead_x
+        if not np.isfinite(base[n].sum()):
+            return path[:n]
     return path

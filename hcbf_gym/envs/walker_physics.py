@@ -35,7 +35,7 @@ class WalkerPhysics(Simulated):
     Attributes:
         parts: names of the robot's parts.
         at: where the scene has them.
-        diverged: whether the state has left the finite numbers.
+        diverged: whether the state had left the finite numbers when one looked last.
 
     Raises:
         RobotModelError: if the robot's file is not what the contract says.
@@ -130,6 +130,9 @@ class WalkerPhysics(Simulated):
         mujoco.mj_step(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()
+
+    def look(self) -> None:
+        """Note whether the state has left the finite numbers."""
         self.diverged = not math.isfinite(self._qpos.sum() + self._qvel.sum())
 
     def place_geoms(self) -> None:
