@@ -1,6 +1,7 @@
 """What the robot cannot feel, as shapes of a MuJoCo scene: regions, walls, reference and path."""
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -50,7 +51,7 @@ class SceneArtist:
 
     def walk(self, position: Array) -> None:
         """Add a position (2,) [m] to the path, unless the last one is as good as the same."""
-        if not self._path or np.linalg.norm(position - self._path[-1]) >= _STRIDE:
+        if not self._path or math.dist(position, self._path[-1]) >= _STRIDE:
             self._path.append(position)
 
     def draw(

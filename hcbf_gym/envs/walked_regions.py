@@ -201,7 +201,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
-        u = task.check_action(action, (2,)).clip(*self._bounds)
+        low, high = self._bounds
+        u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
         task.check_started(self._started)
         distance_before = self._error()
         walk = self.walker.hold(u, self.barrier_set, self.time)

@@ -71,6 +71,8 @@ class WalkerPhysics(Simulated):
         if self._randomization.payload[1] > 0.0:
             place = self._randomization.payload_position
             scene.add_payload(spec, place, self.parts.trunk)
+        # a divergence is reported: MuJoCo would put the robot back to where the file has it
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.model = compile_spec(spec, walker.mjcf)
         self.data = mujoco.MjData(self.model)
         self.at = indices(self.model, self.parts)

@@ -97,7 +97,7 @@ class AttackedEpisode:
             least_second_h=float(least[second].min()) if second else np.inf,
             least_body_h=float(body[position].min()),
             fell=fell,
-            reached=bool(terminated) and not fell,
+            reached=bool(terminated) and bool(info["is_success"]),
             seconds=float(inner.time),
             qp_failures=int(info.get("qp_failures", 0)),
             status_counts=[int(count) for count in counts],
