@@ -19,7 +19,8 @@ def pytest_addoption(parser):
     parser.addoption(
         "--only-skips",
         metavar="FILE",
-        help="fail if a test is skipped that FILE does not list, a line each: 'id | reason'",
+        help="fail if a test is skipped that FILE does not list, a line each: 'id | reason'; the "
+        "id * stands for every test with that reason",
     )
     parser.addoption(
         "--skipped-before",
@@ -74,7 +75,7 @@ class OnlySkips:
         if report.skipped:
             reason = getattr(report, "wasxfail", None) or report.longrepr[2]
             skip = f"{report.nodeid} | {reason.removeprefix('Skipped: ')}"
-            if skip not in self.listed:
+            if not {skip, f"* | {skip.partition(' | ')[2]}"} & self.listed:
                 self.others.append(skip)
 
     pytest_collectreport = pytest_runtest_logreport  # a whole file
