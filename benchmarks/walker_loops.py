@@ -1,8 +1,11 @@
 """How a walker follows, and how fast it runs: its bare loop, and the environment under a filter."""
 
+import functools
+import os
 import time
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -76,6 +79,50 @@ def speeds(contracts: Mapping[str, str]) -> Table:
     return Table("policy, physics, filter and infos on one core", header, rows)
 
 
+def fleet(contract: str, count: int = 16, seconds: float = 4.0) -> Table:
+    """Return how much more a fleet of filtered robots on all cores does than one on one core.
+
+    Args:
+        contract: a path or a name.
+        count: of the robots.
+        seconds: of every turn [s].
+    """
+    steps = round(seconds / CONTROL_DT)
+    one = gym.vector.SyncVectorEnv([functools.partial(_make, contract)])
+    many = gym.vector.AsyncVectorEnv([functools.partial(_make, contract)] * count)
+    taken = []
+    for envs in (one, many):
+        envs.reset(seed=0)
+        u = np.zeros((envs.num_envs, 2))
+        envs.step(u)
+        turns = []
+        for _ in range(ROUNDS // 8):
+            start = time.perf_counter()
+            for _ in range(steps):
+                envs.step(u)
+            turns.append((time.perf_counter() - start) / envs.num_envs)
+        taken.append(seconds / min(turns))
+        envs.close()
+    gain = f"{taken[1] / taken[0]:.2f}"
+    header = ("robots", "one [× real time]", f"{count} in AsyncVectorEnv, together", "gain")
+    title = f"many on {os.cpu_count()} cores, filter and infos included"
+    return Table(title, header, [[Path(contract).stem, *(f"{x:.0f}" for x in taken), gain]])
+
+
+def _make(contract: str) -> gym.Env:
+    """Return a filtered robot whose episodes do not end by time."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        env = gym.make(
+            "HCBF-WalkerRegions-v0",
+            robot=contract,
+            scenario="random",
+            max_episode_steps=10**6,
+            disable_env_checker=True,
+        )
+        return wrappers.SafetyFilter(env)
+
+
 class _Bare:
     """The robot's controller and physics, and nothing else."""
 
@@ -105,17 +152,7 @@ class _Filtered:
     """The environment under a filter and an attack."""
 
     def __init__(self, contract: str):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self._env = wrappers.SafetyFilter(
-                gym.make(
-                    "HCBF-WalkerRegions-v0",
-                    robot=contract,
-                    scenario="random",
-                    max_episode_steps=10**6,
-                    disable_env_checker=True,
-                )
-            )
+        self._env = _make(contract)
         self._seed = 0
 
     def run(self, seconds: float) -> float:

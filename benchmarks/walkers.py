@@ -21,7 +21,7 @@ from benchmarks.strict.lines import faster
 from benchmarks.strict.outcomes import OutcomeFile
 from benchmarks.strict.suite import summary
 from benchmarks.velocity_loops import LoopEpisode
-from benchmarks.walker_loops import speeds, tracking
+from benchmarks.walker_loops import fleet, speeds, tracking
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
@@ -33,6 +33,12 @@ from hcbf_gym.robots.walker import NAMES, Walker
 RESULTS = Path("results/walkers")
 ROOT = Path(__file__).parents[1]
 CONTRACTS = ROOT / "tests/robots/contracts"
+DEPENDS = (
+    "hcbf_gym/envs/walker_regions.py",
+    "hcbf_gym/evaluation/attacked.py",
+    "benchmarks/velocity_loops.py",
+)
+"""What outcomes depend on, with all that these import; episodes say themselves what they are."""
 SLOW = 0.8
 """The lower of the two caps on the speed [m/s]; the higher one is the contract's."""
 FIRST_SEED = 7_000_000
@@ -151,7 +157,7 @@ def bound(entered: int, episodes: int) -> float:
 def outcomes(part: str, robot: str, count: int) -> list[Outcome]:
     """Run what is missing of a part, and return what its episodes showed."""
     walker = Walker.load(ROBOTS[robot].contract)
-    files = [Path(__file__), ROOT / "hcbf_gym/envs/walker_regions.py", walker.source]
+    files = [*(ROOT / name for name in DEPENDS), walker.source, walker.mjcf]
     if walker.response is not None:
         files.append(walker.response_file)
     on_file = OutcomeFile(RESULTS / f"{robot}.jsonl", sources_hash(files))
@@ -212,8 +218,13 @@ def main(
     contracts = {
         name: ROBOTS[choose("robot", name, {r: r for r in ROBOTS})].contract for name in robots
     }
-    if part in ("tracking", "speed"):
-        Console().print((tracking if part == "tracking" else speeds)(contracts).rich())
+    if part == "tracking":
+        Console().print(tracking(contracts).rich())
+        return
+    if part == "speed":
+        Console().print(speeds(contracts).rich())
+        if "go1" in contracts:
+            Console().print(fleet(contracts["go1"]).rich())
         return
     rows = []
     for robot in robots:

@@ -1,4 +1,4 @@
-"""Film the loops of the site: the A1 in each kind of scene, twice as fast, as small WebP files.
+"""Film the loops of the site: robots in each kind of scene, twice as fast, as small WebP files.
 
 Each loop ends with a line: how near the robot came to rank 1, and the size of the file.
 """
@@ -49,6 +49,13 @@ class Loop(NamedTuple):
     seconds: float
     filter_options: Mapping[str, Any] | None
     env_options: Mapping[str, Any] = {}
+    env: str = "HCBF-A1Regions-v0"
+
+
+def _attacked(robot: str, seed: int, attack: str = "edge") -> Loop:
+    """Return the film of a walker under attack."""
+    options = {"robot": robot}
+    return Loop("random", seed, attack, 14.0, LEX, options, "HCBF-WalkerRegions-v0")
 
 
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
@@ -63,8 +70,15 @@ LOOPS = {
     "random-traps": Loop("random-traps", 2, "pd", 20.0, GUIDED),
     "random-moving": Loop("random-moving", 5, "pd", 14.0, LEX),
     "rough": Loop("random", 7, "pd", 14.0, LEX, {"terrain": "rough"}),
+    "cart": _attacked("cart", 1),
+    "holonomic-cart": _attacked("holonomic-cart", 1),
 }
 """The loops of the site by name."""
+FOREIGN = {
+    name: _attacked(f"tests/robots/contracts/{name}.json", 1)
+    for name in ("go1", "berkeley_humanoid")
+}
+"""The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +86,14 @@ class Args:
     """Which loops to film."""
 
     loops: tuple[str, ...] = field(default_factory=lambda: tuple(LOOPS))
-    """Their names."""
+    """Their names; of robots that are not the project's own only when asked for."""
     output: Path = Path("docs/images/gallery")
     """Folder for the files."""
 
 
 def main(args: Args) -> None:
     """Film the loops one after the other."""
-    chosen = {name: choose("loop", name, LOOPS) for name in args.loops}
+    chosen = {name: choose("loop", name, LOOPS | FOREIGN) for name in args.loops}
     args.output.mkdir(parents=True, exist_ok=True)
     for name, loop in chosen.items():
         pictures, least = film(loop)
@@ -96,7 +110,7 @@ def film(loop: Loop) -> tuple[list[Image.Image], float]:
         loop: what to film.
     """
     options: Any = {"scenario": loop.scenario, "render_mode": "rgb_array"} | dict(loop.env_options)
-    env: gym.Env = gym.make("HCBF-A1Regions-v0", **options)
+    env: gym.Env = gym.make(loop.env, **options)
     if loop.filter_options is not None:
         env = wrappers.SafetyFilter(env, **loop.filter_options)
     inner: Any = env.unwrapped

@@ -146,6 +146,15 @@ def _violation(h: Array) -> tuple[Array, Array]:
     return violation, cost
 
 
+@njit(cache=True)
+def least(h: Array) -> Array:
+    """Return (1, m) the least of values (k, m) over the physics steps."""
+    lowest = h[:1].copy()
+    for k in range(1, h.shape[0]):
+        lowest = np.minimum(lowest, h[k])
+    return lowest
+
+
 def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
     """Return the infos of a reset: those of a step that moved nothing and earned nothing.
 

@@ -210,17 +210,17 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.artist.walk(self.walker.truth[:2])
         h = self.barrier_set.along(walk.path, walk.times)
 
-        distance, fallen = self._error(), self.simulation.fallen
+        distance = self._error()
         at_end = self._steps >= len(self._references) - 1
-        success = (distance <= self.scenario.goal_radius) & (at_end and not fallen)
+        arrived = at_end and distance[0] <= self.scenario.goal_radius
+        success = np.array([arrived and not self.simulation.fallen])
         reached = success & (self.scenario.task == "reach")
         terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
-        least = h.min(axis=0, keepdims=True)
-        info = task.first(task.step_info(h[-1:], least, distance, success) | terms)
+        info = task.first(task.step_info(h[-1:], task.least(h), distance, success) | terms)
         info |= self._info_of(walk)
         if self.render_mode == "human":
             self.render()
-        reward = float(sum(term[0] for term in terms.values()))
+        reward = float(sum(info[name] for name in terms))
         return self._observe(), reward, self._stopped() or bool(reached[0]), False, info
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -279,8 +279,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         return self._references[None, min(self._steps, len(self._references) - 1)]
 
     def _error(self) -> Array:
-        gap = self._reference()[0, :2] - self.walker.truth[:2]
-        return np.array([math.hypot(*gap.tolist())])
+        """Return (1,) the distance from the reference's position [m]."""
+        return np.array([math.dist(self._reference()[0, :2], self.walker.truth[:2])])
 
     def _observe(self) -> Array:
         x = self.rom_state[None]

@@ -116,7 +116,7 @@ class WalkerDrive:
     def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Walk:
         """Tell the robot a velocity (2,) in the world [m/s] for one control step."""
         simulation, base, bodies = self.simulation, self._base, []
-        force = np.zeros_like(simulation.obstacle_forces())
+        force = simulation.obstacle_forces() * 0.0
         vx, vy = velocity.tolist()
         for k, row in enumerate(self._rows):
             if self._since % self._per_action == 0:

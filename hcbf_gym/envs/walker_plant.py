@@ -11,8 +11,8 @@ from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 from hcbf_gym.scenarios import Scenario
 
 OFF_NOMINAL = 0.02
-"""What rows keep besides [m], and the speed limit's [m/s], where the arguments declare anything but
-the contract's robot on a flat and calm floor."""
+"""What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
+but the contract's robot on a flat and calm floor."""
 
 
 TESTED: tuple[str, ...] = ()
@@ -105,6 +105,6 @@ def uncertainty_of(
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(
             f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "
-            f"speed limit keeps {known.speed:g} m/s, so that no speed is left"
+            f"speed limit reserves {known.speed:g} m/s, so that no speed is left"
         )
     return known

@@ -1,4 +1,4 @@
-r"""How a robot follows the velocities that it is told, and what rows must keep for it.
+r"""How a robot follows the velocities that it is told, and what rows must reserve for it.
 
 In the robot's own axes, axis by axis,
 
@@ -136,9 +136,9 @@ UNKNOWN = Response(
 
 
 LEAST_DISTANCE = 0.02
-"""What rows keep of any robot [m]."""
+"""What rows reserve for any robot [m]."""
 LEAST_SPEED = 0.05
-"""What a speed limit keeps of any robot [m/s]."""
+"""What a speed limit reserves for any robot [m/s]."""
 SETTLES = 0.7
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
 a long turn, the robot settles nearer than its row says."""
@@ -147,15 +147,16 @@ FARTHER = 1.25
 MOST = 0.25
 """What the tracking error may add to a row [m]."""
 OVERSHOOT = 0.3
-"""Share of the velocity error that a speed limit keeps."""
+"""Share of the velocity error that a speed limit reserves."""
 
 
 def uncertainty(response: Response, period: float) -> Uncertainty:
-    """Return what rows must keep for a robot, from how it follows.
+    """Return what rows must reserve for a robot, from how it follows.
 
     A body that is faster towards a region than it was told goes on for ``τ + δ + T``. One that
     stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
-    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is kept in any case.
+    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is
+    reserved in any case.
 
     Args:
         response: of the robot.

@@ -256,6 +256,23 @@ def test_a_controller_that_gives_nan_ends_the_episode_with_the_last_inputs(tmp_p
     assert np.isfinite(reward)
 
 
+@pytest.mark.parametrize("robot", LEARNED)
+def test_a_network_that_gives_nan_leaves_the_last_joint_targets(robot, monkeypatch):
+    from hcbf_gym.robots.walker_policy import Network
+
+    env = gym.make(ENV, robot=robot, scenario="random")
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.array([0.5, 0.0]))
+    targets = env.unwrapped.data.ctrl.copy()
+    monkeypatch.setattr(Network, "__call__", lambda self, observation: np.full(12, np.nan))
+    with pytest.warns(SafetyWarning, match=r"policy\.onnx gave no finite action"):
+        _, _, terminated, _, info = env.step(np.array([0.5, 0.0]))
+    assert terminated
+    assert info["controller_failed"] == 1.0
+    np.testing.assert_array_equal(env.unwrapped.data.ctrl, targets)
+
+
 @pytest.mark.parametrize("action", [np.full(2, np.nan), np.zeros(3), "left"])
 def test_bad_actions_are_refused_before_anything_moves(action):
     env = gym.make(ENV)

@@ -315,7 +315,7 @@ def outcome(path):
 
 
 @settings(
-    max_examples=300,
+    max_examples=500,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(data=st.data())
