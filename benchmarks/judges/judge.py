@@ -13,9 +13,13 @@ from numpy.typing import NDArray
 from benchmarks.judges.certificate import Rationals, Stage, dot, minimiser
 from benchmarks.judges.exact import exactly, rational
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import InputSet
 
 Array = NDArray[np.float64]
+
+JUDGED = ("cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+"""The programs whose equations stand here."""
 
 
 class Rows(NamedTuple):
@@ -131,7 +135,12 @@ class Judge:
         return cls(region, known, rows.priority, strict, float(program.prices.lambda_u))
 
     def solve(self, name: str) -> Rationals:
-        """Return the input (n,) that the program of that name hands back."""
+        """Return the input (n,) that the program of that name hands back.
+
+        Raises:
+            UnknownNameError: if its equation does not stand here.
+        """
+        choose("program", name, dict.fromkeys(JUDGED))
         if name == "cbf-qp":
             return self.region.meet(self.rows).nearest()
         levels = [

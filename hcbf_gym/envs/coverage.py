@@ -272,7 +272,7 @@ def of_filter(asked: Asked, plant: Plant) -> list[str]:
         return []
     said = [] if asked.rows == "held" else [f"rows {asked.rows!r} (tested: 'held')"]
     if asked.solver is not None:
-        said.append(f"solver {asked.solver!r}, which makes usual rows (tested: None)")
+        said.append(f"solver {asked.solver!r} (tested: None)")
     if plant.uncertainty == EXACT:
         return said
     if asked.margin is not None:

@@ -168,22 +168,12 @@ def filter_plants(
             return NOT_FINITE
     if not _fits(plants):
         return MISSHAPED
-    settings = Settings(
-        c.lower,
-        c.by_level,
-        c.lock,
-        c.ranks,
-        c.guided,
-        c.radius,
-        c.lambda_u,
-        c.known_offset,
-        numbers[: 2 * c.corners].reshape(c.corners, 2),
-        numbers[2 * c.corners :].reshape(-1, c.weights),
-    )
-    work = _make_work(settings, min(count, TOGETHER), m, plants.rows.shape[1])
+    work = _make_work(_settings(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
     asks = False
     for first in range(0, count, TOGETHER):
-        asks |= _filter(c, settings, _some(plants, first, min(first + TOGETHER, count)), work)
+        end = min(first + TOGETHER, count)
+        settings = _settings(c, numbers, first, end)
+        asks |= _filter(c, settings, _some(plants, first, end), work)
     return ASKS if asks else DONE
 
 
@@ -226,6 +216,26 @@ def _make_work(settings: Settings, n: int, m: int, total: int) -> Work:
             np.empty(n, dtype=np.int64),
         ),
         make_workspace(settings.radius, settings.vertices.shape[0], total),
+    )
+
+
+@njit(cache=True, inline="always")
+def _settings(c: Any, numbers: Array, first: int, end: int) -> Settings:
+    """Return the program of the plants from `first` on and before `end`, with their weights."""
+    weights = numbers[2 * c.corners :].reshape(-1, c.weights)
+    if weights.shape[0] > 1:  # each plant has its own
+        weights = weights[first:end]
+    return Settings(
+        c.lower,
+        c.by_level,
+        c.lock,
+        c.ranks,
+        c.guided,
+        c.radius,
+        c.lambda_u,
+        c.known_offset,
+        numbers[: 2 * c.corners].reshape(c.corners, 2),
+        weights,
     )
 
 

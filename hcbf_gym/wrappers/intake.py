@@ -34,12 +34,25 @@ class Intake:
 
     def __init__(self, plant: Plant, count: int):
         self._max_age = np.inf if plant.max_age is None else plant.max_age
-        self.plants = np.zeros(count, dtype=PLANT)
-        self.x: Array = self.plants["x"]
-        self.time: Array = self.plants["time"]
-        self._fault: NDArray[np.int64] = self.plants["fault"]
         self._faulty, self._told = False, False  # whether there is anything to take back
-        self._states: Array = self.x[0] if count == 1 else self.x
+        self._name_parts(np.zeros(count, dtype=PLANT))
+
+    def _name_parts(self, plants: NDArray[Any]) -> None:
+        """Name parts of the records, which look into their memory."""
+        self.plants = plants
+        self.x: Array = plants["x"]
+        self.time: Array = plants["time"]
+        self._fault: NDArray[np.int64] = plants["fault"]
+        self._states: Array = self.x[0] if len(plants) == 1 else self.x
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs; it names the parts of its own records."""
+        parts = ("x", "time", "_fault", "_states")
+        return {name: value for name, value in vars(self).items() if name not in parts}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._name_parts(self.plants)
 
     def take(self, estimate: Estimate, now: Any) -> None:
         """Note what is known of the plants.

@@ -75,15 +75,16 @@ class Sheet:
 
     def __init__(self, count: int | None):
         self._alone = count is None
-        self.plants: Records = np.zeros(1 if count is None else count, dtype=PLANT)
+        self._count = 1 if count is None else count
+        self.plants: Records = np.zeros(self._count, dtype=PLANT)
         self.widen(0, 0)
 
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""
         told = self.plants
-        words = total * len(self.plants) * ROW.itemsize // _WORD
+        words = total * self._count * ROW.itemsize // _WORD
         self._m, self._total = m, total
-        self._divide(np.zeros(len(told) * PLANT.itemsize // _WORD + words))
+        self._divide(np.zeros(self._count * PLANT.itemsize // _WORD + words))
         self.plants[...] = told
         if self._alone:
             self._places = _places(m)
@@ -95,11 +96,20 @@ class Sheet:
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""
-        words = len(self.plants) * PLANT.itemsize // _WORD
+        words = self._count * PLANT.itemsize // _WORD
         self._numbers = memory
         self._codes = memory.view(np.int64)
         self.plants = memory[:words].view(PLANT)
-        self.rows: Records = memory[words:].view(ROW).reshape(len(self.plants), self._total)
+        self.rows: Records = memory[words:].view(ROW).reshape(self._count, self._total)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs; its records look into its own memory."""
+        parts = ("plants", "rows", "_codes")
+        return {name: value for name, value in vars(self).items() if name not in parts}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._divide(self._numbers)
 
     def report(self) -> dict[str, Any]:
         """Return what was written, by its names."""
