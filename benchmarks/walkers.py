@@ -151,6 +151,8 @@ def asked(part: str, robot: str) -> int:
 
 def bound(entered: int, episodes: int) -> float:
     """Return the Clopper–Pearson upper bound of the share of episodes that enter."""
+    if entered == episodes:
+        return 1.0
     return float(beta.ppf(1.0 - DOUBT, entered + 1, episodes - entered))
 
 
