@@ -55,3 +55,14 @@ def test_what_is_no_checkout_and_what_is_no_revision_is_refused(tmp_path):
         house.count(tmp_path)
     with pytest.raises(InvalidInputError, match="no-such-revision"):
         house.main(against="no-such-revision")
+
+
+def test_a_line_that_has_moved_is_not_deleted(checkout, tmp_path):
+    now = tmp_path / "now"
+    (now / "benchmarks").mkdir(parents=True)
+    kept = CODE.splitlines()
+    lost = next(line for line in kept if line.strip() and kept.count(line) == 1)
+    kept.remove(lost)
+    (now / "benchmarks" / "moved.py").write_text("\n".join(f"    {line}" for line in kept))
+    total = len([line for line in CODE.splitlines() if line.strip()])
+    assert house.deleted(checkout, now) == f"1 of {total}"
