@@ -414,7 +414,6 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     asked2 = u_nominal[0] ** 2 + u_nominal[1] ** 2
     stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
     told.deadlock = 1.0 if stands else 0.0
-    told.speed = np.sqrt(speed2)
     for k in range(2):
         told.u_safe[k] = plant.input[k] = u[k]
     for k in range(m):

@@ -23,7 +23,6 @@ PLANT = np.dtype(
             ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
             ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
             ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move
-            ("speed", "f8"),  # of the plant, as the rows read it [m/s]
             ("alpha1_scale", "f8"),  # by how much α₁ was scaled down to what U can brake
             ("status", "i8"),  # a `programs.FilterStatus`
             ("reason", "i8"),  # a `models.plant.Reason`
