@@ -134,16 +134,6 @@ and at last the u nearest u*. A level with a weight minimises
 :math:`λ_u ‖u^⋆ − u‖² + \sum_{k ∈ p} λ_{δ_k} δ_k²` instead, and its δ is locked in the same way.
 """
 
-S_CBF_QP = Plan(strict="first", lower="relaxed", order="by level", lock="bound")
-r"""S-CBF-QP, one stage a level: strict rows first, then each level at its price.
-
-For each priority p = 2, 3, …, with :math:`δ_i^⋆` the violations of the earlier stages,
-
-.. math::
-    \min_{u ∈ U,\, δ ≥ 0} λ_u ‖u^⋆ − u‖² + \sum_{k ∈ p} λ_{δ_k} δ_k² \quad \text{s.t.}\quad
-    a_i u ≥ b_i − δ_i^⋆ \;(\text{priorities } 1 … p−1), \qquad a_k u ≥ b_k − δ_k.
-"""
-
 _PLANS: dict[str, Plan] = {
     "cbf-qp": CBF_QP,
     "r-cbf-qp": R_CBF_QP,
@@ -151,7 +141,6 @@ _PLANS: dict[str, Plan] = {
     "ih-cbf-qp": H_CBF_QP,
     "eh-cbf-qp": EH_CBF_QP,
     "lex-cbf-qp": LEX_CBF_QP,
-    "s-cbf-qp": S_CBF_QP,
 }
 
 
