@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import joblib
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from benchmarks.strict import lines
 from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
-from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation import attacks, chunks
 from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
+from hcbf_gym.evaluation.workers import Workers
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 
@@ -299,9 +299,9 @@ def episodes(part: str) -> list[Episode]:
 def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
     """Return what each line of a part showed."""
     header = (
-        "", "episodes", "entered", "of these warned before", "alarmed", "within 2 s", "least h [m]",
-        "speed limit passed", "falls", "goals", "median least h where u changed [m]", "covered",
-        "reasons",
+        "", "episodes", f"entered ({BOUNDED})", "of these warned before", "alarmed",
+        "within 2 s", "least h [m]", "speed limit passed", "falls", "goals",
+        "median least h where u changed [m]", "covered", "reasons",
     )  # fmt: skip
     shown = Table(*header, title=part)
     for name, told in outcomes.items():
@@ -312,7 +312,8 @@ def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
         changed = [o["least_h"] for o in told if o["changed"]]
         reasons = Counter(Reason(o["reason"]).name for o in alarmed)
         shown.add_row(
-            name, str(len(told)), str(len(entered)), str(len(before)), str(len(alarmed)),
+            name, str(len(told)), counted(len(entered), len(told)), str(len(before)),
+            str(len(alarmed)),
             str(sum(seconds <= 2.0 for seconds in late)),
             f"{min(o['least_h'] for o in told):+.3f}",
             str(sum(o["least_speed_h"] < 0.0 for o in told)),
@@ -324,14 +325,14 @@ def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
     return shown
 
 
-def main(part: tyro.conf.Positional[str], only: str = "", jobs: int = -1) -> None:
+def main(part: tyro.conf.Positional[str], only: str = "", workers: Workers = None) -> None:
     """Run a part of the evidence.
 
     Args:
         part: undeclared (at the default cap), undeclared-slow (at 1 m/s), heavy, declared (at
             1 m/s), fast (the same plants at the default cap), beyond, nominal or reduced.
         only: the lines of it whose name has this in it.
-        jobs: processes; -1 for all cores.
+        workers: episodes that run at once.
     """
     asked = [episode for episode in episodes(part) if only in episode.group]
     path = Path("results/plants") / f"{part}.jsonl"
@@ -341,10 +342,10 @@ def main(part: tyro.conf.Positional[str], only: str = "", jobs: int = -1) -> Non
         entries = (json.loads(line) for line in path.read_text("utf-8").splitlines())
         known = {entry["episode"]: entry["outcome"] for entry in entries}
     missing = [episode for episode in asked if episode.key not in known]
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    runs: Any = parallel(joblib.delayed(episode.run)() for episode in missing)
+    runs = chunks.run(Episode.run, missing, workers=workers, title=part)
     with path.open("a", encoding="utf-8") as file:
-        for episode, outcome in zip(missing, track(runs, part, len(missing)), strict=True):
+        for number, outcome in runs:
+            episode = missing[number]
             known[episode.key] = outcome
             file.write(json.dumps({"episode": episode.key, "outcome": outcome}) + "\n")
             file.flush()

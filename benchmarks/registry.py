@@ -133,6 +133,14 @@ SUITES = {
         extra="benchmark",
         needs=("cbfpy", "elastiqp"),
     ),
+    "walkers": Suite(
+        "walkers",
+        "robots that take velocities: attacked, on their way, their speed",
+        90,
+        ("hcbf_gym/envs/walker_regions.py", "hcbf_gym/robots/carts/*", "tests/robots/contracts/*"),
+        extra="walkers",
+        needs=("onnxruntime",),
+    ),
     "play": Suite(
         "suites.playground",
         "the playground's pace, updates and memory over ten minutes",

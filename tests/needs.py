@@ -12,6 +12,7 @@ EXTRAS = {
     "gymnasium_robotics": "examples",
     "stable_baselines3": "rl",
     "torch": "rl",
+    "ray": "cluster",
 }
 """module → the extra of this package that brings it."""
 

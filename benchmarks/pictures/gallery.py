@@ -54,7 +54,7 @@ class Loop(NamedTuple):
 
 def _attacked(robot: str, seed: int, attack: str = "edge") -> Loop:
     """Return the film of a walker under attack."""
-    options = {"robot": robot}
+    options = {"robot": robot, "body": "footprint"}
     return Loop("random", seed, attack, 14.0, LEX, options, "HCBF-WalkerRegions-v0")
 
 

@@ -6,8 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-import joblib
-from rich.progress import track
+from hcbf_gym.evaluation import chunks
 
 Outcome = TypeVar("Outcome", covariant=True)
 
@@ -50,16 +49,19 @@ class OutcomeFile:
         """
         keys = [_key(episode) for episode in episodes]
         missing = [k for k, key in enumerate(keys) if key not in self._known]
-        parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
-        runs: Any = parallel(joblib.delayed(episodes[k].run)() for k in missing)
-        fresh = track(runs, title, len(missing), disable=not title)
+        fresh = chunks.run(_run, [episodes[k] for k in missing], title=title or None)
         with self._path.open("a", encoding="utf-8") as file:
-            for k, outcome in zip(missing, fresh, strict=True):
+            for number, outcome in fresh:
+                k = missing[number]
                 self._known[keys[k]] = asdict(outcome)
                 entry = {"version": self._version, "episode": keys[k], "outcome": asdict(outcome)}
                 file.write(json.dumps(entry) + "\n")
                 file.flush()
         return [kind(**self._known[key]) for key in keys]
+
+
+def _run(episode: EpisodeOf[Any]) -> Any:
+    return episode.run()
 
 
 def _key(episode: Any) -> str:

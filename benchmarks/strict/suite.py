@@ -15,6 +15,7 @@ from benchmarks.strict.lines import LINES
 from benchmarks.strict.outcomes import OutcomeFile
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.evaluation.attacked import Outcome
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
@@ -97,13 +98,13 @@ def _estimator(outcomes: Sequence[Outcome]) -> dict[str, float]:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the tables: attacks with the search, body, estimate, rank 2, and pushes."""
+    """Return the tables: attacks, the search, body, estimate, rank 2, and pushes."""
     groups = figures["groups"]
     attacks = _table(
         "attacks on the strict rank, lex-cbf-qp",
         [g for g in groups if g["section"] in ("nominal", "cap", "policy", "plant", "estimate")],
         {
-            "speed limit passed": lambda g: str(g["speed_passed"]),
+            f"speed limit passed ({BOUNDED})": lambda g: counted(g["speed_passed"], g["episodes"]),
             "by at most [m/s]": lambda g: f"{max(0.0, -g['least_speed_h']):.3f}",
             "goals": lambda g: f"{g['reached']:.0%}",
             "median least h where u changed [m]": lambda g: _metres(g["median_least_h"]),
@@ -113,20 +114,14 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             "QP failures": lambda g: str(g["qp_failures"]),
         },
     )
-    found = figures["search"]
-    searched = (
-        *("search: CMA-ES", str(found["trials"]), str(found["entered"]), _metres(found["least_h"])),
-        *(str(found["falls"]), str(found["speed_passed"])),
-        *(f"{max(0.0, -found['least_speed_h']):.3f}", "", "", "", "", ""),
-        str(found["qp_failures"]),
-    )
     return {
-        "attacks": attacks._replace(rows=[*attacks.rows, searched]),
+        "attacks": attacks,
+        "search": search.table(figures["search"]),
         "body": _table(
             'the whole robot, body="footprint", lex-cbf-qp',
             [g for g in groups if g["section"] == "body"],
             {
-                "a geom inside": lambda g: str(g["body_entered"]),
+                f"a geom inside ({BOUNDED})": lambda g: counted(g["body_entered"], g["episodes"]),
                 "least h of the geoms [m]": lambda g: _metres(g["least_body_h"]),
                 "greatest reach [m]": lambda g: f"{g['reach']:.3f}",
                 "goals": lambda g: f"{g['reached']:.0%}",
@@ -149,7 +144,9 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
             "rank 2 where no conflict forces it, lex-cbf-qp",
             [g for g in groups if g["section"] == "rank 2"],
             {
-                "rank 2 entered": lambda g: str(g["second_entered"]),
+                f"rank 2 entered ({BOUNDED})": lambda g: counted(
+                    g["second_entered"], g["episodes"]
+                ),
                 "least h of rank 2 [m]": lambda g: _metres(g["least_second_h"]),
                 "goals": lambda g: f"{g['reached']:.0%}",
             },
@@ -163,7 +160,7 @@ def _table(title: str, groups: Sequence[Group], more: dict[str, Callable[[Group]
     columns: dict[str, Callable[[Group], str]] = {
         "": lambda g: f"{g['section']}: {g['name']}",
         "episodes": lambda g: str(g["episodes"]),
-        "entered": lambda g: str(g["entered"]),
+        f"entered ({BOUNDED})": lambda g: counted(g["entered"], g["episodes"]),
         "least h [m]": lambda g: _metres(g["least_h"]),
         "falls": lambda g: str(g["falls"]),
         **more,

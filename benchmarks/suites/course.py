@@ -20,11 +20,11 @@ def run(quick: bool) -> dict[str, Any]:
     """
     programs = QUICK_PROGRAMS if quick else PROGRAMS
     cases = [Case("HCBF-A1Regions-v0", SCENARIO, "pd", program) for program in programs]
-    episodes = [
-        case.label() | {"seed": seed} | episode.summary()
-        for case, seed, episode in evaluate(cases, [0], workers=len(cases))
-    ]
-    return {"rows": aggregate(episodes)}
+    episodes = {
+        case.program: case.label() | {"seed": seed} | episode.summary()
+        for case, seed, episode in evaluate(cases, [0])
+    }
+    return {"rows": aggregate([episodes[program] for program in programs])}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
@@ -322,12 +323,16 @@ def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator)
     return False
 
 
+def _of(entered: int, episodes: int) -> str:
+    return f"{entered} of {episodes} ({at_most(entered, episodes)})"
+
+
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of the maze and of the models."""
     mazes = [
         (
             r["maze"], r["policy"], "yes" if r["filtered"] else "no",
-            f"{r['touched']} of {r['episodes']}", str(r["contacts"]),
+            _of(r["touched"], r["episodes"]), str(r["contacts"]),
             f"{r['arrived'] / r['episodes']:.0%}", f"{r['us']:.0f}",
         )
         for r in figures["maze"]
@@ -338,22 +343,30 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     conflicts = f"{a['conflicts']} conflicts, {a['needless']} of them needless"
     slower = "–" if a["us_conflict"] is None else f"{a['us_conflict']:.0f}"
     models = [
-        ("pendulum", f"{p['left']} of {p['episodes']}", angle, f"{p['us']:.0f}"),
+        ("pendulum", _of(p["left"], p["episodes"]), angle, f"{p['us']:.0f}"),
         (
-            "unicycle", f"{c['entered']} of {c['episodes']}",
+            "unicycle", _of(c["entered"], c["episodes"]),
             f"least gap {1e3 * c['least']:.1f} mm", f"{c['us']:.0f}",
         ),
         (
-            "arm", f"{a['entered'][0]} of {a['targets']}", f"{lower}; {conflicts}",
+            "arm", _of(a["entered"][0], a["targets"]), f"{lower}; {conflicts}",
             f"{a['us']:.0f}, in conflict {slower}",
         ),
     ]  # fmt: skip
-    header = ("maze", "policy", "filter", "episodes with contact", "contacts", "arrived", "µs")
+    header = (
+        "maze",
+        "policy",
+        "filter",
+        f"episodes with contact ({BOUNDED})",
+        "contacts",
+        "arrived",
+        "µs",
+    )
     return {
         "foreign-maze": Table("PointMaze: the ball and the walls", header, mazes),
         "foreign-models": Table(
             "Models behind the filter, hostile policies",
-            ("model", "strict violations", "beside", "µs a step"),
+            ("model", f"strict violations ({BOUNDED})", "beside", "µs a step"),
             models,
         ),
     }

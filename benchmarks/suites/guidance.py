@@ -5,7 +5,6 @@ A1 walks them one by one. Both go through the wrappers, as a user's loop does.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
@@ -319,20 +319,23 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     def percent(share: float) -> str:
         return f"{100.0 * share:.1f} %"
 
-    def ranks(shares: Sequence[float]) -> str:
-        return " / ".join(f"{100.0 * share:.1f}" for share in shares) + " %"
+    def ranks(row: dict[str, Any]) -> str:
+        shares, n = row["entered"], row["episodes"]
+        shown = " / ".join(f"{100.0 * share:.1f}" for share in shares) + " %"
+        return f"{shown} ({at_most(round(shares[0] * n), n)})"
 
     def name(kind: Any) -> str:
         return "geodesic, through=2" if kind == THROUGH else kind or "none"
 
-    header = ("scenes", "policy", "guidance", "episodes", "arrives", "enters 1 / 2 / 3", "falls",
+    enters = f"enters 1 / 2 / 3 (1 {BOUNDED})"
+    header = ("scenes", "policy", "guidance", "episodes", "arrives", enters, "falls",
               "deadlock", "later", "Δu [m/s²]")  # fmt: skip
 
     def arrives(title: str, rows: list[dict[str, Any]]) -> Table:
         cells = [
             (
                 row["scene"], row["policy"], name(row["guidance"]), str(row["episodes"]),
-                percent(row["reached"]), ranks(row["entered"]), percent(row["fell"]),
+                percent(row["reached"]), ranks(row), percent(row["fell"]),
                 percent(row["deadlock"]),
                 "" if row["later"] is None else percent(row["later"]),
                 "" if row["change"] is None else f"{row['change']:.3f}",
@@ -343,10 +346,10 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
     weighted = Table(
         "programs with weights, PD on random",
-        ("program", "guidance", "arrives", "enters 1 / 2 / 3", "deadlock"),
+        ("program", "guidance", "arrives", enters, "deadlock"),
         [
             (row["program"], name(row["guidance"]), percent(row["reached"]),
-             ranks(row["entered"]), percent(row["deadlock"]))
+             ranks(row), percent(row["deadlock"]))
             for row in figures["weighted"]
         ],
     )  # fmt: skip

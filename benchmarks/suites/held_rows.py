@@ -15,6 +15,7 @@ from rich.console import Console
 
 from hcbf_gym import wrappers
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
@@ -144,12 +145,13 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     results = figures["held_rows"]
     title = f"lex-cbf-qp, {results[0]['episodes']} scenes a row, 20 s each, looked at at 1 kHz"
     header = (
-        "scenes", "policy", "rows", "strict barrier below 0", "least strict h [mm]",
+        "scenes", "policy", "rows", f"strict barrier below 0 ({BOUNDED})", "least strict h [mm]",
         "least h of speed [mm/s]", "VIOLATED", "BACKUP", "goals",
     )  # fmt: skip
     lines = [
         (
-            r["scenes"], r["policy"], r["rows"], str(r["entered"]), f"{1e3 * r['least_h']:+.3f}",
+            r["scenes"], r["policy"], r["rows"], counted(r["entered"], r["episodes"]),
+            f"{1e3 * r['least_h']:+.3f}",
             f"{1e3 * r['least_speed_h']:+.3f}", str(r["violated"]), str(r["backup"]),
             f"{r['goals']:.1%}",
         )

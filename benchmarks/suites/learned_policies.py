@@ -16,6 +16,7 @@ from rich.progress import track
 from hcbf_gym import policies, wrappers
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case
+from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker, Policy, learned
 from hcbf_gym.scenarios.random_scenes import PRIORITIES
@@ -82,10 +83,16 @@ def _three(values: list[float], scale: float = 1.0, digits: int = 2) -> str:
     return " / ".join(f"{scale * value:.{digits}f}" for value in values)
 
 
+def _entered(row: dict[str, Any]) -> str:
+    n = row["episodes"]
+    bound = at_most(round(row["entered"][0] * n), n)
+    return f"{_three(row['entered'], 100.0, 1)} ({bound})"
+
+
 _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("success [%]", lambda row: f"{100.0 * row['success']:.1f}"),
     ("return", lambda row: f"{row['return']:.1f}"),
-    ("entered [%]", lambda row: _three(row["entered"], 100.0, 1)),
+    (f"entered [%] (1 {BOUNDED})", lambda row: _entered(row)),
     ("time inside [s]", lambda row: _three(row["seconds_inside"])),
     ("deepest [m]", lambda row: _three(row["deepest_m"], digits=3)),
     ("rms ‖u − u*‖ [m/s²]", lambda row: f"{row['intervention_rms']:.2f}"),

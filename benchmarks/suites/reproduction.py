@@ -1,6 +1,5 @@
 """The reproduction as a suite: the tables of docs/reproduction.md, and its pictures."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ def run(quick: bool) -> dict[str, Any]:
         quick: fewer episodes.
     """
     folder = FOLDER / ("reproduce-quick" if quick else "reproduce")
-    return reproduce(list(FIGURES), folder, quick, os.cpu_count() or 1, "loky")
+    return reproduce(list(FIGURES), folder, quick, None, "processes")
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

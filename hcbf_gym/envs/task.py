@@ -103,13 +103,29 @@ def reward_terms(
         reached: (N,) whether the goal is reached.
         u: (N, 2) the applied acceleration [m/s²].
     """
-    effort = -EFFORT_WEIGHT * (u[:, 0] ** 2 + u[:, 1] ** 2)
-    if task == "track":
-        terms = (-distance_after, effort)
-    else:
-        bonus = GOAL_REWARD * reached.astype(np.float64)
-        terms = (distance_before - distance_after, bonus, effort)
+    effort, gained, bonus = _terms(distance_before, distance_after, reached, u)
+    terms = (-distance_after, effort) if task == "track" else (gained, bonus, effort)
     return dict(zip(REWARD_TERMS[task], terms, strict=True))
+
+
+@njit(cache=True)
+def _terms(
+    distance_before: Array, distance_after: Array, reached: NDArray[np.bool_], u: Array
+) -> tuple[Array, Array, Array]:
+    """Return (N,) what effort costs, by how much the goal came nearer, and what reaching it earns.
+
+    Args:
+        distance_before: as `reward_terms` takes it.
+        distance_after: as `reward_terms` takes it.
+        reached: as `reward_terms` takes it.
+        u: as `reward_terms` takes it.
+    """
+    effort, gained, bonus = np.empty((3, len(u)))
+    for i in range(len(u)):
+        effort[i] = -EFFORT_WEIGHT * (u[i, 0] ** 2 + u[i, 1] ** 2)
+        gained[i] = distance_before[i] - distance_after[i]
+        bonus[i] = GOAL_REWARD * reached[i]
+    return effort, gained, bonus
 
 
 def step_info(

@@ -186,7 +186,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
-        info = task.first(task.reset_info(self.scenario.task, h, self._error()))
+        self._distance = self._error()
+        info = task.first(task.reset_info(self.scenario.task, h, self._distance))
         return self._observe(), info | self._info_of(walk)
 
     def change_scene(self, scenario: Scenario) -> None:
@@ -198,24 +199,25 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._scenes.check({"scenario": scenario})
         self._scene_covered = Coverage.SCENE
         self._set_scene(scenario)
+        self._distance = self._error()
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         low, high = self._bounds
         u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
         task.check_started(self._started)
-        distance_before = self._error()
         walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
         self.artist.walk(self.walker.truth[:2])
         h = self.barrier_set.along(walk.path, walk.times)
 
-        distance = self._error()
+        before = self._distance
+        distance = self._distance = self._error()
         at_end = self._steps >= len(self._references) - 1
         arrived = at_end and distance[0] <= self.scenario.goal_radius
         success = np.array([arrived and not self.simulation.fallen])
         reached = success & (self.scenario.task == "reach")
-        terms = task.reward_terms(self.scenario.task, distance_before, distance, reached, u[None])
+        terms = task.reward_terms(self.scenario.task, before, distance, reached, u[None])
         info = task.first(task.step_info(h[-1:], task.least(h), distance, success) | terms)
         info |= self._info_of(walk)
         if self.render_mode == "human":
@@ -274,6 +276,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
         self.walker.rest(np.array(scenario.start))
+        self._distance = self._error()
 
     def _reference(self) -> Array:
         return self._references[None, min(self._steps, len(self._references) - 1)]

@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.envs import scene
@@ -135,7 +136,7 @@ class WalkerPhysics(Simulated):
 
     def look(self) -> None:
         """Note whether the state has left the finite numbers."""
-        self.diverged = not math.isfinite(self._qpos.sum() + self._qvel.sum())
+        self.diverged = not _finite(self._qpos, self._qvel)
 
     def place_geoms(self) -> None:
         """Move every geom to where the present positions have it."""
@@ -164,3 +165,9 @@ class WalkerPhysics(Simulated):
         self.model.actuator_gainprm[:] = share * gain
         self.model.actuator_biasprm[:] = share * bias
         self.model.actuator_forcerange[:] = share * self._strongest
+
+
+@njit(cache=True)
+def _finite(positions: Array, velocities: Array) -> bool:
+    """Tell whether a state holds nothing but finite numbers."""
+    return bool(np.isfinite(positions).all() and np.isfinite(velocities).all())

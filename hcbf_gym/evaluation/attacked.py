@@ -27,13 +27,13 @@ class AttackedEpisode:
     """What to run.
 
     Args:
-        attack: a name of `attacks.ATTACKS`, "searched", or a policy's name ("pd", "ppo", …).
+        attack: what `attacks.make` takes, or a policy's name ("pd", "ppo", …).
         scenario: its name, or a scene as a dict.
         seed: of the environment and the attack.
         env: the id of an environment of this package.
         env_options: further arguments of the environment.
         filter_options: arguments of `SafetyFilter`.
-        parameters: of a searched attack.
+        parameters: of an attack that has some.
         inside: a wrapper between the filter and the environment; None for none.
     """
 
@@ -114,15 +114,15 @@ def wants(
     """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
 
     Args:
-        name: of `attacks.ATTACKS`, or a policy's; not read where there are parameters.
+        name: what `attacks.make` takes, or a policy's.
         env: under its filter; attacks see its truth.
         seed: of an attack.
-        parameters: of a searched attack.
+        parameters: of an attack that has some.
 
     Raises:
         UnknownNameError: if there is neither an attack nor a policy of that name.
     """
-    if parameters is None and name not in attacks.ATTACKS:
+    if parameters is None and name not in attacks.ATTACKS and ":" not in name:
         policy = make_policy(name, env)
         return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
     attack = attacks.make(name, seed, parameters)

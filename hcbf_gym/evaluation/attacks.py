@@ -1,6 +1,7 @@
 """Policies that try to push the robot into a strict region with the full input.
 
-One of your own is a class and a name in `ATTACKS`, by which `attacked.AttackedEpisode` runs it.
+One of your own is an `Attack`, or any function s → u*, and goes by ``module:name`` wherever the
+name of an attack is asked for; so every process finds it.
 
 >>> class Spiral(Attack):
 ...     def wants(self, s: Surroundings) -> Array:
@@ -12,14 +13,18 @@ One of your own is a class and a name in `ATTACKS`, by which `attacked.AttackedE
 array([-5.,  0.])
 """
 
+import importlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
 
 Array = NDArray[np.float64]
@@ -204,6 +209,66 @@ class Searched(Attack):
         return full(press + 3.0 * sideways * chase * along)
 
 
+TRAINED = Path(__file__).with_name("trained_attack.json")
+"""The parameters of `Trained`, with the command that made them."""
+N_TRAINED = 20
+"""How many there are."""
+
+
+@cache
+def _trained() -> tuple[float, ...]:
+    return tuple(json.loads(TRAINED.read_text(encoding="utf-8"))["parameters"])
+
+
+@dataclass
+class Trained(Attack):
+    """A linear policy of nine features whose twenty numbers CMA-ES has trained.
+
+    In the axes of the nearest strict region, n towards it and l along its edge, u* is the full
+    input along ``W φ`` with
+
+    φ = (1, tanh(h₁ / .3 m), tanh((h₂ − h₁) / .3 m), v·n, v·l, n₂·n, n₂·l, cos(2πt / T), ±1),
+
+    where n₂ points towards the second nearest region and the last sign changes at random.
+
+    Args:
+        rng: decides what is random about it.
+        parameters: (20,) W row by row, log₂ of the period T [s] and of the mean time between
+            changes of the sign [s]; those that were trained if not given.
+    """
+
+    parameters: tuple[float, ...] = field(default_factory=_trained)
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return the full input along W φ."""
+        weights = np.reshape(self.parameters[:18], (2, 9))
+        period, hold = np.exp2(np.clip(self.parameters[18:], -3.0, 3.0))
+        sign = self.draw(s, 0.5 * hold, 1.5 * hold, lambda: self.rng.choice([-1.0, 1.0]))
+        axes = np.array([-s.normal[0], _left(s.normal[0])])
+        beyond = s.h[1] - s.h[0] if len(s.h) > 1 else np.inf
+        features = np.array([
+            1.0, np.tanh(s.h[0] / 0.3), np.tanh(beyond / 0.3), *(axes @ s.velocity),
+            *(axes @ -s.second), np.cos(2.0 * np.pi * s.time / period), sign,
+        ])  # fmt: skip
+        return full(weights @ features @ axes)
+
+
+class Called(Attack):
+    """A function s → u* (2,) as an attack.
+
+    Args:
+        function: what it calls.
+    """
+
+    def __init__(self, function: Callable[[Surroundings], Any]):
+        super().__init__(np.random.default_rng(0))
+        self._function = function
+
+    def wants(self, s: Surroundings) -> Array:
+        """Return what the function wants."""
+        return finite_array("attack", self._function(s), (2,))
+
+
 ATTACKS: dict[str, type[Attack]] = {
     "nearest": Nearest,
     "bang-bang": BangBang,
@@ -212,22 +277,44 @@ ATTACKS: dict[str, type[Attack]] = {
     "edge": Edge,
     "gait": GaitPhase,
     "slam": Slam,
+    "trained": Trained,
 }
-"""name → hostile policy. Processes see names that the modules they import have added."""
+"""name → hostile policy."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
     """Return an attack.
 
     Args:
-        name: one of `ATTACKS`, or "searched" with its parameters.
+        name: one of `ATTACKS`; "searched" with parameters; or ``module:name`` of an `Attack`, or of
+            a function s → u*.
         seed: decides what is random about it.
-        parameters: of `Searched`.
+        parameters: of `Searched`, or other ones of `Trained`.
 
     Raises:
         UnknownNameError: if there is no such attack.
+        InvalidInputError: if a module does not have what is named, or it is no attack.
     """
     rng = np.random.default_rng(seed)
     if parameters is not None:
-        return Searched(rng, parameters)
+        return {"searched": Searched, "trained": Trained}[name](rng, parameters)
+    if ":" in name:
+        found = _found(name)
+        if isinstance(found, type) and issubclass(found, Attack):
+            return found(rng)
+        return Called(found)
     return choose("attack", name, ATTACKS)(rng)
+
+
+def _found(name: str) -> Any:
+    """Return what ``module:name`` names."""
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InvalidInputError(
+            f"attack: got {name!r} ({error}), expected the module and the name of an attack"
+        ) from error
+    if not callable(found):
+        raise InvalidInputError(f"attack: got {name!r}, expected an Attack or a function")
+    return found

@@ -1,21 +1,19 @@
 """Evaluate policies under safety filters: a table, figures, summary.json and, if asked, videos.
 
 Without arguments it walks the A1 through the paper's course, 20 s each, with no filter, with
-R-CBF-QP and with H-CBF-QP.
+R-CBF-QP and with H-CBF-QP. One that was interrupted goes on where it stopped.
 """
 
-import os
+import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
-import tyro
 from matplotlib.image import imsave
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
 
 from hcbf_gym import programs, scenarios
 from hcbf_gym.barriers import Barrier
@@ -33,7 +31,10 @@ from hcbf_gym.evaluation.rollouts import (
     make_policy,
     rollout,
 )
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.robots.walker import Walker
 
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
@@ -69,12 +70,10 @@ class Args:
     """Episodes of each pair, with the seeds seed, seed + 1, …"""
     seed: int = 0
     """First seed."""
-    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
-        default_factory=lambda: os.cpu_count() or 1
-    )
-    """Processes."""
-    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
-    """How they are started; ray needs the extra `cluster`."""
+    workers: Workers = None
+    """Episodes that run at once."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/evaluate")
     """Folder for the table, the figures and summary.json."""
     video: bool = False
@@ -85,10 +84,8 @@ class Args:
 
 def main(args: Args) -> None:
     """Run every pair of policy and program, and write what came out."""
-    if args.episodes < 1 or args.workers < 1:
-        raise InvalidInputError(
-            f"got episodes {args.episodes} and workers {args.workers}, expected >= 1"
-        )
+    if args.episodes < 1:
+        raise InvalidInputError(f"episodes: got {args.episodes}, expected at least 1")
     if args.video:
         require("--video", "video", "moviepy")
     cases = [_case(args, policy, program) for policy in args.policy for program in args.program]
@@ -96,19 +93,24 @@ def main(args: Args) -> None:
         env = case.make()
         make_policy(case.policy, env)
         env.close()
-    args.output.mkdir(parents=True, exist_ok=True)
     seeds = range(args.seed, args.seed + args.episodes)
-    summaries: list[dict[str, Any]] = []
+    finished = args.output / "episodes"
+    episodes = evaluate(
+        cases, seeds, args.workers, args.backend,
+        folder=finished, reads=_files(args), title="episodes",
+    )  # fmt: skip
+    summaries: dict[tuple[str, str, int], dict[str, Any]] = {}
     shown: dict[tuple[str, str], Episode] = {}
-    with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
-        bar = progress.add_task("episodes", total=len(cases) * args.episodes)
-        for case, seed, episode in evaluate(cases, seeds, args.workers, args.backend):
-            summaries.append(case.label() | {"seed": seed} | episode.summary())
-            if seed == args.seed:
-                shown[case.policy, case.program] = episode
-            progress.advance(bar)
-    rows = aggregate(summaries)
-    _write(args, cases, summaries, rows, shown)
+    for case, seed, episode in episodes:
+        label = case.label() | {"seed": seed}
+        summaries[case.policy, case.program, seed] = label | episode.summary()
+        if seed == args.seed:
+            shown[case.policy, case.program] = episode
+    pairs = [(case.policy, case.program) for case in cases]
+    in_order = [summaries[*pair, seed] for pair in pairs for seed in seeds]
+    rows = aggregate(in_order)
+    _write(args, cases, in_order, rows, {pair: shown[pair] for pair in pairs})
+    shutil.rmtree(finished)
     console, scene = Console(), scenarios.make(args.scenario)
     for start in range(0, len(rows), COLUMNS):
         console.print(comparison(rows[start : start + COLUMNS], scene.barriers).rich())
@@ -118,6 +120,14 @@ def main(args: Args) -> None:
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot)
     console.print(f"written to {args.output}: summary.json, paths.png, series.png")
+
+
+def _files(args: Args) -> list[Path]:
+    """Return the files of the user's own that decide the episodes."""
+    files = [file for file in map(Path, (args.scenario, *args.policy)) if file.is_file()]
+    if args.env == "HCBF-WalkerRegions-v0":
+        files += Walker.load(args.robot).files
+    return files
 
 
 def _case(args: Args, policy: str, program: str) -> Case:
@@ -188,6 +198,10 @@ def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table
         ("steps in a strict region", "outside_steps", "d"),
     ):
         cells.append((title, *(format(row[key], form) for row in rows)))
+    n = rows[0]["episodes"]
+    if n > 1:  # one episode bounds nothing
+        entered = (counted(row["entered"], n) for row in rows)
+        cells.append((f"episodes that entered a strict region ({BOUNDED})", *entered))
     for status in ("VIOLATED", "UNSAFE", "BACKUP"):
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))

@@ -1,24 +1,20 @@
 """Rollouts and what they amount to: episodes, summaries, and the same over many seeds at once."""
 
-import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import gymnasium as gym
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import policies, scenarios, wrappers
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import (
-    InvalidInputError,
-    MissingDependencyError,
-    UnknownNameError,
-    choose,
-)
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.measures import deadlock_share
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
@@ -243,62 +239,46 @@ def make_policy(name: str, env: gym.Env) -> Policy:
     return policies.load(name, env)
 
 
+class Job(NamedTuple):
+    """One episode to run: a case and its seed."""
+
+    case: Case
+    seed: int = 0
+
+    def run(self) -> Episode:
+        """Run it."""
+        return self.case.run(self.seed)
+
+
 def evaluate(
-    cases: Sequence[Case], seeds: Sequence[int], workers: int = 1, backend: str = "loky"
+    cases: Sequence[Case],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    backend: Backend = "processes",
+    *,
+    folder: Path | None = None,
+    reads: Sequence[Path] = (),
+    title: str | None = None,
 ) -> Iterator[tuple[Case, int, Episode]]:
-    """Yield every case's episode for every seed, in order, whatever the number of workers.
+    """Yield every case's episode for every seed, as they finish.
 
     Args:
         cases: what to run.
         seeds: one episode each.
-        workers: processes.
-        backend: a joblib backend: "loky", "multiprocessing", "threading", or "ray" (the extra
-            `cluster`).
+        workers: episodes that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray" (the extra `cluster`).
+        folder: where finished episodes are saved; None to save nothing.
+        reads: files of the user's own that decide the episodes.
+        title: of a progress bar; None for no bar.
 
     Raises:
-        MissingDependencyError: if Ray is asked for and not installed.
+        HcbfError: as `chunks.run` does.
     """
-    jobs = [(case, seed) for case in cases for seed in seeds]
-    tasks = [joblib.delayed(case.run)(seed) for case, seed in jobs]
-    for (case, seed), episode in zip(jobs, in_parallel(tasks, workers, backend), strict=True):
-        yield case, seed, episode
-
-
-def in_parallel(tasks: Sequence[Any], workers: int, backend: str) -> Iterator[Any]:
-    """Yield the tasks' results in order, as they come where the backend can; else at the end.
-
-    Args:
-        tasks: what `joblib.delayed` makes.
-        workers: processes.
-        backend: as `evaluate` takes it.
-
-    Raises:
-        MissingDependencyError: if Ray is asked for and not installed.
-    """
-    if workers == 1 and backend == "loky":
-        return (function(*args, **kwargs) for function, args, kwargs in tasks)
-    use_backend(backend)
-    return_as = "generator" if backend in ("loky", "threading") else "list"
-    return iter(joblib.Parallel(n_jobs=workers, backend=backend, return_as=return_as)(tasks))
-
-
-def use_backend(backend: str) -> None:
-    """Make a joblib backend ready.
-
-    Raises:
-        UnknownNameError: if joblib knows no such backend.
-        MissingDependencyError: if Ray is asked for and not installed.
-    """
-    choose("backend", backend, dict.fromkeys(("loky", "multiprocessing", "threading", "ray")))
-    if backend != "ray":
-        return
-    try:
-        ray_joblib = importlib.import_module("ray.util.joblib")
-    except ImportError as error:
-        raise MissingDependencyError(
-            "backend 'ray': Ray is not installed: pip install 'hcbf-gym[cluster]'"
-        ) from error
-    ray_joblib.register_ray()
+    jobs = [Job(case, seed) for case in cases for seed in seeds]
+    runs = chunks.run(
+        Job.run, jobs, folder=folder, reads=reads, workers=workers, backend=backend, title=title
+    )
+    return ((jobs[k].case, jobs[k].seed, episode) for k, episode in runs)
 
 
 def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -326,6 +306,7 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             row[key] = float(np.mean([member[key] for member in members]))
         for key in ("fell", "reached"):
             row[key] = float(np.mean([member[key] for member in members]))
+        row["entered"] = sum(member["outside_steps"] > 0 for member in members)
         row["outside_steps"] = sum(member["outside_steps"] for member in members)
         row["status_counts"] = {
             status.name: sum(member["status_counts"][status.name] for member in members)

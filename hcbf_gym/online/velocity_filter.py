@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
@@ -71,7 +72,8 @@ class VelocityFilter:
         **options: as `wrappers.SafetyFilter` takes them.
 
     Raises:
-        InvalidInputError: if an option is unknown or out of range, or no speed is left.
+        InvalidInputError: if an option is unknown or out of range, the barriers are none, no speed
+            is left, or one period at full input passes the speed limit.
         UnknownNameError: if a name is not known; the message lists the choices.
 
     Examples:
@@ -119,6 +121,8 @@ class VelocityFilter:
         )  # fmt: skip
         settings = FilterSettings(program, "held", guidance, None, None, None, False, options)
         self._core = PlanarCore(plant, input_set, settings)
+        self._core.check_scene(BarrierSet([self._listed(barriers)]))
+        self._follows = response.follows
         self._goal = None if goal is None else finite_array("goal", goal, (2,))
         self.reset()
 
@@ -127,7 +131,8 @@ class VelocityFilter:
         self._core.restart(np.ones(1, dtype=np.bool_))
         self._velocity: Array = np.zeros(2)  # of the model, in the world [m/s]
         self._input: Array = np.zeros(2)
-        self._time: float | None = None
+        self._time: float | None = None  # of the last sample, while none is missing [s]
+        self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
         self._told: Array = np.zeros(len(self._limits))
         self._good_until = -math.inf
@@ -166,12 +171,11 @@ class VelocityFilter:
         age = 0.0 if now is None else _number(now) - stamp
         if self._time is not None and stamp - self._time > LATE * self._period:
             self._miss()
-        sound = bool(np.isfinite(place.sum() + motion.sum()))
+        sound = bool(np.isfinite(place.sum() + motion.sum() + stamp))
         body = self._follower(place, motion)
-        follows = self._time is not None and sound
-        self._velocity = self._now(stamp) if follows else self._capped(body[2:])
-        x = np.array([body[0], body[1], *self._velocity])
-        lag = np.array([0.0, 0.0, *(body[2:] - self._velocity)])
+        velocity = self._now(stamp, body[2:]) if sound else self._velocity
+        x = np.array([body[0], body[1], *velocity])
+        lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         stale = not -1e-9 <= age <= self._max_age
         estimate = Estimate(x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age))
         barriers = self._scene()
@@ -181,11 +185,13 @@ class VelocityFilter:
             self._begun = True
         if self._time is not None and stamp > self._time:
             self._core.since(stamp - self._time)
-        u, report = self._core.step(self._asked(wanted, place[2]), barriers, estimate)
+        asked = self._asked(wanted, place[2], velocity)
+        u, report = self._core.step(asked, barriers, estimate)
         if report["status"] == FilterStatus.BACKUP:
             self._time, told = None, np.zeros(len(self._limits))
         else:
-            self._time, self._input = stamp, u
+            self._time = self._moved = stamp
+            self._velocity, self._input = velocity, u
             told = self._tell(wanted, place[2], motion[2])
         self._told = told
         self._good_until = stamp + self._period if math.isfinite(stamp) else -math.inf
@@ -214,11 +220,16 @@ class VelocityFilter:
             ]
         )
 
-    def _now(self, stamp: float) -> Array:
-        """Return the model's velocity now, as the last input has changed it."""
-        passed = 0.0 if self._time is None else stamp - self._time
-        passed = min(max(passed, 0.0), self._period) if math.isfinite(passed) else 0.0
-        return self._velocity + passed * self._input
+    def _now(self, stamp: float, measured: Array) -> Array:
+        """Return the model's velocity now.
+
+        It is what the last input has made of it. After a pause of more than τ + δ nothing that was
+        told before is under way, and the model begins with the measured velocity.
+        """
+        passed = stamp - self._moved
+        if passed > max(self._follows, LATE * self._period):
+            return self._capped(measured)
+        return self._velocity + min(max(passed, 0.0), self._period) * self._input
 
     def _capped(self, velocity: Array) -> Array:
         """Return a measured velocity, shortened to what the cap allows: the model begins there."""
@@ -226,13 +237,13 @@ class VelocityFilter:
         most = braking.speed_left(self._cap, self._core.uncertainty.speed)
         return velocity * min(1.0, float(most) / speed) if speed > 0.0 else velocity
 
-    def _asked(self, wanted: Array, yaw: float) -> Array:
+    def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
         """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
         told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
         cos, sin = math.cos(heading), math.sin(heading)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
-        missing = (velocity - np.nan_to_num(self._velocity)) / self._period
+        missing = (velocity - now) / self._period
         size = float(np.hypot(*missing))
         return missing * min(1.0, self._able / size) if size > 0.0 else missing
 
@@ -250,9 +261,20 @@ class VelocityFilter:
 
     def _scene(self) -> Any:
         """Return the user's barriers with the speed limit; what is no list goes to the core."""
-        if isinstance(self.barriers, Sequence) and not isinstance(self.barriers, str):
-            return (*self.barriers, self._limit)
-        return self.barriers
+        try:
+            return self._listed(self.barriers)
+        except InvalidInputError:
+            return self.barriers
+
+    def _listed(self, barriers: Any) -> tuple[Barrier, ...]:
+        """Return barriers with the speed limit.
+
+        Raises:
+            InvalidInputError: if they are no sequence.
+        """
+        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
+            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+        return (*barriers, self._limit)
 
 
 def _known(robot: Any) -> Robot:

@@ -128,6 +128,12 @@ class Walker:
         """Where what `hcbf identify` measures stands."""
         return response_file(self.source)
 
+    @property
+    def files(self) -> list[Path]:
+        """What decides the robot: the contract, MJCF, network and what was measured, as there."""
+        files = (self.source, self.mjcf, self.source.parent / self.policy, self.response_file)
+        return [file for file in files if file.is_file()]
+
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
         """Return the robot alone as the contract asks for it, and the names of its parts."""
         sensors = sensors_of(self.observation)

@@ -77,8 +77,8 @@ def walker_spec(
     joints, actuators = _driven(model, action)
     home = _home(model, action, joints)
     spec = load_spec(mjcf)
-    for key in spec.keys:  # they would not fit the scene
-        spec.delete(key)
+    for element in (*spec.keys, *spec.lights):  # the scene has lights, and keys would not fit it
+        spec.delete(element)
     have = [sensor.name for sensor in spec.sensors]
     for name in sorted(sensors - set(have)):
         raise RobotModelError(f"mjcf: got no sensor {name!r}, expected one of {have}")

@@ -139,6 +139,8 @@ LEAST_DISTANCE = 0.02
 """What rows reserve for any robot [m]."""
 LEAST_SPEED = 0.05
 """What a speed limit reserves for any robot [m/s]."""
+BEYOND = 1.1
+"""Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
 SETTLES = 0.7
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
 a long turn, the robot settles nearer than its row says."""
@@ -169,7 +171,7 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
         per_velocity=max(SETTLES, FARTHER * (follows + period)),
         per_lead=1.0,
         cap=MOST,
-        speed=LEAST_SPEED + response.overshoot,
+        speed=LEAST_SPEED + BEYOND * response.overshoot,
         speed_per_velocity=OVERSHOOT,
     )
 

@@ -21,6 +21,7 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
+from hcbf_gym.studies.monte_carlo.episodes import Scenes
 
 U_MAX = 5.0 * np.sqrt(2.0)
 ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
@@ -242,19 +243,19 @@ def test_psi_is_reported_beside_its_alpha2():
 
 @pytest.mark.parametrize("policy", monte_carlo.POLICIES)
 def test_lex_enters_no_priority_whose_rows_can_be_met(policy):
-    summary = monte_carlo.summary(monte_carlo.run(policy, "lex", "held", 7, 0, 20))
+    summary = monte_carlo.summary(monte_carlo.run(Scenes(policy, "lex", "held", 7, 0, 20)))
     assert summary["entered_though_met"] == [0, 0, 0, 0]
     assert summary["entered"][0] == 0.0
     assert summary["least_clearance"] >= 0.0
     assert summary["conflict"] == 1.0
-    bare = monte_carlo.summary(monte_carlo.run(policy, "none", "held", 7, 0, 20))
+    bare = monte_carlo.summary(monte_carlo.run(Scenes(policy, "none", "held", 7, 0, 20)))
     assert bare["entered"][0] > 0.2
 
 
 def test_a_chunk_of_scenes_is_the_same_whatever_the_chunking():
-    whole = monte_carlo.run("pd", "lex", "held", 3, 0, 6)
+    whole = monte_carlo.run(Scenes("pd", "lex", "held", 3, 0, 6))
     parts = [
-        *monte_carlo.run("pd", "lex", "held", 3, 0, 4),
-        *monte_carlo.run("pd", "lex", "held", 3, 4, 2),
+        *monte_carlo.run(Scenes("pd", "lex", "held", 3, 0, 4)),
+        *monte_carlo.run(Scenes("pd", "lex", "held", 3, 4, 2)),
     ]
     assert whole == parts

@@ -84,10 +84,16 @@ def test_an_error_ends_the_command_in_one_line():
 
 def test_episodes_do_not_depend_on_the_number_of_workers():
     cases = [Case(ROM, "random", "pd", "h-cbf-qp"), Case(ROM, "random", "pd", "none")]
-    one, two = (list(evaluate(cases, range(3), workers)) for workers in (1, 2))
-    for (case, seed, episode), (same, again, other) in zip(one, two, strict=True):
-        assert (case, seed) == (same, again)
-        np.testing.assert_array_equal(episode.position, other.position)
+    one, two = (
+        {
+            (case.program, seed): episode
+            for case, seed, episode in evaluate(cases, range(3), workers)
+        }
+        for workers in (1, 2)
+    )
+    assert one.keys() == two.keys()
+    for key, episode in one.items():
+        np.testing.assert_array_equal(episode.position, two[key].position)
 
 
 def test_a_summary_repeats_what_the_episode_recorded():
@@ -114,5 +120,5 @@ def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
 
 
 def test_ray_and_unknown_backends_are_refused_in_words():
-    with pytest.raises(HcbfError, match="loky"):
+    with pytest.raises(HcbfError, match="processes"):
         list(evaluate([Case(ROM, "random", "pd", "none")], [0], backend="cloud"))

@@ -178,6 +178,27 @@ def test_bad_commands_and_arguments_are_refused():
         VelocityFilter("cart", wall, gamma=1.0)
 
 
+def test_a_lost_message_forgets_nothing_that_is_under_way():
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.01)
+    for k in range(10):
+        before, _ = door.step((1.0, 0.0), *AT_REST, 0.01 * k)  # the robot has not moved yet
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        after, report = door.step((1.0, 0.0), *AT_REST, 0.11)
+    assert report["status"] != FilterStatus.BACKUP
+    assert after[0] > before[0]
+    later, _ = door.step((1.0, 0.0), *AT_REST, 2.0)
+    assert later[0] < before[0]  # after a long pause the model begins with what is measured
+
+
+def test_barriers_that_are_none_or_out_of_reach_are_refused_at_construction():
+    for barriers in (None, 3, "wall", [1], HalfPlane("wall", 1, (-1.0, 0.0), -2.0)):
+        with pytest.raises(InvalidInputError, match="barriers"):
+            VelocityFilter("cart", barriers)
+    with pytest.raises(InvalidInputError, match="one period"):
+        VelocityFilter("cart", [], period=0.2, v_max=0.5)
+
+
 def test_a_robot_without_a_contract_is_taken_for_slow():
     wall = [HalfPlane("wall", 1, (-1.0, 0.0), -2.0)]
     known = VelocityFilter("cart", wall, radius=0.0)

@@ -9,7 +9,13 @@ from hcbf_gym.studies.monte_carlo import command
 
 
 def arguments(folder, **changes):
-    settings = {"episodes": 5, "chunk": 2, "policies": ("pd",), "programs": ("r 5", "lex")}
+    settings = {
+        "episodes": 5,
+        "chunk": 2,
+        "policies": ("pd",),
+        "programs": ("r 5", "lex"),
+        "workers": 1,
+    }
     return command.Args(output=folder, **(settings | changes))
 
 
@@ -17,12 +23,14 @@ def test_a_broken_run_resumes_and_ends_with_the_same_result(tmp_path):
     command.main(arguments(tmp_path))
     first = (tmp_path / "summary.json").read_text()
     assert [row["episodes"] for row in json.loads(first)] == [5, 5]
-    (tmp_path / "held-pd-lex-2.json").unlink()
+    lost, *kept = (tmp_path / "chunks").iterdir()
+    stamps = {path: path.stat().st_mtime_ns for path in kept}
+    assert len(kept) == 5
+    lost.unlink()
     (tmp_path / "summary.json").unlink()
-    kept = (tmp_path / "held-pd-lex-0.json").stat().st_mtime_ns
     command.main(arguments(tmp_path))
     assert (tmp_path / "summary.json").read_text() == first
-    assert (tmp_path / "held-pd-lex-0.json").stat().st_mtime_ns == kept
+    assert stamps == {path: path.stat().st_mtime_ns for path in kept}
 
 
 def test_a_folder_of_another_study_is_left_alone(tmp_path):

@@ -3,20 +3,19 @@
 The reduced-order model under a held input, looked at every millisecond. Run it again to resume it.
 """
 
-import json
-from collections import defaultdict
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import joblib
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.rollouts import in_parallel
+from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
 
 
@@ -36,10 +35,10 @@ class Args:
     """Decides scenes and noise."""
     chunk: int = 100
     """Episodes that run together and are saved together."""
-    workers: int = 1
-    """Processes."""
-    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
-    """A joblib backend; "ray" runs on a cluster."""
+    workers: Workers = None
+    """Chunks that run at once."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/monte-carlo")
     """Folder of the chunks and of summary.json."""
 
@@ -64,46 +63,28 @@ def compare(args: Args) -> list[dict[str, Any]]:
         )
     for program in args.programs:
         choose("program", program, monte_carlo.PROGRAMS)
+    open_pool(args.backend, args.workers).close()
     open_folder(args.output, {"seed": args.seed, "chunk": args.chunk})
+    starts = range(0, args.episodes, args.chunk)
+    kinds = list(itertools.product(args.rows, args.policies, args.programs))
     jobs = [
-        (rows, policy, program, start)
-        for rows in args.rows
-        for policy in args.policies
-        for program in args.programs
-        for start in range(0, args.episodes, args.chunk)
+        monte_carlo.Scenes(policy, program, rows, args.seed, start, args.chunk)
+        for rows, policy, program in kinds
+        for start in starts
     ]
-    _run_missing(args, jobs)
-    outcomes: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
-    for rows, policy, program, start in jobs:
-        chunk = json.loads(_path(args, rows, policy, program, start).read_text(encoding="utf-8"))
-        outcomes[rows, policy, program].extend(chunk[: args.episodes - start])
-    results = [
-        {"rows": rows, "policy": policy, "program": program, **monte_carlo.summary(episodes)}
-        for (rows, policy, program), episodes in outcomes.items()
-    ]
+    runs = chunks.run(
+        monte_carlo.run, jobs, folder=args.output / "chunks",
+        workers=args.workers, backend=args.backend, title="chunks",
+    )  # fmt: skip
+    outcomes = dict(runs)
+    results = []
+    for k, (rows, policy, program) in enumerate(kinds):
+        mine = range(k * len(starts), (k + 1) * len(starts))
+        episodes = [outcome for number in mine for outcome in outcomes[number]][: args.episodes]
+        labels = {"rows": rows, "policy": policy, "program": program}
+        results.append(labels | monte_carlo.summary(episodes))
     write_json(args.output / "summary.json", results)
     return results
-
-
-def _run_missing(args: Args, jobs: list[tuple[str, str, str, int]]) -> None:
-    """Run the chunks that the folder does not hold yet, and save each as it is done."""
-    missing = [job for job in jobs if not _path(args, *job).exists()]
-    tasks = [
-        joblib.delayed(monte_carlo.run)(policy, program, rows, args.seed, start, args.chunk)
-        for rows, policy, program, start in missing
-    ]
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        bar = progress.add_task("chunks", total=len(jobs), completed=len(jobs) - len(missing))
-        done = in_parallel(tasks, args.workers, args.backend)
-        for job, outcomes in zip(missing, done, strict=True):
-            write_json(_path(args, *job), outcomes)
-            progress.advance(bar)
-
-
-def _path(args: Args, rows: str, policy: str, program: str, start: int) -> Path:
-    name = f"{rows}-{policy}-{program}-{start}".replace(" ", "_")
-    return args.output / f"{name}.json"
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
@@ -117,13 +98,14 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 
 def _priorities(kind: str, results: list[dict[str, Any]]) -> Table:
-    header = ("policy", "program", "enters 1", "2", "3", "4", "depth in 2/3/4 [m]")
+    header = ("policy", "program", f"enters 1 ({BOUNDED})", "2", "3", "4", "depth in 2/3/4 [m]")
     header += ("time in 2/3/4 [s]", "rms ‖u − u*‖", "at the goal", "deadlock", "entered though met")
     rows = [
         (
             r["policy"],
             r["program"],
-            *(f"{share:.1%}" for share in r["entered"]),
+            _strict(r),
+            *(f"{share:.1%}" for share in r["entered"][1:]),
             "/".join(f"{depth:.2f}" for depth in r["depth"][1:]),
             "/".join(f"{seconds:.1f}" for seconds in r["seconds"][1:]),
             f"{r['intervention']:.2f}",
@@ -137,14 +119,20 @@ def _priorities(kind: str, results: list[dict[str, Any]]) -> Table:
     return Table(title, header, rows)
 
 
+def _strict(row: dict[str, Any]) -> str:
+    """Return the share that entered rank 1, in which no episode starts, with its bound."""
+    share, episodes = row["entered"][0], row["episodes"]
+    return f"{share:.1%} ({at_most(round(share * episodes), episodes)})"
+
+
 def _clearance(results: list[dict[str, Any]]) -> Table:
-    header = ("rows", "policy", "episodes that enter a strict region")
+    header = ("rows", "policy", f"episodes that enter a strict region ({BOUNDED})")
     header += ("least clearance [mm]", "median clearance [mm]")
     rows = [
         (
             r["rows"],
             r["policy"],
-            f"{r['entered'][0]:.1%}",
+            _strict(r),
             f"{1e3 * r['least_clearance']:.2f}",
             f"{1e3 * r['median_clearance']:.2f}",
         )

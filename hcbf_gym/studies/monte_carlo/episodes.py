@@ -5,7 +5,7 @@ at every millisecond.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -107,19 +107,29 @@ def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
     return (*walls, *discs)
 
 
-def run(
-    policy: str, program: str, rows: str, seed: int, start: int, count: int
-) -> list[dict[str, Any]]:
-    """Run one chunk of episodes, and return their outcomes as plain dicts.
+class Scenes(NamedTuple):
+    """Episodes that run together.
 
-    Args:
+    Attributes:
         policy: one of `POLICIES`.
         program: one of `PROGRAMS`.
         rows: one of `ROWS`.
         seed: decides scenes and noise; the scenes are the same for every policy and program.
         start: the first episode's number.
-        count: how many episodes.
+        episodes: how many.
     """
+
+    policy: str
+    program: str
+    rows: str
+    seed: int
+    start: int
+    episodes: int
+
+
+def run(chunk: Scenes) -> list[dict[str, Any]]:
+    """Run the episodes, and return their outcomes as plain dicts."""
+    policy, program, rows, seed, start, count = chunk
     choose("policy", policy, dict.fromkeys(POLICIES))
     settings, margin = choose("rows", rows, ROWS)
     chosen = choose("program", program, PROGRAMS)

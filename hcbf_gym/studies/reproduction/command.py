@@ -5,21 +5,19 @@ the run bears it out. Run it again to resume it: every episode is kept under its
 """
 
 import json
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import optuna
 import tyro
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 import hcbf_gym
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.studies.reproduction import FIGURES, Runs
 
 
@@ -33,18 +31,14 @@ class Args:
     """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
     output: Path = Path("results/reproduce")
     """Folder for the pictures, the episodes and reproduction.json."""
-    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
-        default_factory=lambda: os.cpu_count() or 1
-    )
-    """Processes."""
-    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
-    """How they are started; ray needs the extra `cluster`."""
+    workers: Workers = None
+    """Episodes that run at once."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
 
 
 def main(args: Args) -> None:
     """Draw the figures, check the claims, and write both."""
-    if args.workers < 1:
-        raise InvalidInputError(f"workers: got {args.workers}, expected at least 1")
     names = list(FIGURES) if args.figure == "all" else [args.figure]
     claims = reproduce(names, args.output, args.quick, args.workers, args.backend)["claims"]
     console = Console()
@@ -53,7 +47,7 @@ def main(args: Args) -> None:
 
 
 def reproduce(
-    names: Sequence[str], folder: Path, quick: bool, workers: int, backend: str
+    names: Sequence[str], folder: Path, quick: bool, workers: int | None, backend: Backend
 ) -> dict[str, Any]:
     """Draw figures into a folder, and return what `reproduction.json` holds then.
 
@@ -61,24 +55,16 @@ def reproduce(
         names: of `FIGURES`.
         folder: for the pictures, the episodes and the JSON; figures that it has stay.
         quick: fewer episodes.
-        workers: processes.
-        backend: how joblib starts them.
+        workers: episodes that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray".
     """
+    open_pool(backend, workers).close()
     settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
     open_folder(folder, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns) as progress:
-        bars: dict[str, Any] = {}
-
-        def show(title: str, done: int, total: int) -> None:
-            if title not in bars:
-                bars[title] = progress.add_task(title, total=total)
-            progress.update(bars[title], completed=done)
-
-        runs = Runs(folder / "episodes", workers, backend, show)
-        for name in names:
-            write_json(folder / f"{name}.json", FIGURES[name](runs, folder, quick))
+    runs = Runs(folder / "episodes", workers, backend)
+    for name in names:
+        write_json(folder / f"{name}.json", FIGURES[name](runs, folder, quick))
     results = {
         name: json.loads(path.read_text(encoding="utf-8"))
         for name in FIGURES

@@ -12,10 +12,10 @@ from hcbf_gym import scenarios
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation.rollouts import Case
+from hcbf_gym.evaluation.rollouts import Case, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.studies.reproduction import plots
-from hcbf_gym.studies.reproduction.runs import Job, Runs
+from hcbf_gym.studies.reproduction.runs import Runs
 from hcbf_gym.studies.reproduction.trajectories import Trajectories, of_episodes, of_simulations
 from hcbf_gym.studies.tuning import (
     WINDOW,

@@ -9,9 +9,9 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation.rollouts import Case, Episode
+from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.studies.reproduction import plots
-from hcbf_gym.studies.reproduction.runs import Job, Runs
+from hcbf_gym.studies.reproduction.runs import Runs
 
 SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
 R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)

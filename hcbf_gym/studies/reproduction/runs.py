@@ -1,59 +1,20 @@
-"""Episodes that are run once: in parallel, and kept in a folder under all that decides them."""
+"""Episodes and films of a study, each run once and kept in a folder."""
 
 import functools
-import hashlib
-import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import joblib
 import numpy as np
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
-import hcbf_gym
-from hcbf_gym import scenarios
-from hcbf_gym.compilation import sources_hash
 from hcbf_gym.drawing.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.evaluation.rollouts import Case, Episode, in_parallel, make_policy
-from hcbf_gym.records import whole
-
-Array = NDArray[np.float64]
-
-_PACKAGE = Path(hcbf_gym.__file__).parent
-_DECIDE = ("evaluation/rollouts.py", "envs/regions.py", "envs/a1_regions.py", "robots/a1/a1.xml")
-"""What an episode runs on, and through their imports all below them."""
-
-
-@functools.cache
-def _sources() -> str:
-    return sources_hash([_PACKAGE / file for file in _DECIDE])
-
-
-class Job(NamedTuple):
-    """One episode to run: a case and its seed."""
-
-    case: Case
-    seed: int = 0
-
-    def key(self) -> str:
-        """Return a name that no other episode has: the hash of its settings and of the sources."""
-        case = self.case
-        settings = {
-            "sources": _sources(),
-            "env": case.env,
-            "scenario": scenarios.make(case.scenario).to_dict(),
-            "policy": case.policy,
-            "program": case.program,
-            "options": dict(case.options or {}),
-            "env_options": dict(case.env_options or {}),
-            "seed": self.seed,
-        }
-        text = json.dumps(settings, sort_keys=True, allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:20]
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.rollouts import Episode, Job, make_policy
+from hcbf_gym.evaluation.workers import Backend
 
 
 @dataclass(frozen=True)
@@ -62,15 +23,13 @@ class Runs:
 
     Args:
         folder: where they are kept.
-        workers: processes.
-        backend: how joblib starts them.
-        on_progress: called with a title, how many episodes are done, and of how many.
+        workers: episodes that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray".
     """
 
     folder: Path
-    workers: int = 1
-    backend: str = "loky"
-    on_progress: Callable[[str, int, int], None] = lambda title, done, total: None
+    workers: int | None = None
+    backend: Backend = "processes"
 
     def episodes(self, title: str, jobs: Sequence[Job]) -> list[Episode]:
         """Return the episodes in the order of the jobs, running those that are not there yet.
@@ -79,11 +38,7 @@ class Runs:
             title: what they are, for the progress.
             jobs: what to run.
         """
-        paths = [self.folder / f"{job.key()}.npz" for job in jobs]
-        self._complete(
-            title, paths, [joblib.delayed(_run)(*task) for task in zip(jobs, paths, strict=True)]
-        )
-        return [_load(path) for path in paths]
+        return self._results(Job.run, title, jobs)
 
     def films(
         self, title: str, jobs: Sequence[Job], times: Sequence[float]
@@ -93,47 +48,18 @@ class Runs:
         Raises:
             RenderingError: if no OpenGL context can be made.
         """
-        name = "-".join(f"{time:g}" for time in times)
-        paths = [self.folder / f"{job.key()}-film-{name}.npz" for job in jobs]
-        tasks = [
-            joblib.delayed(_film)(job, path, times) for job, path in zip(jobs, paths, strict=True)
-        ]
-        self._complete(title, paths, tasks)
-        films = []
-        for path in paths:
-            with np.load(path) as data:
-                films.append(data["frames"])
-        return films
+        return self._results(functools.partial(_film, times=tuple(times)), title, jobs)
 
-    def _complete(self, title: str, paths: Sequence[Path], tasks: Sequence[Any]) -> None:
-        """Run the tasks whose files are not there yet."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        missing = {path: task for path, task in zip(paths, tasks, strict=True) if not path.exists()}
-        done = len(paths) - len(missing)
-        self.on_progress(title, done, len(paths))
-        for _ in in_parallel(list(missing.values()), self.workers, self.backend) if missing else ():
-            done += 1
-            self.on_progress(title, done, len(paths))
+    def _results(self, function: Any, title: str, jobs: Sequence[Job]) -> list[Any]:
+        runs = chunks.run(
+            function, jobs, folder=self.folder, workers=self.workers, backend=self.backend,
+            title=title,
+        )  # fmt: skip
+        results = dict(runs)
+        return [results[number] for number in range(len(jobs))]
 
 
-def _run(job: Job, path: Path) -> None:
-    episode = job.case.run(job.seed)
-    _save(path, {field.name: getattr(episode, field.name) for field in fields(Episode)})
-
-
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    with whole(path) as partial:
-        np.savez_compressed(partial, **arrays)
-
-
-def _load(path: Path) -> Episode:
-    with np.load(path) as data:
-        values: dict[str, Any] = {name: data[name] for name in data.files}
-    values |= {name: values[name].item() for name in ("goal_radius", "fell", "reached")}
-    return Episode(**values)
-
-
-def _film(job: Job, path: Path, times: Sequence[float]) -> None:
+def _film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
     env = job.case.make(render_mode="rgb_array")
     inner: Any = env.unwrapped
     inner.artist.path_color = to_rgba(PROGRAM_COLORS[job.case.program])
@@ -152,4 +78,4 @@ def _film(job: Job, path: Path, times: Sequence[float]) -> None:
                 break
     finally:
         env.close()
-    _save(path, {"frames": np.array(frames, dtype=np.uint8)})
+    return np.array(frames, dtype=np.uint8)

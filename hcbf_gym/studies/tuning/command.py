@@ -10,18 +10,18 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import optuna
-import tyro
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
 from hcbf_gym.studies.tuning.journal import journal
@@ -55,12 +55,10 @@ class Args:
     """Decides the samples and the episodes."""
     storage: str | None = None
     """URL of a database that machines share [default: a journal in the output folder]."""
-    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: all cores)")] = field(
-        default_factory=lambda: os.cpu_count() or 1
-    )
-    """Processes, in full physics."""
-    backend: Literal["loky", "multiprocessing", "threading", "ray"] = "loky"
-    """How they are started; ray needs the extra `cluster`."""
+    workers: Workers = None
+    """Episodes that run at once, in full physics."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/tune")
     """Folder for the study, tuning.json and the maps."""
     compare: int = 0
@@ -69,11 +67,11 @@ class Args:
 
 def main(args: Args) -> None:
     """Sample, and write what came out."""
-    if args.workers < 1 or args.samples < 1 or args.compare < 0:
+    if args.samples < 1 or args.compare < 0:
         raise InvalidInputError(
-            f"got workers {args.workers}, samples {args.samples} and compare {args.compare}, "
-            "expected >= 1, >= 1 and >= 0"
+            f"got samples {args.samples} and compare {args.compare}, expected >= 1 and >= 0"
         )
+    open_pool(args.backend, args.workers).close()
     if args.compare:
         require("--compare", "benchmark", "osqp")
         if args.env != "HCBF-Regions-v0":
@@ -173,7 +171,7 @@ def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table
 def _compare(problem: Problem, samples: Samples, count: int, console: Console) -> None:
     """Time the batch against a loop over single programs with OSQP, per sample, in one run."""
     start = time.perf_counter()
-    problem.costs(samples.gamma0, samples.delta_gamma)
+    dict(problem.costs(samples.gamma0, samples.delta_gamma))
     batch = (time.perf_counter() - start) / len(samples.cost)
     loop = Problem(
         problem.env,

@@ -1,6 +1,6 @@
 """What is tuned: the weights of one program in one scene and environment, under one cost."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import programs, scenarios
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation.rollouts import ENVIRONMENTS, Case, Episode, evaluate
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.rollouts import ENVIRONMENTS, Case, Episode
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning.cost import Cost, relaxation
 from hcbf_gym.studies.tuning.simulate import check_weights, simulate
 
@@ -73,31 +75,29 @@ class Problem:
         self,
         gamma0: ArrayLike,
         delta_gamma: ArrayLike,
-        workers: int = 1,
-        backend: str = "loky",
-    ) -> Array:
-        """Return r (N,) of N pairs of weights.
+        workers: int | None = None,
+        backend: Backend = "processes",
+    ) -> Iterator[tuple[int, float]]:
+        """Yield (k, r) of N pairs of weights, as they finish.
 
         Args:
             gamma0: (N,) γ₀ ≥ 0.
             delta_gamma: (N,) Δγ ≥ 0.
-            workers: processes, in full physics.
-            backend: how joblib starts them.
+            workers: episodes that run at once, in full physics; None for the backend's CPUs.
+            backend: "processes" or "ray".
 
         Raises:
             InvalidInputError: if a weight is negative or not finite, or there are none.
         """
         gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
-        if self.batched:
-            chunks = range(0, len(gamma0), _CHUNK)
-            return np.concatenate(
-                [self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK]) for i in chunks]
-            )
-        cases = [
-            self.case(g, d) for g, d in zip(gamma0.tolist(), delta_gamma.tolist(), strict=True)
-        ]
-        episodes = evaluate(cases, [self.seed], workers, backend)
-        return np.array([self.cost_of(episode) for _, _, episode in episodes])
+        if not self.batched:
+            pairs = list(zip(gamma0.tolist(), delta_gamma.tolist(), strict=True))
+            return chunks.run(self._walk, pairs, workers=workers, backend=backend)
+        parts = (
+            self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK])
+            for i in range(0, len(gamma0), _CHUNK)
+        )
+        return enumerate(cost for part in parts for cost in part.tolist())
 
     def cost_of(self, episode: Episode) -> float:
         """Return r of one recorded episode; infinity if the robot fell."""
@@ -108,6 +108,10 @@ class Problem:
         ranks = [barrier.priority for barrier in scene.barriers]
         priority[: len(ranks)] = ranks
         return float(self.cost(episode.tracking_error, relaxation(episode.delta, priority)))
+
+    def _walk(self, weights: tuple[float, float]) -> float:
+        """Return r of one episode in full physics."""
+        return self.cost_of(self.case(*weights).run(self.seed))
 
     def _batch(self, gamma0: Array, delta_gamma: Array) -> Array:
         run = simulate(

@@ -24,6 +24,7 @@ from optuna.study import Study
 from optuna.trial import FrozenTrial, Trial, TrialState
 
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning.draws import Normal
 from hcbf_gym.studies.tuning.problem import Problem
 
@@ -163,16 +164,16 @@ class TuningStudy:
     def run(
         self,
         samples: int,
-        workers: int = 1,
-        backend: str = "loky",
+        workers: int | None = None,
+        backend: Backend = "processes",
         on_done: Callable[[int], None] = lambda done: None,
     ) -> Samples:
         """Bring the study to at least so many samples and return the first of them.
 
         Args:
             samples: how many, at least 1.
-            workers: processes, in full physics.
-            backend: how joblib starts them.
+            workers: episodes that run at once, in full physics; None for the backend's CPUs.
+            backend: "processes" or "ray".
             on_done: called with the number of samples that are done, again and again.
 
         Raises:
@@ -188,8 +189,8 @@ class TuningStudy:
         self,
         study: Study,
         samples: int,
-        workers: int,
-        backend: str,
+        workers: int | None,
+        backend: Backend,
         on_done: Callable[[int], None],
     ) -> Samples:
         """Bring an open study to at least so many samples; see `run`."""
@@ -198,15 +199,14 @@ class TuningStudy:
             generation = min(generation, _EPISODES)
 
         def finish(trials: list[Trial]) -> None:
-            """Evaluate trials as one batch; another process may have told some already."""
+            """Evaluate trials and tell each as it finishes; another process may have, already."""
             if trials:
                 gamma0 = [trial.params["gamma0"] for trial in trials]
                 delta_gamma = [trial.params["delta_gamma"] for trial in trials]
-                costs = self.problem.costs(gamma0, delta_gamma, workers, backend)
-                for trial, cost in zip(trials, costs, strict=True):
+                for k, cost in self.problem.costs(gamma0, delta_gamma, workers, backend):
                     # another process may finish the same trial, at the same cost, in between
                     with contextlib.suppress(UpdateFinishedTrialError):
-                        study.tell(trial.number, float(cost), skip_if_finished=True)
+                        study.tell(trials[k].number, cost, skip_if_finished=True)
             on_done(min(samples, len(_trials(study, TrialState.COMPLETE))))
 
         def ask(size: int) -> list[Trial]:

@@ -1,0 +1,230 @@
+"""A function over many jobs, by processes or on a Ray cluster, so that no finished work is lost.
+
+Jobs run in chunks. A chunk is saved as soon as it has finished; one whose worker or node died runs
+again; the same call, made again, runs what is missing. `docs/cluster.md` says how a cluster is
+found.
+
+>>> from tempfile import TemporaryDirectory
+>>> with TemporaryDirectory() as folder:
+...     results = dict(run(abs, [-1.5, 2.5], folder=Path(folder), workers=1))
+>>> results
+{0: 1.5, 1: 2.5}
+"""
+
+import functools
+import hashlib
+import inspect
+import pickle
+import reprlib
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import joblib
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+import hcbf_gym
+from hcbf_gym.compilation import sources_hash
+from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
+from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
+from hcbf_gym.records import whole
+
+ATTEMPTS = 5
+"""How often a chunk runs whose worker dies, before it is given up."""
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+_PACKAGE = Path(hcbf_gym.__file__).parent
+
+
+class Chunk(NamedTuple):
+    """Jobs that run together.
+
+    Attributes:
+        start: the number of the first.
+        jobs: what the function is called with, one after the other.
+        path: of the file of their results; None where they are not saved.
+    """
+
+    start: int
+    jobs: Sequence[Any]
+    path: Path | None
+
+    def __str__(self) -> str:
+        return f"chunk of {len(self.jobs)} from job {self.start}, {reprlib.repr(self.jobs[0])}"
+
+
+def run(
+    function: Callable[[J], R],
+    jobs: Sequence[J],
+    *,
+    folder: Path | None = None,
+    reads: Sequence[Path] = (),
+    size: int = 1,
+    workers: int | None = None,
+    backend: Backend = "processes",
+    title: str | None = None,
+) -> Iterator[tuple[int, R]]:
+    """Yield (number of the job, its result): what is saved at once, the others as they finish.
+
+    Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
+    that is named by a hash of what was run: the function with all sources below it, the files that
+    it reads, and the jobs. So a folder never answers for other work, which
+    `output_folder.open_folder` refuses in words.
+
+    Args:
+        function: job → result; it, the jobs and the results can be pickled.
+        jobs: what to run.
+        folder: where chunks are saved; None to save nothing.
+        reads: the files of the user's own that decide the results: scenes, contracts, policies.
+        size: jobs in a chunk.
+        workers: chunks that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray".
+        title: of a bar that tells what is done and how long the rest takes; None for no bar.
+
+    Raises:
+        InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs than
+            workers, or if the function or a job cannot be pickled.
+        UnknownNameError: if there is no such backend.
+        MissingDependencyError: if Ray is asked for and not installed.
+        ChunkError: if the function raises an error that is not of this package, or the workers of
+            one chunk died `ATTEMPTS` times.
+    """
+    if size < 1:
+        raise InvalidInputError(f"size: got {size}, expected at least 1")
+    pool = open_pool(backend, workers)
+    identity = "" if folder is None else _identity(function, reads)
+    chunks = []
+    for start in range(0, len(jobs), size):
+        part = jobs[start : start + size]
+        path = None if folder is None else folder / f"{_key(identity, part)}.chunk"
+        chunks.append(Chunk(start, part, path))
+    return _complete(function, chunks, pool, title)
+
+
+def _identity(function: Callable[..., Any], reads: Sequence[Path]) -> str:
+    """Return a hash of a function, of the sources of all that it may reach, and of files."""
+    inner: Any = function
+    while isinstance(inner, functools.partial):
+        inner = inner.func
+    try:
+        own = [Path(inspect.getfile(inner))]
+    except TypeError:  # built in
+        own = []
+    # environments are made by name, and robots and policies read from files: no import tells
+    named = [*_PACKAGE.glob("envs/*.py"), *_PACKAGE.glob("robots/**/*.xml")]
+    named += [*_PACKAGE.glob("robots/**/*.json"), *_PACKAGE.glob("policies/baselines/*")]
+    named += _PACKAGE.glob("evaluation/*.json")
+    return f"{sources_hash([*own, *named, *reads])} {_hash(function)}"
+
+
+def _key(identity: str, jobs: Sequence[Any]) -> str:
+    text = "\n".join([identity, *map(_hash, jobs)])
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _hash(thing: Any) -> str:
+    try:
+        return str(joblib.hash(thing, hash_name="sha1"))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInputError(
+            f"chunks: got {reprlib.repr(thing)}, expected what can be pickled ({error})"
+        ) from error
+
+
+def _complete(
+    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool, title: str | None
+) -> Iterator[tuple[int, Any]]:
+    """Yield what is saved, then what runs."""
+    saved, missing = [], []
+    for chunk in chunks:
+        here = chunk.path is not None and chunk.path.exists()
+        (saved if here else missing).append(chunk)
+    for chunk in saved:
+        yield from enumerate(_load(chunk), chunk.start)
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns,
+        console=Console(stderr=True),
+        disable=title is None,
+        speed_estimate_period=3600.0,  # of chunks that take minutes, too
+    ) as progress:
+        bar = progress.add_task(
+            title or "",
+            total=sum(len(chunk.jobs) for chunk in chunks),
+            completed=sum(len(chunk.jobs) for chunk in saved),
+        )
+        for chunk, results in _finished(function, missing, pool):
+            progress.advance(bar, len(results))
+            yield from enumerate(results, chunk.start)
+
+
+def _finished(
+    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool
+) -> Iterator[tuple[Chunk, list[Any]]]:
+    """Run chunks, save each as it finishes, and yield it; those whose worker dies run again."""
+    waiting = deque(chunks)
+    deaths: Counter[int] = Counter()
+    running: dict[Future, Chunk] = {}
+    failures: list[BaseException] = []
+    try:
+        while running or (waiting and not failures):
+            while waiting and not failures and len(running) < pool.workers:
+                chunk = waiting.popleft()
+                running[pool.submit(_call, function, chunk.jobs)] = chunk
+            finished = []
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                chunk = running.pop(future)
+                error = future.exception()
+                if pool.died(future):
+                    deaths[chunk.start] += 1
+                    waiting.append(chunk)
+                    if deaths[chunk.start] == ATTEMPTS:
+                        what = f"its worker died {ATTEMPTS} times, and the last time of"
+                        failures.append(_failure(chunk, what, error))
+                elif error is not None:
+                    failures.append(_failure(chunk, "got", error))
+                else:
+                    _save(chunk, future.result())
+                    finished.append((chunk, future.result()))
+            yield from finished
+        if failures:  # after the end of those that ran beside it
+            raise failures[0]
+    finally:
+        pool.close()
+
+
+def _call(function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+    return [function(job) for job in jobs]
+
+
+def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseException:
+    """Return an error of this package as it is, of any other one a sentence with its chunk."""
+    error = getattr(error, "cause", error)  # what was raised on a node of Ray
+    if isinstance(error, HcbfError):
+        return error
+    reason = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+    failure = ChunkError(f"{chunk}: {what} {reason}")
+    failure.__cause__ = error
+    return failure
+
+
+def _save(chunk: Chunk, results: list[Any]) -> None:
+    if chunk.path is not None:
+        chunk.path.parent.mkdir(parents=True, exist_ok=True)
+        with whole(chunk.path) as partial:
+            joblib.dump(results, partial, compress=3)
+
+
+def _load(chunk: Chunk) -> list[Any]:
+    try:
+        return joblib.load(chunk.path)
+    except (*UNREADABLE, EOFError, OSError, ImportError, pickle.UnpicklingError) as error:
+        raise InvalidInputError(
+            f"chunks: got {chunk.path} that cannot be read ({error}), expected a finished chunk; "
+            "delete it to run it again"
+        ) from error

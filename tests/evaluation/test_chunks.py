@@ -1,0 +1,176 @@
+import functools
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import crashing
+import pytest
+from needs import needs
+
+from hcbf_gym.errors import ChunkError, InvalidInputError, UnknownNameError
+from hcbf_gym.evaluation import chunks
+
+PATH = os.pathsep.join(
+    filter(None, [os.environ.get("PYTHONPATH"), str(Path(crashing.__file__).parent)])
+)
+"""Where a process finds this package and the crashing jobs."""
+
+
+def ran(folder):
+    """Return how often each job ran."""
+    return {int(file.stem): len(file.read_text()) for file in Path(folder).glob("*.ran")}
+
+
+def test_results_are_the_same_bit_for_bit_whoever_runs_them_and_read_again(tmp_path):
+    jobs = [0.1 * k for k in range(7)]
+    expected = {k: crashing.third(job) for k, job in enumerate(jobs)}
+    run = functools.partial(chunks.run, crashing.third, jobs, size=2)
+    assert dict(run(workers=1)) == expected
+    assert dict(run(workers=2, folder=tmp_path)) == expected
+    assert dict(run(workers=1, folder=tmp_path)) == expected
+
+
+def test_a_finished_chunk_does_not_run_again_and_a_new_job_does(tmp_path):
+    jobs = [(str(tmp_path), k) for k in range(5)]
+    folder = tmp_path / "chunks"
+    run = functools.partial(chunks.run, crashing.logged, folder=folder, workers=1, size=2)
+    for number, _ in run(jobs[:4]):
+        if number == 1:
+            break
+    assert ran(tmp_path) == {0: 1, 1: 1}
+    assert dict(run(jobs)) == {k: k / 3.0 for k in range(5)}
+    assert ran(tmp_path) == dict.fromkeys(range(5), 1)
+
+
+def test_other_work_in_the_folder_is_not_mistaken_for_this(tmp_path):
+    first = functools.partial(round, ndigits=0)
+    second = functools.partial(round, ndigits=1)
+    assert dict(chunks.run(first, [1.26], folder=tmp_path, workers=1)) == {0: 1.0}
+    assert dict(chunks.run(second, [1.26], folder=tmp_path, workers=1)) == {0: 1.3}
+    assert dict(chunks.run(abs, [1.26], folder=tmp_path, workers=1)) == {0: 1.26}
+
+
+def test_what_a_dead_worker_had_runs_again_and_nothing_else(tmp_path):
+    jobs = [(str(tmp_path), k) for k in range(6)]
+    results = dict(chunks.run(crashing.dies_once, jobs, folder=tmp_path / "chunks", workers=2))
+    assert results == {k: k / 3.0 for k in range(6)}
+    assert ran(tmp_path) == dict.fromkeys(range(6), 1)
+
+
+def test_a_chunk_that_kills_its_workers_is_named_and_the_others_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "ATTEMPTS", 2)
+    with pytest.raises(ChunkError, match=r"from job 1, 1: its worker died 2 times") as raised:
+        dict(chunks.run(crashing.dies, [0, 1, 2, 3], folder=tmp_path, workers=2))
+    assert "\n" not in str(raised.value)
+    assert len(list(tmp_path.glob("*.chunk"))) == 3
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_of_the_function_is_one_line_and_one_of_ours_stays_as_it_is(tmp_path, workers):
+    with pytest.raises(ChunkError, match=r"from job 2, 2: got KeyError: 'one") as raised:
+        dict(chunks.run(crashing.raises, [0, 1, 2, 3], folder=tmp_path, workers=workers))
+    assert "\n" not in str(raised.value)
+    assert len(list(tmp_path.glob("*.chunk"))) >= 2
+    with pytest.raises(InvalidInputError, match=r"^job: got one, expected none$"):
+        dict(chunks.run(crashing.refuses, [0], workers=workers))
+
+
+def test_who_stops_iterating_stops_the_workers():
+    begun = time.monotonic()
+    for number, _ in chunks.run(crashing.sleeps, [0, 3, 1, 4], workers=2):
+        assert number == 0
+        break
+    assert time.monotonic() - begun < 60.0
+
+
+SCRIPT = """
+    import sys
+    from pathlib import Path
+    import crashing
+    from hcbf_gym.evaluation import chunks
+    for number, _ in chunks.run(crashing.sleeps, [0, 1, 2, 3], folder=Path(sys.argv[1]), workers=2):
+        print(number, flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_or_killed_run_keeps_what_is_finished_and_leaves_no_process(tmp_path, how):
+    with subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(SCRIPT), str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": PATH},
+    ) as process:
+        assert process.stdout is not None
+        for _ in range(3):
+            process.stdout.readline()
+        process.send_signal(how)
+        process.stdout.read()  # ends when the last process has, which holds the other end
+    assert len(list(tmp_path.glob("*.chunk"))) == 3
+
+
+ON_RAY = """
+    import json, sys
+    from pathlib import Path
+    import crashing
+    from hcbf_gym.errors import ChunkError, InvalidInputError
+    from hcbf_gym.evaluation import chunks
+    folder = Path(sys.argv[1])
+    refused = []
+    for function, workers in ((crashing.third, 10_000), (crashing.raises, None)):
+        try:
+            dict(chunks.run(function, [1, 2], backend="ray", workers=workers))
+        except (ChunkError, InvalidInputError) as error:
+            refused.append(str(error))
+    jobs = [(str(folder), k) for k in range(3)]
+    results = dict(chunks.run(crashing.dies_once, jobs, folder=folder / "chunks", backend="ray"))
+    print(json.dumps([refused, sorted(results.items())]))
+"""
+
+
+@needs("ray")
+def test_a_ray_cluster_gives_the_same_loses_nothing_and_refuses_in_a_sentence(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(ON_RAY), str(tmp_path)],
+        env=os.environ | {"PYTHONPATH": PATH},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    refused, results = json.loads(done.stdout.splitlines()[-1])
+    assert results == [[k, k / 3.0] for k in range(3)]
+    assert ran(tmp_path) == dict.fromkeys(range(3), 1)
+    assert "got 10000, expected at most the" in refused[0]
+    assert "from job 1, 2: got KeyError: 'one" in refused[1]
+    assert not any("\n" in text for text in refused)
+
+
+def test_a_file_that_is_no_chunk_is_refused_in_words(tmp_path):
+    dict(chunks.run(abs, [1.0], folder=tmp_path, workers=1))
+    (file,) = tmp_path.glob("*.chunk")
+    file.write_bytes(b"half of it")
+    with pytest.raises(InvalidInputError, match="delete it to run it again"):
+        dict(chunks.run(abs, [1.0], folder=tmp_path, workers=1))
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"size": 0}, InvalidInputError),
+        ({"workers": 0}, InvalidInputError),
+        ({"backend": "cloud"}, UnknownNameError),
+    ],
+)
+def test_bad_arguments_are_refused_before_anything_runs(options, error):
+    with pytest.raises(error):
+        chunks.run(abs, [1.0], **options)
+
+
+def test_what_cannot_be_pickled_is_refused_where_it_is_to_be_saved(tmp_path):
+    with pytest.raises(InvalidInputError, match="can be pickled"):
+        chunks.run(lambda job: job, [1.0], folder=tmp_path)

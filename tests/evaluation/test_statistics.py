@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.statistics import episodes_needed, upper_bound
+
+
+@pytest.mark.parametrize(("entered", "episodes"), [(0, 1), (0, 688), (3, 40), (5, 16450), (39, 40)])
+def test_at_the_bound_so_few_entries_are_as_rare_as_the_doubt(entered, episodes):
+    bound = upper_bound(entered, episodes, 0.99)
+    assert binom.cdf(entered, episodes, bound) == pytest.approx(0.01, rel=1e-6)
+
+
+def test_the_bound_covers_the_true_chance_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    chance, episodes = 0.02, 200
+    counts = rng.binomial(episodes, chance, 4000)
+    covered = np.mean([upper_bound(int(k), episodes, 0.95) >= chance for k in counts])
+    assert covered >= 0.94
+
+
+def test_nothing_is_bounded_where_all_enter():
+    assert upper_bound(7, 7) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("bound", "allowed", "episodes"),
+    [(1e-2, 0, 688), (1e-3, 0, 6905), (1e-2, 5, 1640), (1e-3, 5, 16450)],
+)
+def test_the_episodes_needed_are_the_fewest_that_certify(bound, allowed, episodes):
+    assert episodes_needed(bound, allowed) == episodes
+    assert upper_bound(allowed, episodes) <= bound < upper_bound(allowed, episodes - 1)
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        lambda: upper_bound(0, 0),
+        lambda: upper_bound(-1, 5),
+        lambda: upper_bound(6, 5),
+        lambda: upper_bound(True, 5),
+        lambda: upper_bound(0.0, 5),  # type: ignore[arg-type]
+        lambda: upper_bound(0, 5, 1.0),
+        lambda: upper_bound(0, 5, float("nan")),
+        lambda: episodes_needed(0.0),
+        lambda: episodes_needed(1.0),
+        lambda: episodes_needed(0.1, -1),
+        lambda: episodes_needed(0.1, 0, 0.0),
+    ],
+)
+def test_what_is_no_count_and_no_share_is_refused(refused):
+    with pytest.raises(InvalidInputError):
+        refused()
