@@ -22,6 +22,7 @@ from hcbf_gym.envs.a1_walker import Walk
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_source import SceneSource
+from hcbf_gym.envs.tally import Tally
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
 from hcbf_gym.models.plant import Coverage, Estimate
 from hcbf_gym.scenarios import Scenario
@@ -187,7 +188,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
         self._distance = self._error()
-        info = task.first(task.reset_info(self.scenario.task, h, self._distance))
+        info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
         return self._observe(), info | self._info_of(walk)
 
     def change_scene(self, scenario: Scenario) -> None:
@@ -208,22 +209,24 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         task.check_started(self._started)
         walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
-        self.artist.walk(self.walker.truth[:2])
+        position = self.walker.truth[:2]
+        self.artist.walk(position)
         h = self.barrier_set.along(walk.path, walk.times)
 
-        before = self._distance
-        distance = self._distance = self._error()
+        before, self._distance = self._distance, self._error()
         at_end = self._steps >= len(self._references) - 1
-        arrived = at_end and distance[0] <= self.scenario.goal_radius
-        success = np.array([arrived and not self.simulation.fallen])
-        reached = success & (self.scenario.task == "reach")
-        terms = task.reward_terms(self.scenario.task, before, distance, reached, u[None])
-        info = task.first(task.step_info(h[-1:], task.least(h), distance, success) | terms)
+        arrived = at_end and self._distance <= self.scenario.goal_radius
+        success = arrived and not self.simulation.fallen
+        x = self.rom_state
+        counted = self._tally.count(
+            h, self._sense(x), x, self._reference(), u, (before, self._distance), success
+        )
+        info = counted.info
         info |= self._info_of(walk)
         if self.render_mode == "human":
             self.render()
-        reward = float(sum(info[name] for name in terms))
-        return self._observe(), reward, self._stopped() or bool(reached[0]), False, info
+        ended = self._stopped() or (success and self.scenario.task == "reach")
+        return counted.observation, counted.reward, ended, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (480, 640, 3) picture, or show the scene in a window."""
@@ -269,6 +272,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.scenario = scenario
         self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
+        self._tally = Tally(scenario, self.barrier_set.kind.shape[1])
 
     def _take_scene(self, scenario: Scenario) -> None:
         self._set_scene(scenario)
@@ -279,16 +283,21 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._distance = self._error()
 
     def _reference(self) -> Array:
-        return self._references[None, min(self._steps, len(self._references) - 1)]
+        return self._references[min(self._steps, len(self._references) - 1)]
 
-    def _error(self) -> Array:
-        """Return (1,) the distance from the reference's position [m]."""
-        return np.array([math.dist(self._reference()[0, :2], self.walker.truth[:2])])
+    def _error(self) -> float:
+        """Return the distance from the reference's position [m]."""
+        return math.dist(self._reference()[:2].tolist(), self.walker.truth[:2].tolist())
+
+    def _sense(self, x: Array) -> Array:
+        """Return (M, 4) what a policy sees of each barrier at the state x (4,)."""
+        _, sensed = self.barrier_set.sense(x[None], np.array([self.time]))
+        return sensed[0]
 
     def _observe(self) -> Array:
-        x = self.rom_state[None]
-        _, sensed = self.barrier_set.sense(x, np.array([self.time]))
-        return task.observe(x, self._reference(), sensed, len(self.scenario.barriers))[0]
+        x = self.rom_state
+        seen, m = self._sense(x), len(self.scenario.barriers)
+        return task.observe(x[None], self._reference()[None], seen[None], m)[0]
 
     def _stopped(self) -> bool:
         """Tell whether the robot cannot go on."""
