@@ -1,0 +1,123 @@
+"""What one control step of one robot came to, counted in one compiled call.
+
+The numbers are those of `task.step_info`, `task.reward_terms` and `task.observe`, which count for N
+robots. One memory holds them all: a step copies it once, and every entry of its infos is a part.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.compilation import borrowed
+from hcbf_gym.envs.task import (
+    GOAL_REWARD,
+    REWARD_TERMS,
+    effort_cost,
+    write_observation,
+    write_violation,
+)
+from hcbf_gym.scenarios import Scenario
+
+Array = NDArray[np.float64]
+
+_NUMBERS = ("cost", "tracking_error", "is_success")
+_HEAD = 7  # of the memory: these, as many reward terms as there may be, and the reward
+_REWARD = 6
+
+
+class Counted(NamedTuple):
+    """What came of a step.
+
+    Attributes:
+        observation: (8 + 4 m,).
+        reward: the sum of its terms.
+        info: as `task.first` returns it, the reward's terms included.
+    """
+
+    observation: Array
+    reward: float
+    info: dict[str, Any]
+
+
+class Tally:
+    """Counts the steps of one robot in one scene.
+
+    Args:
+        scenario: the scene; a policy sees its m barriers.
+        total: of the barriers, the environment's own included.
+    """
+
+    def __init__(self, scenario: Scenario, total: int):
+        self._reaches = scenario.task == "reach"
+        ends = [_HEAD + k * total for k in range(4)]
+        self._memory = np.zeros(ends[-1] + 8 + 4 * len(scenario.barriers))
+        self._seen = slice(ends[-1], len(self._memory))
+        rows = zip(("h", "min_h", "violation"), ends[:-1], ends[1:], strict=True)
+        self._parts: list[tuple[str, slice | int]] = [
+            *((name, slice(start, end)) for name, start, end in rows),
+            *((name, k) for k, name in enumerate((*_NUMBERS, *REWARD_TERMS[scenario.task]))),
+        ]
+
+    def count(
+        self,
+        h: Array,
+        sensed: Array,
+        x: Array,
+        reference: Array,
+        u: Array,
+        distances: tuple[float, float],
+        success: bool,
+    ) -> Counted:
+        """Return what came of a step.
+
+        Args:
+            h: (k, M) barrier values on the way; the last are those at the end.
+            sensed: (M, 4) what `BarrierSet.sense` returns of this robot at the end.
+            x: (4,) position [m] and velocity [m/s] on which the loop is closed.
+            reference: (6,) position, velocity and acceleration at the end.
+            u: (2,) the applied acceleration [m/s²].
+            distances: ‖p_ref − p‖ before the step and after it [m].
+            success: whether the robot stands at the goal and the reference has ended.
+        """
+        _count(h, sensed, x, reference, u, distances, success, self._reaches, self._memory)
+        memory = self._memory.copy()
+        info = {name: memory[part] for name, part in self._parts}
+        return Counted(memory[self._seen], float(memory[_REWARD]), info)
+
+
+@njit(cache=True)
+def _count(
+    h: Array,
+    sensed: Array,
+    x: Array,
+    reference: Array,
+    u: Array,
+    distances: tuple[float, float],
+    success: bool,
+    reaches: bool,
+    memory: Array,
+) -> None:
+    """Write what `Tally` holds; its `count` has the arguments."""
+    h, sensed, x = borrowed(h), borrowed(sensed), borrowed(x)
+    reference, memory = borrowed(reference), borrowed(memory)
+    ticks, total = h.shape
+    at_end = memory[_HEAD : _HEAD + total]
+    least = memory[_HEAD + total : _HEAD + 2 * total]
+    at_end[:] = h[ticks - 1]
+    least[:] = h[0]
+    for i in range(1, ticks):
+        for k in range(total):
+            least[k] = np.minimum(least[k], h[i, k])
+    cost = write_violation(at_end, memory[_HEAD + 2 * total : _HEAD + 3 * total])
+    write_observation(x, reference, sensed, memory[_HEAD + 3 * total :])
+    before, after = distances
+    memory[0], memory[1], memory[2] = cost, after, success
+    effort = effort_cost(u[0], u[1])
+    if reaches:
+        memory[3], memory[4], memory[5] = before - after, GOAL_REWARD * success, effort
+        memory[_REWARD] = memory[3] + memory[4] + memory[5]
+    else:
+        memory[3], memory[4] = -after, effort
+        memory[_REWARD] = memory[3] + memory[4]
