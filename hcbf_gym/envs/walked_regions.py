@@ -132,7 +132,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
-        return self.estimate.x
+        return self._estimate.x.copy()
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
@@ -147,7 +147,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
-        return self.walker.estimate(self.time)
+        return self._estimate
 
     @property
     def truth(self) -> Array:
@@ -188,6 +188,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
         self._distance = self._error()
+        self._estimate = self.walker.estimate(0.0)
         info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
         return self._observe(), info | self._info_of(walk)
 
@@ -209,15 +210,15 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         task.check_started(self._started)
         walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
-        position = self.walker.truth[:2]
-        self.artist.walk(position)
+        self._estimate = self.walker.estimate(self.time)
+        self.artist.walk(self.walker.truth[:2])
         h = self.barrier_set.along(walk.path, walk.times)
 
         before, self._distance = self._distance, self._error()
         at_end = self._steps >= len(self._references) - 1
         arrived = at_end and self._distance <= self.scenario.goal_radius
         success = arrived and not self.simulation.fallen
-        x = self.rom_state
+        x = self._estimate.x
         counted = self._tally.count(
             h, self._sense(x), x, self._reference(), u, (before, self._distance), success
         )
@@ -280,6 +281,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
         self.walker.rest(np.array(scenario.start))
+        self._estimate = self.walker.estimate(0.0)
         self._distance = self._error()
 
     def _reference(self) -> Array:
@@ -295,7 +297,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         return sensed[0]
 
     def _observe(self) -> Array:
-        x = self.rom_state
+        x = self._estimate.x
         seen, m = self._sense(x), len(self.scenario.barriers)
         return task.observe(x[None], self._reference()[None], seen[None], m)[0]
 
@@ -310,7 +312,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             "obstacle_force": walk.obstacle_force,
         }
         if walk.body_h is not None and walk.least_body_h is not None:
-            info |= {"body_h": walk.body_h, "min_body_h": walk.least_body_h.copy()}
+            info["body_h"], info["min_body_h"] = walk.body_h, walk.least_body_h.copy()
         return info
 
 

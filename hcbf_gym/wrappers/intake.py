@@ -43,11 +43,13 @@ class Intake:
         self.x: Array = plants["x"]
         self.time: Array = plants["time"]
         self._fault: NDArray[np.int64] = plants["fault"]
+        self._has_model: NDArray[np.int64] = plants["has_model"]
+        self._parts: dict[str, Array] = {name: plants[name] for name in _PARTS}
         self._states: Array = self.x[0] if len(plants) == 1 else self.x
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it names the parts of its own records."""
-        parts = ("x", "time", "_fault", "_states")
+        parts = ("x", "time", "_fault", "_has_model", "_parts", "_states")
         return {name: value for name, value in vars(self).items() if name not in parts}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -90,13 +92,13 @@ class Intake:
 
     def _take_parts(self, estimate: Estimate) -> bool:
         """Note what stands beside the states, and tell whether it is made of numbers."""
-        self.plants["has_model"] = estimate.model is not None
+        self._has_model[:] = estimate.model is not None
         sound = True
-        for name in _PARTS:
-            part = self.plants[name]
+        for name, part in self._parts.items():
             value = getattr(estimate, name)
-            part[...] = 0.0
-            sound &= value is None or _copy(part, value)
+            if value is None or not _copy(part, value):
+                part[...] = 0.0
+                sound &= value is None
         return sound
 
     def _alarms(self, fault: Any) -> Any:
