@@ -212,15 +212,18 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._steps += 1
         self._estimate = self.walker.estimate(self.time)
         self.artist.walk(self.walker.truth[:2])
-        h = self.barrier_set.along(walk.path, walk.times)
-
         before, self._distance = self._distance, self._error()
         at_end = self._steps >= len(self._references) - 1
         arrived = at_end and self._distance <= self.scenario.goal_radius
         success = arrived and not self.simulation.fallen
-        x = self._estimate.x
         counted = self._tally.count(
-            h, self._sense(x), x, self._reference(), u, (before, self._distance), success
+            self.barrier_set,
+            walk,
+            self._estimate,
+            self._reference(),
+            u,
+            (before, self._distance),
+            success,
         )
         info = counted.info
         info |= self._info_of(walk)
@@ -291,15 +294,10 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         """Return the distance from the reference's position [m]."""
         return math.dist(self._reference()[:2].tolist(), self.walker.truth[:2].tolist())
 
-    def _sense(self, x: Array) -> Array:
-        """Return (M, 4) what a policy sees of each barrier at the state x (4,)."""
-        _, sensed = self.barrier_set.sense(x[None], np.array([self.time]))
-        return sensed[0]
-
     def _observe(self) -> Array:
-        x = self._estimate.x
-        seen, m = self._sense(x), len(self.scenario.barriers)
-        return task.observe(x[None], self._reference()[None], seen[None], m)[0]
+        x, reference = self._estimate.x[None], self._reference()[None]
+        _, sensed = self.barrier_set.sense(x, np.array([self.time]))
+        return task.observe(x, reference, sensed, len(self.scenario.barriers))[0]
 
     def _stopped(self) -> bool:
         """Tell whether the robot cannot go on."""
