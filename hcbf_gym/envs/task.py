@@ -214,9 +214,18 @@ def check_action(action: Any, shape: tuple[int, ...]) -> Array:
     array = array.astype(np.float64, copy=False)
     if array.shape != shape:
         raise InvalidInputError(f"action: got shape {array.shape}, expected {shape}")
-    if not np.isfinite(array).all():
+    if not _are_finite(array):
         raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
     return array
+
+
+@njit(cache=True)
+def _are_finite(array: Array) -> bool:
+    """Tell whether an array holds nothing but finite numbers."""
+    finite = True
+    for number in array.flat:
+        finite &= np.isfinite(number)
+    return finite
 
 
 def check_started(started: bool) -> None:

@@ -187,7 +187,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
-        self._distance = self._error()
+        self._distance = self._error(self.walker.truth[:2].tolist())
         self._estimate = self.walker.estimate(0.0)
         info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
         return self._observe(), info | self._info_of(walk)
@@ -201,7 +201,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._scenes.check({"scenario": scenario})
         self._scene_covered = Coverage.SCENE
         self._set_scene(scenario)
-        self._distance = self._error()
+        self._distance = self._error(self.walker.truth[:2].tolist())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
@@ -211,8 +211,9 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
         self._estimate = self.walker.estimate(self.time)
-        self.artist.walk(self.walker.truth[:2])
-        before, self._distance = self._distance, self._error()
+        position = self.walker.truth[:2].tolist()
+        self.artist.walk(position)
+        before, self._distance = self._distance, self._error(position)
         at_end = self._steps >= len(self._references) - 1
         arrived = at_end and self._distance <= self.scenario.goal_radius
         success = arrived and not self.simulation.fallen
@@ -285,14 +286,14 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._steps = 0
         self.walker.rest(np.array(scenario.start))
         self._estimate = self.walker.estimate(0.0)
-        self._distance = self._error()
+        self._distance = self._error(self.walker.truth[:2].tolist())
 
     def _reference(self) -> Array:
         return self._references[min(self._steps, len(self._references) - 1)]
 
-    def _error(self) -> float:
-        """Return the distance from the reference's position [m]."""
-        return math.dist(self._reference()[:2].tolist(), self.walker.truth[:2].tolist())
+    def _error(self, position: list[float]) -> float:
+        """Return the distance of a position (2,) from the reference's [m]."""
+        return math.dist(self._reference()[:2].tolist(), position)
 
     def _observe(self) -> Array:
         x, reference = self._estimate.x[None], self._reference()[None]

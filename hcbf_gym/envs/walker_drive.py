@@ -158,7 +158,7 @@ class WalkerDrive:
             action = np.asarray(self._controller(seen), dtype=np.float64)
         except UNREADABLE:
             action = np.array([np.nan])
-        if action.shape == self._action.shape and math.isfinite(action.sum()):
+        if action.shape == self._action.shape and math.isfinite(np.add.reduce(action)):
             self._action[:] = action
             self.ctrl = self._offset + self._scale * action
         else:
