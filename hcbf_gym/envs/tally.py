@@ -121,9 +121,7 @@ def _look(
 
 
 @njit(cache=True)
-def _count(
-    h: Array, sensed: Array, x: Array, reference: Array, task: Task, memory: Array
-) -> None:
+def _count(h: Array, sensed: Array, x: Array, reference: Array, task: Task, memory: Array) -> None:
     """Write what `Tally` holds.
 
     Args:
