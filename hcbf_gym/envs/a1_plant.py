@@ -47,7 +47,7 @@ class Law(NamedTuple):
     Rows on the position reserve ``fast max(0, v − V_MAX) + w max(1, v / 1 m/s)`` more than on the
     nominal plant, the speed limit ``share w + ‖u‖ late``, with late the torque's delay beyond the
     nominal one and w the sum of the other terms, each times how far its range leaves the nominal
-    plant.
+    plant. No margin carries a fall: a cap above ``FASTEST − slower w`` is lowered to it.
 
     Attributes:
         fast: of the cap above `V_MAX` [s].
@@ -58,6 +58,7 @@ class Law(NamedTuple):
         late: of the delay [m/s].
         noise: of the scale of the sensors' noise [m].
         share: of w [1/s].
+        slower: of w [1/s].
     """
 
     fast: float
@@ -68,10 +69,19 @@ class Law(NamedTuple):
     late: float
     noise: float
     share: float
+    slower: float
 
 
 LAW = Law(
-    fast=0.1, rough=0.01, slippery=0.04, payload=0.0015, weak=0.03, late=2.0, noise=0.02, share=0.3
+    fast=0.1,
+    rough=0.01,
+    slippery=0.04,
+    payload=0.0015,
+    weak=0.03,
+    late=2.0,
+    noise=0.02,
+    share=0.3,
+    slower=10.0,
 )
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
@@ -148,19 +158,20 @@ def uncertainty_of(
 
 
 def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) -> float:
-    """Return the highest cap on the speed [m/s] at which U stops the robot in time.
+    """Return the highest cap on the speed [m/s] that the plant carries.
 
-    A cap v leaves the model ``√(v² − 2 v m)`` after the margin m of its row, which must be no more
-    than `braking.stoppable`. The least friction that is declared decides, as U is sized by it.
+    It is ``FASTEST − slower w`` of `LAW`, or less where U could not stop the robot: a cap v leaves
+    the model ``√(v² − 2 v m)`` after the margin m of its row, no more than `braking.stoppable`.
 
     Args:
         declared: what the plant's conditions are drawn from.
         terrain: "flat" or "rough".
         input_set: U, as the ground carries it.
     """
+    walked = FASTEST - LAW.slower * _unlike(declared, terrain)
     margin = _speed_margin(declared, terrain, input_set)
-    left = braking.stoppable(LogClassK(), input_set)
-    return math.floor(1e3 * (margin + math.hypot(margin, left))) / 1e3
+    stopped = margin + math.hypot(margin, braking.stoppable(LogClassK(), input_set))
+    return max(0.0, math.floor(1e3 * min(walked, stopped)) / 1e3)
 
 
 def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> float:
@@ -213,7 +224,7 @@ def watch_bounds(
 def speed_limit(
     scenario: Scenario, declared: Randomization, terrain: str, input_set: InputSet
 ) -> float:
-    """Return the strict cap on the speed [m/s]: the scenario's, lowered to what U stops in time.
+    """Return the strict cap on the speed [m/s]: the scenario's, or less if the plant carries less.
 
     Warns where it is lowered.
 
@@ -235,8 +246,9 @@ def speed_limit(
     if asked <= carried:
         return asked
     warnings.warn(
-        f"HCBF-A1Regions-v0: v_max: {asked} m/s is lowered to {carried} m/s, from which U stops "
-        f"the robot: |u| <= {braking.weakest(input_set):.3g} m/s² in its weakest direction",
+        f"HCBF-A1Regions-v0: v_max: {asked} m/s is lowered to {carried} m/s, the highest cap that "
+        f"the declared plant carries: U stops it with {braking.weakest(input_set):.3g} m/s² in its "
+        "weakest direction",
         LoweredWarning,
         stacklevel=5,
     )
