@@ -121,23 +121,28 @@ class A1RegionsEnv(WalkedRegionsEnv):
         declared = Randomization.from_dict(randomization)
         believed = a1_plant.believed_friction(declared)
         self._v_max = a1_plant.speed_limit(self.scenario)
-        self._outside = coverage.a1(
-            Declared(
-                own_robot=xml_file is None,
-                feedback=feedback,
-                timestep=timestep,
-                gait=gait,
-                friction=friction,
-                believed=believed,
-                terrain=terrain,
-                randomization=declared,
-                disturbances=disturbances,
-                estimation=estimation,
-                body=body,
-                boxes=len(self.scenario.obstacles),
-                v_max=self._v_max,
-            )
+        told = Declared(
+            own_robot=xml_file is None,
+            feedback=feedback,
+            timestep=timestep,
+            gait=gait,
+            friction=friction,
+            believed=believed,
+            terrain=terrain,
+            randomization=declared,
+            disturbances=disturbances,
+            estimation=estimation,
+            body=body,
+            boxes=len(self.scenario.obstacles),
+            v_max=self._v_max,
         )
+        self._outside = coverage.a1(told)
+        self._declared = {
+            "environment": "HCBF-A1Regions-v0",
+            "outside": self._outside,
+            "departures": told.departures,
+            "v_max": self._v_max,
+        }
         believed = believed if friction is None else friction
         controller = LocomotionController(
             robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
