@@ -38,6 +38,10 @@ class ChunkError(HcbfError, RuntimeError):
     """A part of a long run raised an error, or killed its workers; the message says which."""
 
 
+class RefusedError(HcbfError, RuntimeError):
+    """A plant gets no certificate; the message says why, and what to look at."""
+
+
 class RenderingError(HcbfError, RuntimeError):
     """No OpenGL context could be made; the message says what to install."""
 

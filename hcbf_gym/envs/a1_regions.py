@@ -123,23 +123,28 @@ class A1RegionsEnv(WalkedRegionsEnv):
         believed = derived if friction is None else friction
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
         self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
-        self._outside = coverage.a1(
-            Declared(
-                own_robot=xml_file is None,
-                feedback=feedback,
-                timestep=timestep,
-                gait=gait,
-                friction=friction,
-                believed=derived,
-                terrain=terrain,
-                randomization=declared,
-                disturbances=disturbances,
-                estimation=estimation,
-                body=body,
-                boxes=len(self.scenario.obstacles),
-                v_max=self._v_max,
-            )
+        told = Declared(
+            own_robot=xml_file is None,
+            feedback=feedback,
+            timestep=timestep,
+            gait=gait,
+            friction=friction,
+            believed=derived,
+            terrain=terrain,
+            randomization=declared,
+            disturbances=disturbances,
+            estimation=estimation,
+            body=body,
+            boxes=len(self.scenario.obstacles),
+            v_max=self._v_max,
         )
+        self._outside = coverage.a1(told)
+        self._declared = {
+            "environment": "HCBF-A1Regions-v0",
+            "outside": self._outside,
+            "departures": told.departures,
+            "v_max": self._v_max,
+        }
         controller = LocomotionController(
             robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
