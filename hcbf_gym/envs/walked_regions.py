@@ -64,6 +64,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     * `walker`: a `Moving`.
     * `_v_max`: the strict cap on the speed [m/s].
     * `_outside`: which of its arguments were not tested, a phrase for each.
+    * `_declared`: its arguments, as certificates compare them.
     """
 
     metadata = {  # noqa: RUF012 - Gymnasium's form
@@ -74,6 +75,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     walker: Any
     _v_max: float
     _outside: list[str]
+    _declared: dict[str, Any]
 
     def _begin(
         self, scenario: str | Path | Mapping[str, Any] | Scenario, render_mode: str | None
@@ -105,6 +107,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._scene_covered = coverage.of_scene(self._scenes.source, {})
+        self._family = self._scenes.family({})
         self._take_scene(self.scenario)
         if self._outside:
             warnings.warn(
@@ -145,6 +148,11 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         return Coverage.OUTSIDE if self._outside else self._scene_covered
 
     @property
+    def declared(self) -> dict[str, Any]:
+        """What tells this plant from others, as certificates compare it."""
+        return self._declared | {"scene": self._family}
+
+    @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
         return self._estimate
@@ -182,6 +190,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         if scene is not self.scenario:
             self._take_scene(scene)
         self._scene_covered = coverage.of_scene(self._scenes.source, given)
+        self._family = self._scenes.family(given)
         self._steps, self._started = 0, True
         start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
@@ -199,7 +208,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             InvalidInputError: if the scene is of another kind than the environment's.
         """
         self._scenes.check({"scenario": scenario})
-        self._scene_covered = Coverage.SCENE
+        self._scene_covered, self._family = Coverage.SCENE, None
         self._set_scene(scenario)
         self._distance = self._error(self.walker.truth[:2].tolist())
 
