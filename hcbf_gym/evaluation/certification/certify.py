@@ -3,6 +3,7 @@
 import functools
 import importlib.metadata
 import platform
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 import hcbf_gym
 from hcbf_gym import certificates
 from hcbf_gym.certificates import BLOCK, Certificate, Stratum, block_digests
-from hcbf_gym.errors import InvalidInputError, RefusedError
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.certification import calibration, families, own
@@ -73,7 +74,9 @@ def plant_of(family: Any) -> tuple[Plant, dict[str, Any]]:
 
 
 def _env_of(episode: AttackedEpisode) -> gym.Env:
-    return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)  # not covered: that is what is asked
+        return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
 
 
 def calibrated(

@@ -8,7 +8,6 @@ import importlib
 import importlib.util
 import inspect
 import sys
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -108,9 +107,7 @@ class OwnEpisode:
         policy = kind(rng) if self.parameters is None else Mixed(rng, self.parameters)
         filtered = wrappers.SafetyFilter(env, self.program, plant=plant)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the outcome tells of alarms
-                return self._rollout(filtered, policy)
+            return self._rollout(filtered, policy)
         finally:
             filtered.close()
 
