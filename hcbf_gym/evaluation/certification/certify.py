@@ -124,6 +124,19 @@ def _try(family: Any, margins: Uncertainty, tried: tuple[int, tuple[float, ...]]
     return families.look(families.with_margins(episode, margins))
 
 
+def bound_of(episodes: int, allowed: int, confidence: float) -> float:
+    """Return what is certified at least where no more enter than are allowed.
+
+    Raises:
+        InvalidInputError: if the numbers make no sense, or all may enter.
+    """
+    if allowed >= episodes:
+        raise InvalidInputError(
+            f"episodes: got {episodes} of which {allowed} may enter, expected more"
+        )
+    return upper_bound(allowed, episodes, confidence)
+
+
 @dataclass(frozen=True)
 class Frozen:
     """What is fixed before the first episode of a certificate; see `Certificate`.
@@ -149,11 +162,7 @@ class Frozen:
     seed: int
 
     def __post_init__(self) -> None:
-        if self.allowed >= self.episodes:
-            raise InvalidInputError(
-                f"episodes: got {self.episodes} of which {self.allowed} may enter, expected more"
-            )
-        upper_bound(self.allowed, self.episodes, self.confidence)  # refuses what makes no sense
+        bound_of(self.episodes, self.allowed, self.confidence)
 
     @property
     def first_seed(self) -> int:
