@@ -171,4 +171,4 @@ def _far_end(name: str) -> float:
 
 
 def _one(rng: np.random.Generator, things: Sequence[Any]) -> Any:
-    return things[rng.integers(len(things))]
+    return things[int(rng.integers(len(things)))]
