@@ -74,14 +74,14 @@ class Law(NamedTuple):
 
 LAW = Law(
     fast=0.1,
-    rough=0.01,
+    rough=0.014,
     slippery=0.04,
-    payload=0.0015,
+    payload=0.002,
     weak=0.03,
-    late=2.0,
+    late=2.5,
     noise=0.02,
-    share=1.2,
-    slower=11.0,
+    share=1.0,
+    slower=10.0,
 )
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
