@@ -5,6 +5,7 @@ import itertools
 import math
 import multiprocessing
 import signal
+import sys
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any
@@ -43,7 +44,8 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             one shape, and always report the same infos: numbers and arrays of one shape.
         processes: of which this is one; None for as many as this process may use cores.
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled".
-        context: how processes start, see `multiprocessing`; None takes the platform's way.
+        context: how processes start, see `multiprocessing`; None takes the platform's way, or
+            "spawn" where JAX runs, whose threads a forked process lacks.
 
     Raises:
         InvalidInputError: if there is no maker, a space is no box, infos hold something else than
@@ -84,6 +86,8 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         self.single_action_space = _box("action", first.action_space)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
+        if context is None and "jax" in sys.modules:
+            context = "spawn"
         start: Any = multiprocessing.get_context(context)
         record = layout(first_report(first))
         self._now = _Shared(start, record, (self.num_envs,))
