@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import EzPickle
 
+from hcbf_gym.barriers import braking
 from hcbf_gym.envs import a1_plant, coverage, task
 from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
@@ -136,6 +137,7 @@ class A1RegionsEnv(WalkedRegionsEnv):
             estimation=estimation,
             body=body,
             boxes=len(self.scenario.obstacles),
+            able=braking.weakest(self._carried),
             v_max=self._v_max,
         )
         self._outside = coverage.a1(told)
@@ -143,6 +145,7 @@ class A1RegionsEnv(WalkedRegionsEnv):
             "environment": "HCBF-A1Regions-v0",
             "outside": self._outside,
             "departures": told.departures,
+            "alone": told.alone,
             "v_max": self._v_max,
         }
         controller = LocomotionController(

@@ -118,16 +118,17 @@ def calibrate(
         _check_alarms(seen)
         settled = number > 0 or all(getattr(margins, name) == 0.0 for name in constants)
         if settled and not rounds[-1].entered and attack is not None:
-            seen = search(margins, attack, seed)
-            rounds.append(told("search", margins, seed, seen))
+            tried = search(margins, attack, seed)
+            rounds.append(told("search", margins, seed, tried))
             seed += GENERATIONS
-        if settled and not rounds[-1].entered:
-            return Calibrated(margins, tuple(rounds))
+            seen = [*seen, *tried]
         wanted = needed(margins, seen, share, constants)
-        if number:
+        if settled:
             wanted = {name: max(getattr(margins, name), need) for name, need in wanted.items()}
         margins = margins._replace(**wanted)
         _check_room(margins, seen, v_max)
+        if settled and not rounds[-1].entered:
+            return Calibrated(margins, tuple(rounds))
     last = rounds[-1]
     raise RefusedError(
         f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "

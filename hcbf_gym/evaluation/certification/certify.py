@@ -3,6 +3,7 @@
 import functools
 import importlib.metadata
 import platform
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 import hcbf_gym
 from hcbf_gym import certificates
 from hcbf_gym.certificates import BLOCK, Certificate, Stratum, block_digests
-from hcbf_gym.errors import InvalidInputError, RefusedError
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.certification import calibration, families, own
@@ -73,7 +74,9 @@ def plant_of(family: Any) -> tuple[Plant, dict[str, Any]]:
 
 
 def _env_of(episode: AttackedEpisode) -> gym.Env:
-    return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)  # not covered: that is what is asked
+        return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
 
 
 def calibrated(
@@ -121,6 +124,19 @@ def _try(family: Any, margins: Uncertainty, tried: tuple[int, tuple[float, ...]]
     return families.look(families.with_margins(episode, margins))
 
 
+def bound_of(episodes: int, allowed: int, confidence: float) -> float:
+    """Return what is certified at least where no more enter than are allowed.
+
+    Raises:
+        InvalidInputError: if the numbers make no sense, or all may enter.
+    """
+    if allowed >= episodes:
+        raise InvalidInputError(
+            f"episodes: got {episodes} of which {allowed} may enter, expected more"
+        )
+    return upper_bound(allowed, episodes, confidence)
+
+
 @dataclass(frozen=True)
 class Frozen:
     """What is fixed before the first episode of a certificate; see `Certificate`.
@@ -146,11 +162,7 @@ class Frozen:
     seed: int
 
     def __post_init__(self) -> None:
-        if self.allowed >= self.episodes:
-            raise InvalidInputError(
-                f"episodes: got {self.episodes} of which {self.allowed} may enter, expected more"
-            )
-        upper_bound(self.allowed, self.episodes, self.confidence)  # refuses what makes no sense
+        bound_of(self.episodes, self.allowed, self.confidence)
 
     @property
     def first_seed(self) -> int:

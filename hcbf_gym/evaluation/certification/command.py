@@ -21,7 +21,7 @@ from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation.certification import calibration, certify, families, page
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
-from hcbf_gym.evaluation.statistics import CONFIDENCE, upper_bound
+from hcbf_gym.evaluation.statistics import CONFIDENCE
 from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.robots.walker import NAMES, Walker
 
@@ -83,7 +83,7 @@ def main(args: Args) -> None:
     family = family_of(args)
     name = args.name or _name(args.plant)
     episodes = 1640 if args.episodes is None else args.episodes
-    bound = upper_bound(args.allowed, episodes, args.confidence)
+    bound = certify.bound_of(episodes, args.allowed, args.confidence)
     folder = args.output or Path("results/certify") / name
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "episodes": episodes,
