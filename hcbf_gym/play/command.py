@@ -27,7 +27,7 @@ class Args:
     """Where the page is, and what is chosen at first; all of it can be changed in the page."""
 
     host: str = "127.0.0.1"
-    """The address to listen at; 0.0.0.0 lets other machines in."""
+    """The address to listen at; 0.0.0.0 lets other machines in that show the token."""
     port: int | None = None
     """The port; by default the first free one from 8080 on."""
     model: Literal["a1", "reduced"] = "a1"
@@ -38,9 +38,9 @@ class Args:
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     policy: str = "pd"
     """pd, human, or a learned policy."""
-    program: str = "eh-cbf-qp"
+    program: str = "lex-cbf-qp"
     """none, or a name from hcbf_gym.programs.names()."""
-    guidance: bool = False
+    guidance: bool = True
     """Lead to the goal around the regions."""
     margin: float | None = None
     """What rows on the position reserve between h and zero [m; default: derived]."""
@@ -73,8 +73,7 @@ def main(args: Args) -> None:
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
     if args.port is None and page.port != FIRST_PORT:
         print(f"Port {FIRST_PORT} is taken.")
-    shown = "127.0.0.1" if args.host == "0.0.0.0" else args.host
-    print(f"The playground is at http://{shown}:{page.port}/ (Ctrl-C ends it)", flush=True)
+    print(f"The playground is at {page.address} (Ctrl-C ends it)", flush=True)
     simulation.start()
     try:
         page.run(stop, simulation)

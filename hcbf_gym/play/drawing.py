@@ -21,6 +21,10 @@ WALL_LENGTH, WALL_DEPTH = 40.0, 0.6
 """How much of a forbidden half-plane is drawn [m]."""
 COLLISION_GROUP = 3
 """The group of geoms that MuJoCo's own viewer hides."""
+LOWEST, HIGHEST = 0.004, 0.03
+"""Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
+PALE = 0.75
+"""How much of its rank's colour a region shows; the rest is white."""
 ARROWS = 25
 """Arrows of the guidance field along the longer side of the scene."""
 PATH_POINTS = 400
@@ -51,12 +55,11 @@ class Stage:
         for _, handle in self._regions:
             handle.remove()
         self._regions = [
-            (barrier, self._draw_region(k, barrier, t))
-            for k, barrier in enumerate(scenario.barriers)
-            if isinstance(barrier, Shape)
+            (region, self._draw_region(k, region, height, t))
+            for k, (region, height) in enumerate(stacked(scenario))
         ]
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
-        line = np.array([[*scenario.reference(s)[0], 0.012] for s in times])
+        line = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
         self._scene.add_line_segments(
             "/reference/line",
             np.stack([line[:-1:2], line[1::2]], axis=1),
@@ -64,7 +67,7 @@ class Stage:
             thickness=0.02,
         )
         self._scene.add_cylinder(
-            "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, 0.01)
+            "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, HIGHEST)
         )
 
     def show_robot(self, model: mujoco.MjModel | None) -> None:
@@ -113,7 +116,7 @@ class Stage:
 
     def show_path(self) -> None:
         """Draw the path walked."""
-        points = np.array([[*p, 0.02] for p in self._path])
+        points = np.array([[*p, HIGHEST + 0.01] for p in self._path])
         if len(points) > 1:
             pairs = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
         else:
@@ -148,7 +151,7 @@ class Stage:
         reach = 0.7 * stride * cell
         starts = np.stack([x0 + cell * columns.ravel(), y0 + cell * rows.ravel()], axis=1)[goes]
         ends = starts + reach * np.stack([way_x[goes], way_y[goes]], axis=1) / length[goes, None]
-        height = np.full((len(starts), 1), 0.03)
+        height = np.full((len(starts), 1), HIGHEST + 0.01)
         arrows = np.stack([np.hstack([starts, height]), np.hstack([ends, height])], axis=1)
         self._field.append(
             self._scene.add_arrows(
@@ -157,9 +160,8 @@ class Stage:
             )
         )  # fmt: skip
 
-    def _draw_region(self, k: int, region: Shape, t: float) -> Any:
+    def _draw_region(self, k: int, region: Shape, height: float, t: float) -> Any:
         corners = _flat(region)
-        height = 0.01 / region.priority
         vertices = np.column_stack([corners, np.zeros(len(corners))])
         fan = np.arange(1, len(corners) - 1)
         faces = np.column_stack([np.zeros(len(fan), dtype=np.int64), fan, fan + 1])
@@ -167,13 +169,29 @@ class Stage:
             f"/regions/{k}",
             vertices,
             faces,
-            color=rgb(priority_color(region.priority)),
-            opacity=0.75,
+            color=pale(priority_color(region.priority)),
             side="double",
             cast_shadow=False,
             receive_shadow=False,
             position=(*(t * region.frame_velocity), height),
         )
+
+
+def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
+    """Return the regions of a scene, each with a height of its own [m], so that none flickers."""
+    regions = [barrier for barrier in scenario.barriers if isinstance(barrier, Shape)]
+    regions.sort(key=lambda region: -region.priority)
+    heights = np.linspace(LOWEST, HIGHEST, len(regions))
+    return list(zip(regions, heights.tolist(), strict=True))
+
+
+def pale(color: str) -> Rgb:
+    """Return (r, g, b), 0 … 255, of "#rrggbb" mixed with white.
+
+    Regions that one can see through would be blended or not, as the browser happens to sort them.
+    """
+    r, g, b = (round(255 - PALE * (255 - part)) for part in rgb(color))
+    return r, g, b
 
 
 def rgb(color: str) -> Rgb:

@@ -57,6 +57,7 @@ class Session:
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._source: str | Path | Scenario = scenario
         self._pace, self._running, self._steps_left = 1.0, True, 0
+        self._attended = True
         self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
         self._ticks, self._revision, self._messages, self._message = 0, 0, 0, ""
         self._push_left, self._conflict = 0, ""
@@ -85,7 +86,7 @@ class Session:
             except HcbfError as error:
                 self._revision += 1  # what the page shows has to be put right
                 self._say(str(error))
-        if self._running or self._steps_left:
+        if (self._running and self._attended) or self._steps_left:
             self._steps_left = max(0, self._steps_left - 1)
             self._advance()
         self._clock.append((time.perf_counter(), self._ticks))
@@ -121,6 +122,12 @@ class Session:
     def restart(self) -> None:
         """Begin the scene again as it is now, with the same seed."""
         self._start(self.settings, self.scenario)
+
+    def attend(self, watched: bool) -> None:
+        """Let time pass only while somebody watches; who comes first finds the robot under way."""
+        if watched and not self._attended and self._info["is_success"]:
+            self.restart()
+        self._attended = watched
 
     def move(self, region: str, to: Sequence[float]) -> None:
         """Move a region (2,) [m]."""
