@@ -103,12 +103,13 @@ class RegionsBatch:
     def set_layout(self, i: int, layout: Layout) -> None:
         """Put another random scene into environment `i`, as `set_scene` does but 50 times faster.
 
-        All scenes must be random ones, so that the start and what a layout leaves out stay.
+        All scenes must be random ones, so that what a layout leaves out stays.
         """
         kind = self.barrier_set.kind[i]
         parameters = self.barrier_set.parameters[i]
         write(layout.half_width, layout.regions, kind, parameters)
         self._references.tables[i, 0, :2] = layout.goal
+        self._start[i] = layout.start
 
     def separate(self) -> None:
         """Give each environment a reference table of its own."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, traps
+from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps
 from hcbf_gym.scenarios.hall import Layout
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
 
@@ -37,6 +37,7 @@ RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
     "random-wide": partial(random_scenes.draw, gap=random_scenes.WIDE_GAP),
     "random-clutter": clutter.draw,
     "random-traps": traps.draw,
+    "random-map": rooms.draw,
 }
 """The names that stand for another scene at every reset, and what draws it."""
 

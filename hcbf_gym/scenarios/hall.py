@@ -29,16 +29,18 @@ class Layout(NamedTuple):
 
     Attributes:
         half_width: of the hall [m].
-        goal: (2,) [m]; the start is the origin.
+        goal: (2,) [m].
         regions: (k, 8) centre [m], velocity [m/s], shape, circumradius, or half the length of a box
             [m], ratio of the other semi-axis or side to it, angle [rad].
         priorities: of the k regions; the walls are strict.
+        start: (2,) [m].
     """
 
     half_width: float
     goal: Array
     regions: Array
     priorities: tuple[int, ...]
+    start: tuple[float, float] = (0.0, 0.0)
 
 
 def scenario(name: str, drawn: Layout) -> Scenario:
@@ -56,6 +58,7 @@ def scenario(name: str, drawn: Layout) -> Scenario:
             ),
         ),
         reference=PointReference(tuple(drawn.goal)),
+        start=drawn.start,
         task="reach",
         v_max=V_MAX,
     )
@@ -78,6 +81,29 @@ def hide(regions: Array, length: float, half_width: float) -> None:
         regions[k] = 0.0
         regions[k, X], regions[k, Y] = 0.5 * length, side * (half_width + 2.0)
         regions[k, RADIUS], regions[k, ASPECT] = 0.5, 1.0
+
+
+@njit(cache=True)
+def room_beside(way: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
+    """Return the greatest circumradius that a region at (x, y) may have beside a way [m].
+
+    Args:
+        way: (k, 2) the points that it joins [m].
+        x: of the region [m].
+        y: of the region [m].
+        clear: what stays free on both sides of the way [m].
+        clear_ends: what stays free around its first and its last point [m].
+    """
+    last = way.shape[0] - 1
+    from_start = np.hypot(x - way[0, 0], y - way[0, 1])
+    from_goal = np.hypot(x - way[last, 0], y - way[last, 1])
+    room = min(from_start, from_goal) - clear_ends
+    for k in range(last):
+        ex, ey = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
+        ox, oy = x - way[k, 0], y - way[k, 1]
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        room = min(room, np.hypot(ox - along * ex, oy - along * ey) - clear)
+    return room
 
 
 @njit(cache=True)
