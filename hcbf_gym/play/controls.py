@@ -195,6 +195,7 @@ class Controls:
         halt = gui.add_command("stick: stop", hotkey="X")
         halt.on_trigger(self._if_steering(lambda _: self._set_stick(0.0, 0.0)))
         gui.add_markdown("*human*: sliders, keys W A S D X, or drag the handle on the robot.")
+        gui.add_markdown("A click on the floor is the goal, where the scene has one.")
         force = gui.add_vector2("push [N]", (60.0, 0.0), min=(-500, -500), max=(500, 500), step=10)
         push = gui.add_button("push the trunk", icon=viser.Icon.HAND_FINGER)
         self._on_click(push, lambda _: self._post(session.push, force.value))
@@ -286,6 +287,15 @@ class Controls:
             "/stick", scale=0.35, depth_test=False, visible=False, **flat
         )
         self._stick.on_update(self._if_steering(self._drag_stick))
+        scene.on_click()(self._if_steering(self._click))
+
+    def _click(self, event: Any) -> None:
+        """Take the point of the floor that was clicked for the goal."""
+        x, y, z = event.ray_origin
+        along_x, along_y, down = event.ray_direction
+        if down < 0.0:
+            far = -z / down
+            self._post(self._session.go_to, (x + far * along_x, y + far * along_y))
 
     def _drag_region(self, event: Any) -> None:
         now = time.monotonic()

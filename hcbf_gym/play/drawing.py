@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Oval, Shape, Wall
-from hcbf_gym.drawing.palette import PATH, REFERENCE, priority_color
+from hcbf_gym.drawing.palette import PATH, REFERENCE, paler, priority_color
 from hcbf_gym.guidance.field import grid
 from hcbf_gym.scenarios import Scenario
 
@@ -23,8 +23,6 @@ COLLISION_GROUP = 3
 """The group of geoms that MuJoCo's own viewer hides."""
 LOWEST, HIGHEST = 0.004, 0.03
 """Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
-PALE = 0.75
-"""How much of its rank's colour a region shows; the rest is white."""
 ARROWS = 25
 """Arrows of the guidance field along the longer side of the scene."""
 PATH_POINTS = 400
@@ -169,7 +167,7 @@ class Stage:
             f"/regions/{k}",
             vertices,
             faces,
-            color=pale(priority_color(region.priority)),
+            color=rgb(paler(priority_color(region.priority))),
             side="double",
             cast_shadow=False,
             receive_shadow=False,
@@ -178,20 +176,14 @@ class Stage:
 
 
 def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
-    """Return the regions of a scene, each with a height of its own [m], so that none flickers."""
+    """Return the regions of a scene, each with a height of its own [m], so that none flickers.
+
+    They are opaque as well: a browser would blend them or not, as it happens to sort them.
+    """
     regions = [barrier for barrier in scenario.barriers if isinstance(barrier, Shape)]
     regions.sort(key=lambda region: -region.priority)
     heights = np.linspace(LOWEST, HIGHEST, len(regions))
     return list(zip(regions, heights.tolist(), strict=True))
-
-
-def pale(color: str) -> Rgb:
-    """Return (r, g, b), 0 … 255, of "#rrggbb" mixed with white.
-
-    Regions that one can see through would be blended or not, as the browser happens to sort them.
-    """
-    r, g, b = (round(255 - PALE * (255 - part)) for part in rgb(color))
-    return r, g, b
 
 
 def rgb(color: str) -> Rgb:

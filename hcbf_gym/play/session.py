@@ -26,6 +26,7 @@ from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.settings import Arrangement, Human, Settings, arrange
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios.references import PointReference
 
 Array = NDArray[np.float64]
 
@@ -140,6 +141,20 @@ class Session:
     def rank(self, region: str, priority: int) -> None:
         """Give a region another rank."""
         self._edit(editing.rank(self.scenario, region, priority))
+
+    def go_to(self, goal: Sequence[float]) -> None:
+        """Give the scene another goal (2,) [m].
+
+        Raises:
+            HcbfError: if the scene has a course instead of a goal, or no way leads there.
+        """
+        if not isinstance(self.scenario.reference, PointReference):
+            raise InvalidInputError(
+                f"goal: the scene {self.scenario.name!r} has a course to follow, expected a goal"
+            )
+        x, y = finite_array("goal", goal, (2,)).tolist()
+        self._edit(replace(self.scenario, reference=PointReference((x, y))))
+        self._say(f"The goal is at {x:.2f}, {y:.2f} m.")
 
     def steer(self, velocity: Sequence[float]) -> None:
         """Hold the stick: the velocity (2,) that a human at it wants [m/s]."""

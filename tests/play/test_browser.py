@@ -65,21 +65,22 @@ def playground(*arguments):
     assert "Traceback" not in "".join(said) + rest
 
 
-def pixel(point):
+def pixel(point, width=WIDTH, height=HEIGHT):
     """Where a point (3,) [m] of the scene is seen by the camera of a fresh tab."""
     ahead = (LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA)
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     ray = np.array(point) - CAMERA
-    focal = 0.5 * HEIGHT / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ ahead)
+    focal = 0.5 * height / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ ahead)
     across, up = focal * (ray @ right), focal * (ray @ np.cross(right, ahead))
-    return 0.5 * WIDTH + across, 0.5 * HEIGHT - up
+    return 0.5 * width + across, 0.5 * height - up
 
 
 class Visit:
     """A tab on the playground, with the readings that it shows."""
 
     def __init__(self, browser, url, width=WIDTH, height=HEIGHT):
+        self.size = width, height
         self.page = browser.new_page(viewport={"width": width, "height": height})
         self.page.set_default_timeout(1000 * PATIENCE)
         eye, target = (",".join(map(str, point)) for point in (CAMERA, LOOKS_AT))
@@ -169,6 +170,12 @@ class Visit:
         self.page.mouse.move(*place)
         self.page.mouse.down()
         return middle
+
+    def click_on(self, point):
+        """Click on a point (2,) [m] of the floor."""
+        place = pixel((*point, 0.0), *self.size)
+        self.until(lambda: self.shows_the_scene(*place), "nothing to lie over the floor")
+        self.page.mouse.click(*place)
 
     def pull(self, start, end):
         """Move the mouse from above one point (3,) [m] to another, as a hand does."""
@@ -349,6 +356,8 @@ def test_a_phone_with_the_token_sees_a_robot_under_way_and_the_panel(browser, al
         assert visit.number("time") < 60.0  # it waited for somebody to watch
         assert "derived" in visit.says("margin")
         assert "token" not in visit.page.url
+        visit.click_on((0.5, 0.5))
+        visit.until_said("message", "The goal is at ")
         sheet = visit.page.locator(".mantine-Paper-root", has=visit.page.locator("[data-reading]"))
         place = sheet.bounding_box()
         assert place["width"] == 390

@@ -191,6 +191,19 @@ def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
     assert do(session, session.change, seed=3).scenario.barriers == first
 
 
+def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(session):
+    ticks(session, 50)
+    said = do(session, session.go_to, (0.5, -2.0))
+    assert said.time == pytest.approx(1.02)
+    assert "0.50, -2.00" in said.message
+    assert np.allclose(ticks(session, 1500).position, (0.5, -2.0), atol=0.3)
+    said = do(session, session.go_to, (2.0, 0.0))  # inside the strict region
+    assert "goal" in said.message
+    assert np.allclose(said.scenario.goal, (0.5, -2.0))
+    do(session, session.choose_scene, "paper-simulation")
+    assert "course" in do(session, session.go_to, (0.0, 1.0)).message
+
+
 def test_time_passes_while_somebody_watches_and_who_comes_first_sees_a_robot_under_way(session):
     do(session, session.attend, False)
     assert ticks(session, 5).time == pytest.approx(0.0)
