@@ -1,10 +1,12 @@
 """Open a playground in the browser: drag regions, steer, push, and watch who pays for whom."""
 
 import threading
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
 
 from hcbf_gym.barriers import Disc
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.play.page import FIRST_PORT, Page, check_address
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
@@ -36,6 +38,12 @@ class Args:
     """What must stay outside: the trunk's centre, or the whole A1."""
     scenario: str = "random"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    map: Path | None = None
+    """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. The seed draws start and goal."""
+    masks: dict[str, int] = field(default_factory=dict)
+    """Masks over that map and their ranks: --masks keepout.yaml 2 avoid.yaml 3."""
+    slow: dict[str, float] = field(default_factory=dict)
+    """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
     policy: str = "pd"
     """pd, human, or a learned policy."""
     program: str = "lex-cbf-qp"
@@ -66,7 +74,7 @@ def main(args: Args) -> None:
         delta_gamma=args.delta_gamma,
         seed=args.seed,
     )
-    session = Session(settings, args.scenario)
+    session = Session(settings, scene(args))
     compile_all(session)
     page = Page(session, args.host, args.port)
     stop = threading.Event()
@@ -83,6 +91,21 @@ def main(args: Args) -> None:
         stop.set()
         simulation.join(timeout=5.0)
         page.close()
+
+
+def scene(args: Args) -> str | dict[str, Any]:
+    """Return the scene that was asked for; of a map, masks lie where the shell sees them.
+
+    Raises:
+        InvalidInputError: if there are masks and no map.
+    """
+    zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in args.slow.items()}
+    masks = {str(Path(name).resolve()): entry for name, entry in (args.masks | zones).items()}
+    if args.map is None:
+        if masks:
+            raise InvalidInputError("masks: got some without a map, expected --map, too")
+        return args.scenario
+    return {"map": {"file": str(args.map), "masks": masks}}
 
 
 def compile_all(session: Session) -> None:

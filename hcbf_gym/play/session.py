@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
 Array = NDArray[np.float64]
+Source = str | Path | Mapping[str, Any] | Scenario
 
 PUSH_TIME = 0.2
 """How long a push lasts [s]."""
@@ -54,9 +55,9 @@ class Session:
         HcbfError: if settings and scene make no environment.
     """
 
-    def __init__(self, settings: Settings, scenario: str | Path | Scenario = "random"):
+    def __init__(self, settings: Settings, scenario: Source = "random"):
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._source: str | Path | Scenario = scenario
+        self._source: Source = scenario
         self._pace, self._running, self._steps_left = 1.0, True, 0
         self._attended = True
         self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
@@ -109,7 +110,7 @@ class Session:
         else:
             self._join(arrange(settings, self.scenario, self._now.inner), settings)
 
-    def choose_scene(self, scenario: str | Path | Scenario) -> None:
+    def choose_scene(self, scenario: Source) -> None:
         """Begin in another scene, as environments take it."""
         scene = self._draw(scenario, self.settings.seed)
         self._start(self.settings, scene)
@@ -195,7 +196,7 @@ class Session:
         self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
 
     def _draw(
-        self, source: str | Path | Scenario, seed: int, otherwise: Scenario | None = None
+        self, source: Source, seed: int, otherwise: Scenario | None = None
     ) -> Scenario:
         """Return a scene: a random one as the seed has it, another as it is now if it is."""
         if otherwise is not None and not scenarios.is_random(source):

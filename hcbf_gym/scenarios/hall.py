@@ -42,26 +42,25 @@ class Layout(NamedTuple):
     priorities: tuple[int, ...]
     start: tuple[float, float] = (0.0, 0.0)
 
-
-def scenario(name: str, drawn: Layout) -> Scenario:
-    """Return the scene as a `Scenario` of the given name."""
-    return Scenario(
-        name=name,
-        barriers=(
-            HalfPlane("left wall", 1, normal=(0.0, -1.0), offset=-drawn.half_width),
-            HalfPlane("right wall", 1, normal=(0.0, 1.0), offset=-drawn.half_width),
-            *(
-                _barrier(f"region {k + 1}", priority, region)
-                for k, (priority, region) in enumerate(
-                    zip(drawn.priorities, drawn.regions, strict=True)
-                )
+    def scenario(self, name: str) -> Scenario:
+        """Return the scene as a `Scenario` of the given name."""
+        walls = (("left wall", -1.0), ("right wall", 1.0))
+        ranked = enumerate(zip(self.priorities, self.regions, strict=True))
+        return Scenario(
+            name=name,
+            barriers=(
+                *(HalfPlane(wall, 1, (0.0, side), -self.half_width) for wall, side in walls),
+                *(_barrier(f"region {k + 1}", rank, region) for k, (rank, region) in ranked),
             ),
-        ),
-        reference=PointReference(tuple(drawn.goal)),
-        start=drawn.start,
-        task="reach",
-        v_max=V_MAX,
-    )
+            reference=PointReference(tuple(self.goal)),
+            start=self.start,
+            task="reach",
+            v_max=V_MAX,
+        )
+
+    def write(self, kind: NDArray[np.int64], parameters: Array) -> None:
+        """Write the barriers (m,), (m, 19) as a `BarrierSet` holds them, without a `Scenario`."""
+        write(self.half_width, self.regions, kind, parameters)
 
 
 def _barrier(name: str, priority: int, region: Array) -> Barrier:

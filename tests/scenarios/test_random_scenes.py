@@ -41,9 +41,9 @@ def test_the_compiled_scene_is_the_readable_one(name):
     batch = RegionsBatch([scene(0, name)])
     for seed in SEEDS:
         layout = scenarios.RANDOM[name](np.random.default_rng(seed))
-        batch.set_layout(0, layout)
+        batch.set_drawn(0, layout)
         batch.restart(np.ones(1, dtype=np.bool_))
-        readable = RegionsBatch([hall.scenario(name, layout)])
+        readable = RegionsBatch([layout.scenario(name)])
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
