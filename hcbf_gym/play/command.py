@@ -99,7 +99,9 @@ def scene(args: Args) -> str | dict[str, Any]:
     Raises:
         InvalidInputError: if there are masks and no map.
     """
-    zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in args.slow.items()}
+    zones = {
+        name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in args.slow.items()
+    }
     masks = {str(Path(name).resolve()): entry for name, entry in (args.masks | zones).items()}
     if args.map is None:
         if masks:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Oval, Shape, Wall
-from hcbf_gym.drawing.palette import PATH, REFERENCE, paler, priority_color
+from hcbf_gym.drawing.palette import PATH, REFERENCE, SPEED_ZONE, paler, priority_color
 from hcbf_gym.guidance.field import grid
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ COLLISION_GROUP = 3
 """The group of geoms that MuJoCo's own viewer hides."""
 LOWEST, HIGHEST = 0.004, 0.03
 """Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
+WALL_HEIGHT = 0.3
+"""Of the strict cells of a map, low enough to look over [m]."""
 ARROWS = 25
 """Arrows of the guidance field along the longer side of the scene."""
 PATH_POINTS = 400
@@ -39,6 +42,8 @@ class Stage:
         self._scene = server.scene
         self._bodies: list[tuple[int, Any]] = []
         self._regions: list[tuple[Shape, Any]] = []
+        self._floor: RankedMap | None = None
+        self._cells: list[Any] = []
         self._path: list[Array] = []
         self._line: Any = None
         self._field: list[Any] = []
@@ -56,6 +61,8 @@ class Stage:
             (region, self._draw_region(k, region, height, t))
             for k, (region, height) in enumerate(stacked(scenario))
         ]
+        if scenario.map is not self._floor:
+            self._show_map(scenario.map)
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
         line = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
         self._scene.add_line_segments(
@@ -158,6 +165,28 @@ class Stage:
             )
         )  # fmt: skip
 
+    def _show_map(self, floor: RankedMap | None) -> None:
+        """Draw each class of a map: flat, and what is strict and known as high as a wall."""
+        for handle in self._cells:
+            handle.remove()
+        self._cells, self._floor = [], floor
+        if floor is None:
+            return
+        ordered = sorted(floor.classes, key=lambda one: (one.limit is None, -one.rank))
+        heights = np.linspace(0.25 * LOWEST, LOWEST, len(ordered), endpoint=False).tolist()
+        for k, (one, height) in enumerate(zip(ordered, heights, strict=True)):
+            wall = WALL_HEIGHT if one.is_strict and one.kind == "keepout" else height
+            surface = _raised(floor.polygons(one.name), height, wall)
+            if len(surface[1]):
+                color = SPEED_ZONE if one.limit is not None else priority_color(one.rank)
+                share = 0.7 if one.kind == "unknown" else 0.3
+                self._cells.append(
+                    self._scene.add_mesh_simple(
+                        f"/map/{k}", *surface, color=rgb(paler(color, share)), side="double",
+                        flat_shading=True, cast_shadow=False, receive_shadow=False,
+                    )
+                )  # fmt: skip
+
     def _draw_region(self, k: int, region: Shape, height: float, t: float) -> Any:
         corners = _flat(region)
         vertices = np.column_stack([corners, np.zeros(len(corners))])
@@ -184,6 +213,23 @@ def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
     regions.sort(key=lambda region: -region.priority)
     heights = np.linspace(LOWEST, HIGHEST, len(regions))
     return list(zip(regions, heights.tolist(), strict=True))
+
+
+def _raised(polygons: list[Array], bottom: float, top: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices (n, 3) and faces (f, 3) of prisms over polygons (k, 2), without floors."""
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    for corners in polygons:
+        k = len(corners)
+        turn = np.arange(k)
+        after = (turn + 1) % k
+        vertices.append(
+            np.column_stack([np.vstack([corners, corners]), np.repeat([top, bottom], k)])
+        )
+        fan = np.column_stack([np.zeros(k - 2, dtype=np.int64), turn[1:-1], turn[2:]])
+        sides = np.column_stack([turn, k + turn, k + after, turn, k + after, after])
+        faces += [count + fan, count + sides.reshape(-1, 3)]
+        count += 2 * k
+    return np.vstack(vertices), np.vstack(faces)
 
 
 def rgb(color: str) -> Rgb:

@@ -195,9 +195,7 @@ class Session:
         """Run at so many simulated seconds in a second of the clock."""
         self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
 
-    def _draw(
-        self, source: Source, seed: int, otherwise: Scenario | None = None
-    ) -> Scenario:
+    def _draw(self, source: Source, seed: int, otherwise: Scenario | None = None) -> Scenario:
         """Return a scene: a random one as the seed has it, another as it is now if it is."""
         if otherwise is not None and not scenarios.is_random(source):
             return otherwise

@@ -64,11 +64,14 @@ def is_random(scenario: str | Path | Mapping[str, Any] | Scenario) -> bool:
     return isinstance(scenario, str) and (scenario in RANDOM or scenario in PLANS)
 
 
-def draw(scenario: str | Mapping[str, Any], rng: np.random.Generator) -> Layout | Route:
+def draw(
+    scenario: str | Path | Mapping[str, Any] | Scenario, rng: np.random.Generator
+) -> Layout | Route:
     """Return what the generator decides of a scene that is random."""
     if isinstance(scenario, Mapping):
         return floor_plans.through(floor_plans.described(scenario["map"]), rng)
-    return RANDOM[scenario](rng) if scenario in RANDOM else PLANS[scenario](rng)
+    drawers: dict[str, Callable[[np.random.Generator], Layout | Route]] = {**RANDOM, **PLANS}
+    return drawers[str(scenario)](rng)
 
 
 def make(

@@ -134,8 +134,9 @@ def places(floor: RankedMap) -> Array:
             zones |= one.cells
             strict |= one.cells & one.is_strict
     resolution = floor.grid.resolution
-    joined, count = ndimage.label(_clearance(strict, resolution) > CLEAR)
-    if count:
+    joined: Any = np.zeros(strict.shape, dtype=np.int64)
+    ndimage.label(_clearance(strict, resolution) > CLEAR, output=joined)
+    if joined.any():
         sizes = np.bincount(joined.ravel())[1:]
         free = (joined == 1 + np.argmax(sizes)) & (_clearance(zones, resolution) > CLEAR)
         rows, columns = np.nonzero(free)
@@ -154,5 +155,5 @@ def _clearance(cells: NDArray[np.bool_], resolution: float) -> Array:
     Beyond the map everything counts as occupied.
     """
     framed = np.pad(~cells, 1)
-    steps = ndimage.distance_transform_edt(framed)[1:-1, 1:-1]
-    return resolution * (steps - np.sqrt(0.5))
+    steps: Any = ndimage.distance_transform_edt(framed)
+    return resolution * (steps[1:-1, 1:-1] - np.sqrt(0.5))
