@@ -119,30 +119,35 @@ class A1RegionsEnv(WalkedRegionsEnv):
             disturbances=disturbances,
         )
         declared = Randomization.from_dict(randomization)
-        believed = a1_plant.believed_friction(declared)
-        self._v_max = a1_plant.speed_limit(self.scenario)
-        self._outside = coverage.a1(
-            Declared(
-                own_robot=xml_file is None,
-                feedback=feedback,
-                timestep=timestep,
-                gait=gait,
-                friction=friction,
-                believed=believed,
-                terrain=terrain,
-                randomization=declared,
-                disturbances=disturbances,
-                estimation=estimation,
-                body=body,
-                boxes=len(self.scenario.obstacles),
-                v_max=self._v_max,
-            )
+        derived = a1_plant.believed_friction(declared)
+        believed = derived if friction is None else friction
+        self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
+        self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
+        told = Declared(
+            own_robot=xml_file is None,
+            feedback=feedback,
+            timestep=timestep,
+            gait=gait,
+            friction=friction,
+            believed=derived,
+            terrain=terrain,
+            randomization=declared,
+            disturbances=disturbances,
+            estimation=estimation,
+            body=body,
+            boxes=len(self.scenario.obstacles),
+            v_max=self._v_max,
         )
-        believed = believed if friction is None else friction
+        self._outside = coverage.a1(told)
+        self._declared = {
+            "environment": "HCBF-A1Regions-v0",
+            "outside": self._outside,
+            "departures": told.departures,
+            "v_max": self._v_max,
+        }
         controller = LocomotionController(
             robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
-        self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
         choose("body", body, dict.fromkeys(a1_plant.BODIES))
         footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
         radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)

@@ -19,6 +19,24 @@ from hcbf_gym.models.plant import EXACT, Coverage, Plant
 SCENES = ("random", "random-moving", "random-wide")
 """The families of scenes in which the promise was tested."""
 
+NOMINAL = Randomization()
+"""The plant that nothing was declared of."""
+
+RANGES = {
+    "floor_friction": (0.4, 0.8),
+    "payload": (0.0, 4.0),
+    "motor_strength": (0.8, 1.0),
+    "delay": (0.0, 0.008),
+    "sensor_noise": (0.0, 0.5),
+}
+"""The ranges of `Randomization` that are covered, all at once."""
+
+LOAD = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
+"""Where the payload may be, along each axis of the trunk [m]."""
+
+CAPS = (0.5, 1.7)
+"""The caps on the speed that are covered [m/s]."""
+
 
 class Declared(NamedTuple):
     """What the arguments of `A1RegionsEnv` declare.

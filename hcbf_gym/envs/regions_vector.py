@@ -87,6 +87,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
         self._covered = np.full(num_envs, coverage.of_scene(scenario, {}), dtype=np.int64)
+        self._families = [self._source.family({})] * num_envs
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self._started = False
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
@@ -118,6 +119,11 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def covered(self) -> NDArray[np.int64]:
         """(N,) whether the promise was tested in the families of scenes of these episodes."""
         return self._covered.copy()
+
+    @property
+    def declared(self) -> dict[str, Any]:
+        """What tells these plants from others; "scene" is a list, a family for each."""
+        return {"environment": "HCBF-Regions-v0", "scene": self._families.copy()}
 
     @property
     def estimate(self) -> Estimate:
@@ -257,6 +263,8 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def _draw_scenes(self, mask: Mask, given: Mapping[str, Any]) -> None:
         """Put the next scenes into the masked environments: those asked for, or their own."""
         self._covered[mask] = coverage.of_scene(self._source.source, given)
+        family = self._source.family(given)
+        self._families = [family if m else k for m, k in zip(mask, self._families, strict=True)]
         if given and not self._source.random and not self._given.any():
             self._batch.separate()
         for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):

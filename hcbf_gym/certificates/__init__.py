@@ -1,0 +1,16 @@
+"""What was certified of a plant: how often rank 1 is entered at most, with how much confidence."""
+
+from hcbf_gym.certificates.certificate import BLOCK, Certificate, Stratum, block_digests
+from hcbf_gym.certificates.declared import declared
+from hcbf_gym.certificates.library import load, nearest, shipped
+
+__all__ = [
+    "BLOCK",
+    "Certificate",
+    "Stratum",
+    "block_digests",
+    "declared",
+    "load",
+    "nearest",
+    "shipped",
+]
