@@ -92,7 +92,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
         self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
-        self.single_observation_space = task.observation_space(len(self.scenario.barriers))
+        self.single_observation_space = task.observation_space(len(self.scenario.conditions))
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 

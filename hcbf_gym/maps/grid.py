@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +16,8 @@ Mask = NDArray[np.bool_]
 KINDS = ("keepout", "speed", "unknown")
 """What a class of cells is: not to be entered, to be crossed slowly, or not known."""
 
-LARGEST = 64_000_000
-"""Most cells of a map: a building of 400 m at 5 cm."""
+LARGEST = 25_000_000
+"""Most cells of a map: a building of 250 m at 5 cm."""
 
 FINEST, COARSEST = 1e-3, 100.0
 """The smallest and the largest side of a cell [m]."""
@@ -51,7 +52,7 @@ class Grid:
         origin = finite_array("map: origin", self.origin, (3,), largest=FARTHEST)
         object.__setattr__(self, "resolution", side)
         object.__setattr__(self, "origin", tuple(origin.tolist()))
-        object.__setattr__(self, "shape", _checked_shape(self.shape))
+        object.__setattr__(self, "shape", checked_shape(self.shape))
 
     @cached_property
     def axes(self) -> Array:
@@ -138,8 +139,8 @@ class MapClass:
         return self.rank == 1 and self.kind != "speed"
 
 
-def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
-    """Return rows and columns.
+def checked_shape(shape: Any) -> tuple[int, int]:
+    """Return rows and columns of a map.
 
     Raises:
         InvalidInputError: if they are no two positive integers, or make too many cells.
