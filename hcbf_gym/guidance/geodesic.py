@@ -1,12 +1,15 @@
 """Guidance by geodesic fields, stored for N robots in N scenes."""
 
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import Barrier, layout
+from hcbf_gym.barriers.many import Several, Shapes
+from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.guidance import extent as extents
@@ -15,7 +18,6 @@ from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.ground import Ground
 from hcbf_gym.guidance.grounds import MapGround
 from hcbf_gym.guidance.row import Pull
-from hcbf_gym.maps import RankedMap
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -81,6 +83,7 @@ class Geodesic:
         self._opened = through
         self._grounds: list[MapGround | None] = [None] * count
         self._walked: list[_Walked | None] = [None] * count
+        self._held: dict[tuple[int, int], Mapped] = {}
         self._next = np.full(count, np.inf)
         self._moving = False
         self._set: BarrierSet | None = None
@@ -89,14 +92,13 @@ class Geodesic:
 
     def reset(
         self,
-        barriers: BarrierSet | Sequence[Barrier],
+        barriers: BarrierSet | Sequence[Barrier | Shapes | Several],
         goal: ArrayLike,
         extent: ArrayLike | None = None,
         clearance: ArrayLike = 0.0,
         *,
         start: ArrayLike = (0.0, 0.0),
         mask: Mask | None = None,
-        maps: Sequence[RankedMap | None] | None = None,
     ) -> None:
         """Compute the fields of scenes that begin, at time zero.
 
@@ -104,12 +106,11 @@ class Geodesic:
             barriers: of N scenes; a sequence of barriers where N is 1.
             goal: (2,) or (N, 2) [m].
             extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for what
-                start, goal and regions take up.
+                start, goal and regions take up. Where a scene has a map, the map's grid counts.
             clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
                 or (N, m) for each.
             start: (2,) or (N, 2) [m], which the grid has to cover.
             mask: (N,) the scenes that begin; all unless given.
-            maps: of the N scenes, None where one has none. A map's grid is the extent.
 
         Raises:
             InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
@@ -129,7 +130,7 @@ class Geodesic:
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         goals = _points("goal", goal, count)
         starts = _points("start", start, count)
-        grounds = self._grounds_of(chosen, maps, clearance)
+        grounds = self._grounds_of(chosen, scenes, clearance)
         geometry = self._geometry(chosen, scenes, goals, starts, extent, grounds)
         kept = self._clearances(scenes, clearance)
         _check_extent(chosen, goals, starts, geometry)
@@ -137,6 +138,7 @@ class Geodesic:
         _check_goal(chosen, scenes, goals)
 
         self._set, self._clearance, self._grounds = scenes, kept, grounds
+        self._held = dict(scenes.atlas.held)
         self.goal[chosen], self.geometry[chosen] = goals[chosen], geometry[chosen]
         self._reserve(int((geometry[chosen, 3] * geometry[chosen, 4]).max(initial=0.0)))
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
@@ -157,30 +159,32 @@ class Geodesic:
             self._next[due] = t[due] + self.period
             self._solve(due, t + 0.5 * self.period)
 
-    def follow(self, maps: Sequence[RankedMap | None], t: Array) -> None:
-        """Repair, at the times t (N,), the fields of the scenes whose maps are others now.
+    def follow(self, scenes: BarrierSet, t: Array) -> None:
+        """Repair, at the times t (N,), the fields of the scenes whose maps have changed.
 
         Args:
-            maps: of the N scenes, each of the grid that it had.
+            scenes: of all N, their maps on the grids that they had.
             t: (N,) [s].
+
+        Raises:
+            InvalidInputError: if a map has another grid.
         """
-        other = np.array(
-            [
-                g is not None and g.ranked_map is not m
-                for g, m in zip(self._grounds, maps, strict=True)
-            ]
-        )
-        if other.any():
-            followed: dict[tuple[int, int], MapGround] = {}
-            for n in np.flatnonzero(other).tolist():
-                ground, ranked_map = self._grounds[n], maps[n]
-                assert ground is not None
-                assert ranked_map is not None
-                key = id(ground), id(ranked_map)
-                if key not in followed:
-                    followed[key] = ground.with_map(ranked_map)
-                self._grounds[n] = followed[key]
-            self._solve(other, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
+        held = scenes.atlas.held
+        if held == self._held:
+            return
+        self._set, self._held = scenes, dict(held)
+        changed = np.zeros(len(self.goal), dtype=np.bool_)
+        followed: dict[tuple[int, ...], MapGround] = {}
+        for n, regions in _regions_of(scenes).items():
+            ground = self._grounds[n]
+            if ground is None or ground.regions == regions:
+                continue
+            key = id(ground), *map(id, regions)
+            if key not in followed:
+                followed[key] = ground.with_regions(regions)
+            self._grounds[n] = followed[key]
+            changed[n] = True
+        self._solve(changed, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
 
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return a (N, 2) and b (N,) of the rows ``a·u ≥ b`` at N states x (N, 4) and times t (N,).
@@ -216,22 +220,19 @@ class Geodesic:
         )
 
     def _grounds_of(
-        self, mask: Mask, maps: Sequence[RankedMap | None] | None, clearance: ArrayLike
+        self, mask: Mask, scenes: BarrierSet, clearance: ArrayLike
     ) -> list[MapGround | None]:
         """Return the grounds of N scenes' maps, new where masked; scenes of one map share it."""
-        grounds = list(self._grounds)
-        if maps is None:
-            return [None if new else ground for new, ground in zip(mask, grounds, strict=True)]
+        grounds = [None if new else g for new, g in zip(mask, self._grounds, strict=True)]
+        if not scenes.atlas:
+            return grounds
         kept = max(finite_float("clearance", clearance, minimum=0.0), LEAST_CLEARANCE)
-        known = {id(g.ranked_map): g for g in grounds if g is not None and g.clearance == kept}
-        for n in np.flatnonzero(mask).tolist():
-            ranked_map = maps[n]
-            if ranked_map is None:
-                grounds[n] = None
-                continue
-            if id(ranked_map) not in known:
-                known[id(ranked_map)] = MapGround(ranked_map, kept, self._opened)
-            grounds[n] = known[id(ranked_map)]
+        known = {g.regions: g for g in self._grounds if g is not None and g.clearance == kept}
+        for n, regions in _regions_of(scenes).items():
+            if mask[n]:
+                if regions not in known:
+                    known[regions] = MapGround(regions, kept, self._opened)
+                grounds[n] = known[regions]
         return grounds
 
     def _geometry(
@@ -377,6 +378,15 @@ class _Walked(NamedTuple):
     ground: Ground
     place: tuple[Array, Array]
     tolls: Array
+
+
+def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:
+    """Return scene → the classes of its map that are regions, for scenes that have one."""
+    found: dict[int, list[MappedRegion]] = {}
+    for (n, _), one in sorted(scenes.atlas.held.items(), key=itemgetter(0)):
+        if isinstance(one, MappedRegion):
+            found.setdefault(n, []).append(one)
+    return {n: tuple(regions) for n, regions in found.items()}
 
 
 def _points(name: str, value: ArrayLike | None, count: int) -> Array:

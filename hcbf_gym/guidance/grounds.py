@@ -5,11 +5,13 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
-from hcbf_gym.maps import RankedMap
+from hcbf_gym.maps import Grid
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Window = tuple[int, int, int, int]
 
 
@@ -19,47 +21,52 @@ class MapGround:
     Classes of one rank and one clearance are painted together. Speed zones are open ground.
 
     Args:
-        ranked_map: whose cells are painted.
+        regions: the classes of one map.
         clearance: what edges keep besides the margins of their classes [m].
         opened: ranks from it on may be crossed at their price, above 1; 0 for none.
+
+    Raises:
+        InvalidInputError: if the classes lie in different grids.
 
     Attributes:
         ground: of the map alone, without barriers beside it.
         geometry: (7,) of its grid, see `guidance.field`.
     """
 
-    def __init__(self, ranked_map: RankedMap, clearance: float, opened: int):
-        grid = ranked_map.grid
+    def __init__(self, regions: tuple[MappedRegion, ...], clearance: float, opened: int):
         self.clearance, self.opened = clearance, opened
-        self.geometry = geometry_of_grid(ranked_map)
-        self.ground = open_ground(*grid.shape, grid.resolution)
-        self.ranked_map = ranked_map
-        self._layers = self._layers_of(ranked_map)
-        self._paint((0, grid.shape[0], 0, grid.shape[1]))
+        self.grid = _grid_of(regions)
+        self.geometry = geometry_of(self.grid)
+        self.ground = open_ground(*self.grid.shape, self.grid.resolution)
+        self.regions = regions
+        self._layers = self._layers_of(regions)
+        self._paint((0, self.grid.shape[0], 0, self.grid.shape[1]))
 
-    def with_map(self, ranked_map: RankedMap) -> "MapGround":
+    def with_regions(self, regions: tuple[MappedRegion, ...]) -> "MapGround":
         """Return the ground of a map of the same grid, repainted where its cells are others.
 
         Raises:
             InvalidInputError: if the grid is another one.
         """
-        if ranked_map.grid != self.ranked_map.grid:
+        if _grid_of(regions) != self.grid:
             raise InvalidInputError(
-                f"guidance: got a map of {ranked_map.grid} in an episode on "
-                f"{self.ranked_map.grid}, expected the same grid until the next reset"
+                f"guidance: got a map of {_grid_of(regions)} in an episode on {self.grid}, "
+                "expected the same grid until the next reset"
             )
         other = copy(self)
-        other.ranked_map, other._layers = ranked_map, self._layers_of(ranked_map)
+        other.regions, other._layers = regions, self._layers_of(regions)
         keys = self._layers.keys() | other._layers.keys()
-        empty = np.zeros(ranked_map.grid.shape, dtype=np.bool_)
+        empty = np.zeros(self.grid.shape, dtype=np.bool_)
         changed = empty.copy()
         for key in keys:
-            changed |= self._layers.get(key, empty) != other._layers.get(key, empty)
+            was, now = self._layers.get(key, empty), other._layers.get(key, empty)
+            if was is not now:
+                changed |= was != now
         if not changed.any():
             return other
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         farthest = max(clearance for _, clearance in keys)
-        reach = int((farthest + HALO) / ranked_map.grid.resolution) + 2
+        reach = int((farthest + HALO) / self.grid.resolution) + 2
         window = (
             max(0, int(rows[0]) - reach),
             min(changed.shape[0], int(rows[-1]) + 1 + reach),
@@ -79,21 +86,20 @@ class MapGround:
             rank: of the region.
         """
         nearest, name = np.inf, "a barrier"
-        for one in self.ranked_map.classes:
-            if one.rank == rank and one.kind != "speed" and one.cells.any():
+        for one in self.regions:
+            if one.priority == rank and one.cells.any():
                 apart = np.abs(np.argwhere(one.cells) - (j, i)).max(axis=1).min()
-                within = (one.margin + self.clearance) / self.ranked_map.grid.resolution + 1.0
+                within = (one.margin + self.clearance) / self.grid.resolution + 1.0
                 if apart < nearest and apart <= within:
                     nearest, name = apart, repr(one.name)
         return name
 
-    def _layers_of(self, ranked_map: RankedMap) -> dict[tuple[int, float], NDArray[np.bool_]]:
+    def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
         """Return rank and clearance → (rows, columns) the cells that have both."""
-        layers: dict[tuple[int, float], NDArray[np.bool_]] = {}
-        for one in ranked_map.classes:
-            if one.kind != "speed":
-                key = one.rank, one.margin + self.clearance
-                layers[key] = layers[key] | one.cells if key in layers else one.cells
+        layers: dict[tuple[int, float], Mask] = {}
+        for one in regions:
+            key = one.priority, one.margin + self.clearance
+            layers[key] = layers[key] | one.cells if key in layers else one.cells
         return layers
 
     def _paint(self, window: Window) -> None:
@@ -106,8 +112,22 @@ class MapGround:
             paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
 
 
-def geometry_of_grid(ranked_map: RankedMap) -> Array:
+def geometry_of(grid: Grid) -> Array:
     """Return (7,) x and y of the first cell's centre, side [m], ny, nx, cos and sin of the yaw."""
-    grid = ranked_map.grid
     first = grid.to_world([[0.5, 0.5]])[0]
     return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])
+
+
+def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
+    """Return the grid in which classes lie.
+
+    Raises:
+        InvalidInputError: if there are several.
+    """
+    grid = regions[0].grid
+    for one in regions:
+        if one.grid != grid:
+            raise InvalidInputError(
+                f"guidance: got classes of {grid} and of {one.grid} in one scene, expected one map"
+            )
+    return grid

@@ -74,6 +74,7 @@ class Way:
             a, b = guide.rows(intake.x, intake.time, u_nominal)
             plants["way"][:, :2], plants["way"][:, 2] = a, b
         elif guide is not None:
+            guide.follow(scenes, intake.time)
             guide.update(intake.time)
             fields = guide.field, guide.through, guide.zone, guide.geometry, guide.goal
             told = plants["way"], plants["reachable"], plants["zone"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hcbf_gym import guidance
-from hcbf_gym.barriers import Disc
+from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.ground import distances
@@ -38,7 +38,8 @@ def map_of(walls, zone=None, origin=(0.0, 0.0, 0.0), rank=2):
 def way_on(ranked_map, start, goal, clearance=BODY, barriers=(), **options):
     way = guidance.Geodesic(**options)
     to_world = lambda p: ranked_map.grid.to_world([np.array(p) / SIDE])[0]  # noqa: E731
-    way.reset(barriers, to_world(goal), None, clearance, start=to_world(start), maps=[ranked_map])
+    scene = (*barriers, ranked_map)
+    way.reset(scene, to_world(goal), None, clearance, start=to_world(start))
     return way
 
 
@@ -137,7 +138,7 @@ def test_a_repaired_field_is_the_field_of_the_map_as_it_is_now():
     way = way_on(map_of(walls, zone), (1.0, 1.0), (7.0, 3.2))
     for _ in range(30):
         walls = changed(walls, rng)
-        way.follow([map_of(walls, zone)], np.zeros(1))
+        way.follow(BarrierSet([[map_of(walls, zone)]]), np.zeros(1))
         walked = way._walked[0]
         cost, rank = walked.ground
         shape = cost.shape
@@ -159,8 +160,8 @@ def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
     way = way_on(map_of(walls), (1.0, 1.0), (7.0, 1.0))
     for _ in range(20):
         walls = changed(walls, rng)
-        way.follow([map_of(walls)], np.zeros(1))
-        new = guidance.grounds.MapGround(map_of(walls), BODY, 0)
+        way.follow(BarrierSet([[map_of(walls)]]), np.zeros(1))
+        new = guidance.grounds.MapGround(map_of(walls).conditions, BODY, 0)
         np.testing.assert_array_equal(way._walked[0].ground.cost, new.ground.cost)
         np.testing.assert_array_equal(way._walked[0].ground.rank, new.ground.rank)
 
