@@ -143,7 +143,7 @@ class Stage:
             return
         way = guidance.Geodesic()
         way.reset(scenario.barriers, scenario.goal, start=scenario.start)
-        x0, y0, cell, _, _ = geometry = way.geometry[0]
+        x0, y0, cell, *_ = geometry = way.geometry[0]
         values = np.array(grid(way.field[0], geometry), dtype=np.float64)
         stride = max(1, max(values.shape) // ARROWS)
         down: Any = np.gradient(-values)
