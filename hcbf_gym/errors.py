@@ -58,6 +58,10 @@ class CoverageWarning(UserWarning):
     """Rank 1 is not promised for these arguments: they leave what was tested."""
 
 
+class LoweredWarning(UserWarning):
+    """The cap on the speed is lowered to what the robot can carry."""
+
+
 class SafetyWarning(UserWarning):
     """The filter brakes, or has noticed that the plant is not the one that was declared."""
 

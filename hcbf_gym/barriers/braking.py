@@ -91,6 +91,16 @@ def share(settings: RowSettings, input_set: InputSet) -> float:
     return low
 
 
+def stoppable(alpha1: ClassK, input_set: InputSet) -> float:
+    """Return the greatest speed [m/s] from which U stops the robot where regions close in.
+
+    Args:
+        alpha1: α₁, whose slope at 0 says how close to a region the robot may be at this speed.
+        input_set: U, of which `RESERVE` is left.
+    """
+    return 2.0 * (1.0 - RESERVE) * weakest(input_set) / alpha1.derivative(0.0)
+
+
 def speed_left(v_max: Any, margin: Any) -> Any:
     """Return the speed that a cap leaves the model, ``√(v_max² − 2 v_max · margin)`` [m/s].
 
@@ -148,7 +158,8 @@ def shortcomings(
     asked = _look(scenes, speed_margin)
     able = (1.0 - RESERVE) * weakest(input_set)
     steep = alpha1.derivative(0.0)
-    found = [_cannot_flee(asked), _hardly_walks(asked), _cannot_stop(asked, steep, able)]
+    stopped = stoppable(alpha1, input_set)
+    found = [_cannot_flee(asked), _hardly_walks(asked), _cannot_stop(asked, stopped, able)]
     if np.isinf(alpha1.hardest_speed):
         found += [_knows_no_speed(asked), _cannot_brake(asked, steep, able)]
     return [one for one in found if one.scenes.any()]
@@ -194,15 +205,15 @@ def _hardly_walks(asked: _Asked) -> Shortcoming:
     )
 
 
-def _cannot_stop(asked: _Asked, steep: float, able: float) -> Shortcoming:
-    where = asked.narrows & np.isfinite(asked.left) & (0.5 * steep * asked.left > able)
+def _cannot_stop(asked: _Asked, stopped: float, able: float) -> Shortcoming:
+    where = asked.narrows & np.isfinite(asked.left) & (asked.left > stopped)
     return Shortcoming(
         "stopping",
         where,
         False,
-        f"where strict regions close in, {0.5 * steep * _most(asked.left, where):.3g} m/s² stop "
+        f"where strict regions close in, {able * _most(asked.left, where) / stopped:.3g} m/s² stop "
         f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a speed limit "
-        f"that leaves at most {2.0 * able / steep:.3g} m/s, or a flatter alpha1",
+        f"that leaves at most {stopped:.3g} m/s, or a flatter alpha1",
     )
 
 

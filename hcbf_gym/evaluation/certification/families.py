@@ -14,6 +14,7 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.certification import own
+from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_gym.robots.walker import Walker
@@ -259,7 +260,7 @@ class OwnFamily:
         return own.files(self.source)
 
 
-KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily}
+KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture": A1Mixture}
 """kind → family, as a certificate's JSON names it."""
 
 
