@@ -6,7 +6,7 @@ of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,9 @@ from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
 from hcbf_gym.barriers.shapes import convex_polygon
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
+
+if TYPE_CHECKING:
+    from hcbf_gym.maps import Grid
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,11 +45,21 @@ class Mapped(Barrier):
         priority: 1 is the highest and strict.
         pieces: what covers the cells.
         margin: reserved around the pieces besides the robot's own margins [m].
+        grid: of the map, for guidance.
+        cells: (rows, columns) of the class in that grid, row 0 the lowest.
     """
 
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
+    grid: "Grid" = field(kw_only=True)
+    cells: NDArray[np.bool_] = field(kw_only=True, repr=False)
     code: ClassVar[int]
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether they are the same object: to compare all cells would take too long."""
+        return self is other
+
+    __hash__ = object.__hash__
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -214,6 +214,7 @@ class RankedMap(Several):
         corners = self.grid.to_world(cover.grown().reshape(-1, 2)).reshape(-1, 8, 2)
         found = Pieces(corners, cover.sizes, self.grid.origin)
         fields: dict[str, Any] = {"pieces": found, "margin": one.margin}
+        fields |= {"grid": self.grid, "cells": one.cells}
         if one.limit is not None:
             return MappedZone(one.name, one.rank, limit=one.limit, **fields)
         return MappedRegion(one.name, one.rank, **fields)

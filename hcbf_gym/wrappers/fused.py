@@ -428,7 +428,7 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
         w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
         return
     rank = int(plant.reachable)
-    guidance_row.insert(w.priority[i, :last], rank, c.through, w.priority[i])
+    guidance_row.insert(w.priority[i, :last], rank, int(plant.zone), c.through, w.priority[i])
     w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
     w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = b, 0.0, 0.0
 
@@ -438,7 +438,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let the row of guidance, where there is one, ask for nothing."""
     last = p.kind.shape[1]
     if p.rows.shape[1] > last:
-        guidance_row.insert(w.priority[i, :last], 0, c.through, w.priority[i])
+        guidance_row.insert(w.priority[i, :last], 0, 0, c.through, w.priority[i])
         w.a[i, last, 0], w.a[i, last, 1] = 0.0, 0.0
         w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = -1.0, 0.0, 0.0
 
