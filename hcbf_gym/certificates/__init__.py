@@ -2,7 +2,7 @@
 
 from hcbf_gym.certificates.certificate import BLOCK, Certificate, Stratum, block_digests
 from hcbf_gym.certificates.declared import declared
-from hcbf_gym.certificates.library import load, nearest, shipped
+from hcbf_gym.certificates.library import load, nearest, shipped, table
 
 __all__ = [
     "BLOCK",
@@ -13,4 +13,5 @@ __all__ = [
     "load",
     "nearest",
     "shipped",
+    "table",
 ]

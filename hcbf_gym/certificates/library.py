@@ -60,3 +60,14 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
     return min(alike, key=lambda found: len(found.differs), default=Nearest(None, []))
+
+
+def table() -> str:
+    """Return the shipped certificates as the page shows them, a table in Markdown."""
+    head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")
+    rows = [
+        f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
+        f"{one.confidence:.1%} | {one.least_h:+.4f} |"
+        for one in shipped().values()
+    ]
+    return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))

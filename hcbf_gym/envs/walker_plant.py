@@ -70,7 +70,8 @@ def outside(walker: Walker, declared: Declared) -> list[str]:
     found = certificates.nearest(declared.told(walker))
     if found.certificate is not None:
         return found.differs
-    return [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
+    said = [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
+    return said + [f"{departure} (certified: none)" for departure in declared.departures]
 
 
 def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:

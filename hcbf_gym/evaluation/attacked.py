@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from hcbf_gym import wrappers
 from hcbf_gym.envs.body import Footprint
+from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
@@ -51,7 +52,9 @@ class AttackedEpisode:
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
-        env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LoweredWarning)
+            env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
         env = env if self.inside is None else self.inside(env)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
         if self.uncertainty is not None:

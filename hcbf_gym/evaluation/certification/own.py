@@ -8,7 +8,6 @@ import importlib
 import importlib.util
 import inspect
 import sys
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -31,10 +30,8 @@ Array = NDArray[np.float64]
 
 CORNERS = 64
 """The most corners of U that an attacker looks at."""
-AHEAD = 0.4
+AHEAD = 0.3
 """How far an attacker looks ahead [s]."""
-LOOKS = 2
-"""In so many steps of the model."""
 HELD = 0.04
 """How long an attacker keeps to what it has decided [s]: looking ahead takes time."""
 
@@ -108,9 +105,7 @@ class OwnEpisode:
         policy = kind(rng) if self.parameters is None else Mixed(rng, self.parameters)
         filtered = wrappers.SafetyFilter(env, self.program, plant=plant)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the outcome tells of alarms
-                return self._rollout(filtered, policy)
+            return self._rollout(filtered, policy)
         finally:
             filtered.close()
 
@@ -147,7 +142,7 @@ class Look(NamedTuple):
     Attributes:
         x: (n,) its state.
         time: [s].
-        strict: (x, t) → (k,) the strict h's.
+        strict: (x (j, n), t) → (j, m) the strict h's on the position.
         h: (k,) what they are, at their least since the last sample where that is told.
         speed: (k,) which of them read no position.
     """
@@ -170,20 +165,20 @@ def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: 
     if isinstance(plant.model, DoubleIntegrator):
         scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
         first, position = scene.priority[0] == 1, scene.keeps_margin[0] > 0.0
-        every = lambda x, t: scene.values(x[None], np.array([t]))[0]  # noqa: E731
+        every = lambda x, t: scene.along(x, np.full(len(x), t))  # noqa: E731
     else:
         first = np.array([b.priority == 1 for b in barriers], dtype=np.bool_)
         position = first & np.array([b.reads_position for b in barriers], dtype=np.bool_)
-        every = lambda x, t: np.array([float(b.h(x, t)) for b in barriers])  # noqa: E731
+        every = lambda x, t: np.array([[float(b.h(one, t)) for b in barriers] for one in x])  # noqa: E731
     if not position.any():
         raise InvalidInputError(
             f"certify: got {len(first)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
     told = np.asarray(info.get("min_h", ()), dtype=np.float64)
-    h = (told if told.shape == first.shape else every(x, now))[first]
+    h = (told if told.shape == first.shape else every(x[None], now)[0])[first]
     h = np.where(np.isfinite(h), h, -np.inf)
-    return Look(x, now, lambda x, t: every(x, t)[first], h, ~position[first])
+    return Look(x, now, lambda x, t: every(x, t)[:, position], h, ~position[first])
 
 
 class Situation(NamedTuple):
@@ -207,14 +202,18 @@ class Situation(NamedTuple):
 
     def best(self, value: Callable[[Array], float]) -> Array:
         """Return the corner of U whose h's a moment ahead, least first, are worth most."""
-        return max(self.corners, key=lambda u: value(self.ahead(u)))
+        corners = self.corners
+        return corners[int(np.argmax([value(h) for h in self.ahead(corners)]))]
 
-    def ahead(self, u: Array) -> Array:
-        """Return (k,) the strict h's on the position, `AHEAD` later under u (n_u,), least first."""
-        x, time = self.seen.x, self.seen.time
-        for _ in range(LOOKS):
-            x = self.plant.model.step(x, u, AHEAD / LOOKS)
-        return np.sort(self.seen.strict(x, time + AHEAD)[~self.seen.speed])
+    def ahead(self, inputs: Array) -> Array:
+        """Return (k, m) the strict h's on the position, least first, `AHEAD` later.
+
+        Args:
+            inputs: (k, n_u), each of which is held.
+        """
+        model, seen = self.plant.model, self.seen
+        x = np.array([model.step(seen.x, u, AHEAD) for u in inputs])
+        return np.sort(seen.strict(x, seen.time + AHEAD), axis=1)
 
 
 @dataclass
