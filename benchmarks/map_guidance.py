@@ -261,11 +261,10 @@ def _walk_all(
 ) -> list[Walked]:
     """Walk all ways on all cores; a fork inherits what is covered already."""
     walk_one = joblib.delayed(walk)
-    return list(
-        joblib.Parallel(n_jobs=-1, batch_size=4)(
-            walk_one(floor, model, start, goal, **options) for start, goal in ways
-        )
+    found: Any = joblib.Parallel(n_jobs=-1)(
+        walk_one(floor, model, start, goal, **options) for start, goal in ways
     )
+    return list(found)
 
 
 def corridor(angle: float, length: float = 8.0, side: float = 0.05) -> tuple[RankedMap, Array]:
@@ -292,8 +291,9 @@ def corridors_part(count: int) -> Table:
     rows, straight = [], np.nan
     for degrees in (0.0, 30.0, 45.0):
         floor, (start, goal) = corridor(np.radians(degrees))
-        way = tuple(start.tolist()), tuple(goal.tolist())
-        walked = [walk(floor, "rom", *one) for one in (way, way[::-1])[: max(1, min(count, 2))]]
+        way = (start[0], start[1]), (goal[0], goal[1])
+        ways = (way, way[::-1])[: max(1, min(count, 2))]
+        walked = [walk(floor, "rom", begin, end) for begin, end in ways]
         took = float(np.mean([one.seconds for one in walked]))
         straight = took if degrees == 0.0 else straight
         rows.append([f"{degrees:.0f}°", *_summary(walked), f"{took:.2f}", f"{took / straight:.3f}"])
