@@ -35,6 +35,10 @@ COMMANDS = {
     "evaluate": Command(
         "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
     ),
+    "certify": Command(
+        "hcbf_gym.evaluation.certification.command",
+        "how often a plant enters rank 1 at most: margins measured, then a bound",
+    ),
     "identify": Command(
         "hcbf_gym.studies.identification.command",
         "how a robot follows the velocities that it is told",

@@ -38,6 +38,10 @@ class ChunkError(HcbfError, RuntimeError):
     """A part of a long run raised an error, or killed its workers; the message says which."""
 
 
+class RefusedError(HcbfError, RuntimeError):
+    """A plant gets no certificate; the message says why, and what to look at."""
+
+
 class RenderingError(HcbfError, RuntimeError):
     """No OpenGL context could be made; the message says what to install."""
 
@@ -52,6 +56,10 @@ UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, 
 
 class CoverageWarning(UserWarning):
     """Rank 1 is not promised for these arguments: they leave what was tested."""
+
+
+class LoweredWarning(UserWarning):
+    """The cap on the speed is lowered to what the robot can carry."""
 
 
 class SafetyWarning(UserWarning):

@@ -72,6 +72,24 @@ class Mapped(Barrier):
         c[layout.PIECES] = at
         return self.code
 
+    def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
+        """Return what lies about as near as the nearest piece: (k,) distances, nearest first.
+
+        Args:
+            x: position first [m].
+            beyond: how much farther than the nearest the others may be [m].
+
+        Returns:
+            The signed distances [m], and their gradients (k, 2).
+        """
+        packed, at = self.pieces.packed, (float(x[0]), float(x[1]))
+        reach = max(0.0, pieces.nearest(packed, 0, *at).distance) + beyond
+        found = np.empty(len(self.pieces), dtype=np.int64)
+        found = found[: pieces.near(packed, 0, *at, min(reach, FARTHEST), found)]
+        jets = [convex_polygon.jet(packed[b : b + layout.WIDTH], *at)[:3] for b in found]
+        seen = np.array(sorted(jets)).reshape(-1, 3)
+        return seen[:, 0], seen[:, 1:]
+
     def _nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
         packed = self.pieces.packed

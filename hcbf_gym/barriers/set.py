@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout, mapped, row_kernels
+from hcbf_gym.barriers import kernels, layout, mapped, row_kernels, zone
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.many import Several, Shapes
@@ -109,7 +109,7 @@ class BarrierSet:
         return self.kind < layout.SPEED_LIMIT
 
     def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
-        """Refuse speed limits that no input can satisfy.
+        """Refuse speed limits and speed zones that no input can satisfy.
 
         Args:
             settings: α₁, α₂, and whether u is held.
@@ -130,6 +130,14 @@ class BarrierSet:
             )
         if settings.period is None or settings.u_max is None:
             return
+        zones = self.kind == layout.ZONES
+        limit = self.parameters[zones, layout.V_MAX]
+        lowest = zone.least_limit(settings.period, settings.u_max, speed_margin)
+        if (limit < lowest).any():
+            raise InvalidInputError(
+                f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "
+                f"reserves {speed_margin:g} m/s, and an input passes the rest within one period"
+            )
         gained = settings.u_max * settings.period
         least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
         if least <= gained:

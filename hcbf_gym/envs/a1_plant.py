@@ -1,9 +1,15 @@
 """What controller and filter believe of the A1 and its ground, from what is declared."""
 
+import math
+import warnings
+from typing import NamedTuple
+
 import numpy as np
 
+from hcbf_gym.barriers import braking
+from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.envs.randomization import Randomization
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, LoweredWarning
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
 from hcbf_gym.locomotion.watch import WatchBounds
@@ -19,6 +25,9 @@ V_MAX = 1.5
 FASTEST = 1.7
 """The highest cap [m/s] that a scenario may set."""
 
+NOMINAL = Randomization()
+"""The plant of which nothing else was declared."""
+
 UNCERTAINTY = Uncertainty(
     distance=0.025,
     per_velocity=0.7,
@@ -31,12 +40,50 @@ UNCERTAINTY = Uncertainty(
 """What the trunk does beside its reduced-order model, calibrated with the hostile episodes of
 docs/guarantees.md."""
 
-OFF_NOMINAL = 0.02
-"""What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare a plant
-unlike the nominal one: rough ground, or a randomisation of more than the start."""
 
-PER_SPEED = 0.1
-"""What rows reserve besides [m] for each m/s of the cap above `V_MAX`."""
+class Law(NamedTuple):
+    """How the margins grow with what is declared, and with the cap on the speed v.
+
+    Rows on the position reserve ``fast max(0, v − V_MAX) + w max(1, v / 1 m/s)`` more than on the
+    nominal plant, the speed limit ``share w v + ‖u‖ late``, with late the torque's delay beyond the
+    nominal one and w the sum of the other terms, each times how far its range leaves the nominal
+    plant. No margin carries a fall: a cap above ``FASTEST − slower w`` is lowered to it.
+
+    Attributes:
+        fast: of the cap above `V_MAX` [s].
+        rough: of rough ground [m].
+        slippery: of the friction that the floor lacks [m].
+        payload: [m/kg].
+        weak: of the share of the torque that is missing [m].
+        late: of the delay [m/s].
+        noise: of the scale of the sensors' noise [m].
+        share: of w v [1/m].
+        slower: of w [1/s].
+    """
+
+    fast: float
+    rough: float
+    slippery: float
+    payload: float
+    weak: float
+    late: float
+    noise: float
+    share: float
+    slower: float
+
+
+LAW = Law(
+    fast=0.1,
+    rough=0.014,
+    slippery=0.04,
+    payload=0.002,
+    weak=0.03,
+    late=2.5,
+    noise=0.02,
+    share=1.0,
+    slower=10.0,
+)
+"""Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
 BODIES = ("point", "footprint")
 """What must stay outside: the trunk's centre, or the whole robot."""
@@ -84,37 +131,85 @@ def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
 def uncertainty_of(
     declared: Randomization, terrain: str, body: float, input_set: InputSet, v_max: float
 ) -> Uncertainty:
-    """Return how far the robot may be from its reduced-order model.
-
-    A torque that comes Δτ later than on the nominal plant leaves the trunk with the velocity that u
-    changed meanwhile, ``‖u‖ Δτ``, which the speed limit reserves besides.
+    """Return how far the robot may be from its reduced-order model; see `Law`.
 
     Args:
         declared: what the plant's conditions are drawn from.
         terrain: "flat" or "rough".
         body: what the robot reaches beyond its trunk's centre [m]; 0 for a point.
-        input_set: U.
+        input_set: U, as the ground carries it.
         v_max: the strict cap on the speed [m/s].
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
-    late = max(0.0, declared.delay[1] - Randomization().delay[1])
+    fast = LAW.fast * max(0.0, v_max - V_MAX)
+    still, growing = _speed_margin(declared, terrain, input_set)
     known = UNCERTAINTY._replace(
-        distance=UNCERTAINTY.distance + PER_SPEED * max(0.0, v_max - V_MAX),
+        distance=UNCERTAINTY.distance + fast + max(1.0, v_max) * _unlike(declared, terrain),
         body=body,
-        speed=UNCERTAINTY.speed + late * input_set.radius,
+        speed=still + growing * v_max,
     )
-    if terrain != "flat" or declared.off_nominal:
-        known = known._replace(
-            distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL
-        )
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(
             f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "
             f"speed limit reserves {known.speed:g} m/s, so that no speed is left"
         )
     return known
+
+
+def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) -> float:
+    """Return the highest cap on the speed [m/s] that the plant carries.
+
+    It is ``FASTEST − slower w`` of `LAW`, or less where U could not stop the robot: a cap v leaves
+    the model ``√(v² − 2 v m)`` after the margin m of its row, no more than `braking.stoppable`.
+
+    Args:
+        declared: what the plant's conditions are drawn from.
+        terrain: "flat" or "rough".
+        input_set: U, as the ground carries it.
+    """
+    walked = FASTEST - LAW.slower * _unlike(declared, terrain)
+    if walked <= 0.0:
+        return 0.0
+    still, growing = _speed_margin(declared, terrain, input_set)
+    steep = 1.0 - 2.0 * growing  # steep v² − 2 still v = stoppable²
+    stoppable = braking.stoppable(LogClassK(), input_set)
+    stopped = (still + math.hypot(still, math.sqrt(steep) * stoppable)) / steep
+    return math.floor(1e3 * min(walked, stopped)) / 1e3
+
+
+class _SpeedMargin(NamedTuple):
+    """What the speed limit reserves: `still` [m/s], and `growing` for each m/s of the cap [-]."""
+
+    still: float
+    growing: float
+
+
+def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> _SpeedMargin:
+    """Return what the speed limit reserves.
+
+    A torque that comes late leaves the trunk with the velocity that u changed meanwhile.
+    """
+    changed = _late(declared) * input_set.radius
+    return _SpeedMargin(UNCERTAINTY.speed + changed, LAW.share * _unlike(declared, terrain))
+
+
+def _unlike(declared: Randomization, terrain: str) -> float:
+    """Return w of `Law` [m], how unlike the nominal plant the declared ones may be."""
+    return (
+        LAW.rough * (terrain != "flat")
+        + LAW.slippery * max(0.0, NOMINAL.floor_friction[0] - declared.floor_friction[0])
+        + LAW.payload * declared.payload[1]
+        + LAW.weak * max(0.0, NOMINAL.motor_strength[0] - declared.motor_strength[0])
+        + LAW.late * _late(declared)
+        + LAW.noise * declared.sensor_noise[1]
+    )
+
+
+def _late(declared: Randomization) -> float:
+    """Return how much later than on the nominal plant a torque may come [s]."""
+    return max(0.0, declared.delay[1] - NOMINAL.delay[1])
 
 
 def watch_bounds(
@@ -138,15 +233,35 @@ def watch_bounds(
     return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
 
 
-def speed_limit(scenario: Scenario) -> float:
-    """Return the strict cap on the speed [m/s].
+def speed_limit(
+    scenario: Scenario, declared: Randomization, terrain: str, input_set: InputSet
+) -> float:
+    """Return the strict cap on the speed [m/s]: the scenario's, or less if the plant carries less.
+
+    Warns where it is lowered.
+
+    Args:
+        scenario: what is asked.
+        declared: what the plant's conditions are drawn from.
+        terrain: "flat" or "rough".
+        input_set: U, as the ground carries it.
 
     Raises:
         InvalidInputError: if the scenario's is more than the A1 walks.
     """
-    v_max = V_MAX if scenario.v_max is None else scenario.v_max
-    if v_max > FASTEST:
+    asked = V_MAX if scenario.v_max is None else scenario.v_max
+    if asked > FASTEST:
         raise InvalidInputError(
-            f"{scenario.name}: v_max: got {v_max} m/s, expected at most {FASTEST} for the A1"
+            f"{scenario.name}: v_max: got {asked} m/s, expected at most {FASTEST} for the A1"
         )
-    return v_max
+    carried = carried_speed(declared, terrain, input_set)
+    if asked <= carried:
+        return asked
+    warnings.warn(
+        f"HCBF-A1Regions-v0: v_max: {asked} m/s is lowered to {carried} m/s, the highest cap that "
+        f"the declared plant carries: U stops it with {braking.weakest(input_set):.3g} m/s² in its "
+        "weakest direction",
+        LoweredWarning,
+        stacklevel=5,
+    )
+    return carried

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import EzPickle
 
+from hcbf_gym.barriers import braking
 from hcbf_gym.envs import a1_plant, coverage, task
 from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
@@ -17,7 +18,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
 from hcbf_gym.errors import choose
 from hcbf_gym.estimation import Estimator
-from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.controller import LocomotionController, check_friction
 from hcbf_gym.locomotion.watch import Watch
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.robots import a1
@@ -72,7 +73,8 @@ class A1RegionsEnv(WalkedRegionsEnv):
       lets the floor have, at most 0.6.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
-      strength, delay, sensor noise, start pose.
+      strength, delay, sensor noise, start pose. Margins grow with them, and a cap on the speed that
+      the plant does not carry is lowered with a `LoweredWarning`; see `a1_plant.Law`.
     * `disturbances`: plain dict of scheduled or random pushes.
     * `estimation`: None lets the loop see the true state; "motion-capture", "lidar", "uwb" or a
       plain dict of `hcbf_gym.estimation.Sensors`' fields lets controller, observation and safety
@@ -119,35 +121,42 @@ class A1RegionsEnv(WalkedRegionsEnv):
             disturbances=disturbances,
         )
         declared = Randomization.from_dict(randomization)
-        believed = a1_plant.believed_friction(declared)
-        self._v_max = a1_plant.speed_limit(self.scenario)
-        self._outside = coverage.a1(
-            Declared(
-                own_robot=xml_file is None,
-                feedback=feedback,
-                timestep=timestep,
-                gait=gait,
-                friction=friction,
-                believed=believed,
-                terrain=terrain,
-                randomization=declared,
-                disturbances=disturbances,
-                estimation=estimation,
-                body=body,
-                boxes=len(self.scenario.obstacles),
-                v_max=self._v_max,
-            )
-        )
-        believed = believed if friction is None else friction
-        controller = LocomotionController(
-            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
-        )
+        derived = a1_plant.believed_friction(declared)
+        believed = derived if friction is None else check_friction(friction)
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
+        self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
+        told = Declared(
+            own_robot=xml_file is None,
+            feedback=feedback,
+            timestep=timestep,
+            gait=gait,
+            friction=friction,
+            believed=derived,
+            terrain=terrain,
+            randomization=declared,
+            disturbances=disturbances,
+            estimation=estimation,
+            body=body,
+            boxes=len(self.scenario.obstacles),
+            able=braking.weakest(self._carried),
+            v_max=self._v_max,
+        )
+        self._outside = coverage.a1(told)
+        self._declared = {
+            "environment": "HCBF-A1Regions-v0",
+            "outside": self._outside,
+            "departures": told.departures,
+            "alone": told.alone,
+            "v_max": self._v_max,
+        }
         choose("body", body, dict.fromkeys(a1_plant.BODIES))
         footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
         radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)
         self._uncertainty = a1_plant.uncertainty_of(
             declared, terrain, radius, self._carried, self._v_max
+        )
+        controller = LocomotionController(
+            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
         mass = float(controller.model.bodies.mass.sum())

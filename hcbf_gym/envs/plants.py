@@ -33,6 +33,7 @@ def plant_of(
         uncertainty=uncertainty,
         on_alarm=on_alarm,
         covered=_covered,
+        declared=_declared,
     )
 
 
@@ -46,6 +47,10 @@ def _estimate(env: Any, observation: Any, info: dict[str, Any]) -> Estimate:
 
 def _covered(env: Any, observation: Any, info: dict[str, Any]) -> Any:
     return env.covered
+
+
+def _declared(env: Any, observation: Any, info: dict[str, Any]) -> Any:
+    return env.declared
 
 
 def _goal(env: Any, observation: Any, info: dict[str, Any]) -> Any:

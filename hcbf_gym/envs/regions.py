@@ -107,6 +107,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
         self._covered = coverage.of_scene(scenario, {})
+        self._family = self._scenes.family({})
         self._started = False
 
     @property
@@ -128,6 +129,11 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     def covered(self) -> Coverage:
         """Whether the promise was tested in this episode's family of scenes."""
         return self._covered
+
+    @property
+    def declared(self) -> dict[str, Any]:
+        """What tells this plant from others, as certificates compare it."""
+        return {"environment": "HCBF-Regions-v0", "scene": self._family}
 
     @property
     def estimate(self) -> Estimate:
@@ -175,6 +181,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             self._batch.set_scene(0, scene)
         self._batch.restart(np.ones(1, dtype=np.bool_))
         self._covered = coverage.of_scene(self._scenes.source, given)
+        self._family = self._scenes.family(given)
         self._path.clear()
         self._path.append(self.rom_state[:2])
         self._started = True
@@ -189,7 +196,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         """
         self._scenes.check({"scenario": scenario})
         self.scenario = scenario
-        self._covered = Coverage.SCENE
+        self._covered, self._family = Coverage.SCENE, None
         self._batch.set_scene(0, scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

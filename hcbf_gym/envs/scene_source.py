@@ -64,6 +64,16 @@ class SceneSource:
             scene = scenarios.make(options.get("scenario", self.source), rng)
         return replace(scene, start=options["start"]) if "start" in options else scene
 
+    def family(self, options: Mapping[str, Any]) -> str | None:
+        """Return the family that an episode's scene is drawn from; None for a scene by itself.
+
+        Args:
+            options: as `check` returned them.
+        """
+        source = options.get("scenario", self.source)
+        drawn = scenarios.is_random(source) and "start" not in options
+        return str(source) if drawn else None
+
 
 def _alike(scene: Scenario) -> dict[str, Any]:
     """Return what spaces, filter and physics were made for."""

@@ -3,20 +3,18 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from hcbf_gym import certificates, records
+from hcbf_gym.certificates.declared import files_hash
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
-from hcbf_gym.robots.walker import NAMES, Walker
+from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 from hcbf_gym.scenarios import Scenario
 
 OFF_NOMINAL = 0.02
 """What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
 but the contract's robot on a flat and calm floor."""
-
-
-TESTED: tuple[str, ...] = ()
-"""Names of the package's own walkers that hostile episodes tested at length; none yet."""
 
 
 class Declared(NamedTuple):
@@ -28,6 +26,8 @@ class Declared(NamedTuple):
         randomization: the plant's ranges.
         disturbances: as the environment takes it.
         boxes: how many the scene has.
+        body: as the environment takes it.
+        v_max: the strict cap on the speed [m/s].
     """
 
     heading: str | None
@@ -35,6 +35,14 @@ class Declared(NamedTuple):
     randomization: Mapping[str, Any] | None
     disturbances: Mapping[str, Any] | None
     boxes: int
+    body: str
+    v_max: float
+
+    def told(self, walker: Walker) -> dict[str, Any]:
+        """Return what tells this plant from others, as certificates compare it."""
+        robot = f"{walker.name} {files_hash(walker.files)}"
+        said = {"environment": "HCBF-WalkerRegions-v0", "robot": robot, "v_max": self.v_max}
+        return records.plain(said | {"body": self.body, "departures": self.departures})
 
     @property
     def departures(self) -> list[str]:
@@ -53,16 +61,17 @@ class Declared(NamedTuple):
 
 
 def outside(walker: Walker, declared: Declared) -> list[str]:
-    """Return why the promise was not tested, a phrase for each reason; empty where it was.
+    """Return why no certificate that is shipped speaks of a plant; empty where one does.
 
-    Hostile episodes tested the robots of `TESTED` on a flat and calm floor.
+    Args:
+        walker: the robot.
+        declared: what else is declared.
     """
-    said = []
-    if walker.source not in [NAMES[name] for name in TESTED]:
-        said.append(f"robot {walker.name!r} (tested: {', '.join(TESTED) or 'none'})")
-    if walker.response is None:
-        said.append("a robot that was not measured: hcbf identify does that")
-    return said + [f"{departure} (tested: none)" for departure in declared.departures]
+    found = certificates.nearest(declared.told(walker))
+    if found.certificate is not None:
+        return found.differs
+    said = [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
+    return said + [f"{departure} (certified: none)" for departure in declared.departures]
 
 
 def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
@@ -81,27 +90,30 @@ def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
     return cap
 
 
-def uncertainty_of(
-    walker: Walker, period: float, declared: Declared, body: float, v_max: float
-) -> Uncertainty:
+def uncertainty_of(walker: Walker, period: float, declared: Declared, body: float) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model.
+
+    A shipped certificate says it; where none speaks of the plant, what `identify` measured does.
 
     Args:
         walker: the robot.
         period: between two inputs [s].
         declared: what else is declared.
         body: what the robot reaches beyond the point that follows [m]; 0 for a point.
-        v_max: the strict cap on the speed [m/s].
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
-    response = UNKNOWN if walker.response is None else walker.response
-    known = uncertainty(response, period)._replace(body=body)
-    if declared.departures:
-        known = known._replace(
-            distance=known.distance + OFF_NOMINAL, speed=known.speed + OFF_NOMINAL
-        )
+    certificate, differs = certificates.nearest(declared.told(walker))
+    certified = None if certificate is None or differs else certificate.margins
+    if certified is not None:
+        known = certified._replace(body=body)
+    else:
+        response = UNKNOWN if walker.response is None else walker.response
+        more = OFF_NOMINAL if declared.departures else 0.0
+        known = uncertainty(response, period)._replace(body=body)
+        known = known._replace(distance=known.distance + more, speed=known.speed + more)
+    v_max = declared.v_max
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(
             f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "

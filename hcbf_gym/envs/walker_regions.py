@@ -111,9 +111,12 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
             randomization=randomization,
             disturbances=disturbances,
         )
-        declared = walker_plant.Declared(heading, terrain, randomization, disturbances, len(boxes))
-        self._outside = walker_plant.outside(walker, declared)
         self._v_max = walker_plant.speed_cap(walker, self.scenario, v_max)
+        declared = walker_plant.Declared(
+            heading, terrain, randomization, disturbances, len(boxes), body, self._v_max
+        )
+        self._declared = declared.told(walker)
+        self._outside = walker_plant.outside(walker, declared)
         response = UNKNOWN if walker.response is None else walker.response
         self._braked = braked(self.scenario.input_set, response)
         adapter = Adapter(walker.command, walker.response, heading)
@@ -122,9 +125,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
         if footprint is not None:
             at_home = footprint.radius(simulation.parts.home)
             reach = (walker.body.reach or at_home) + adapter.look_ahead
-        self._uncertainty = walker_plant.uncertainty_of(
-            walker, task.CONTROL_DT, declared, reach, self._v_max
-        )
+        self._uncertainty = walker_plant.uncertainty_of(walker, task.CONTROL_DT, declared, reach)
         self.walker: WalkerDrive = WalkerDrive(simulation, adapter, footprint)
         self._enter(terrain, "HCBF-WalkerRegions-v0")
 
@@ -147,7 +148,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
 
     def _info_of(self, walk: Walk) -> dict[str, Any]:
         """Return what infos say of the robot besides."""
-        return super()._info_of(walk) | {
-            "controller_failed": np.float64(self.walker.failed),
-            "command": self.walker.told.copy(),
-        }
+        info = super()._info_of(walk)
+        info["controller_failed"] = np.float64(self.walker.failed)
+        info["command"] = self.walker.told.copy()
+        return info

@@ -12,8 +12,10 @@ from scipy.stats import chi2
 
 from hcbf_gym import wrappers
 from hcbf_gym.envs.body import Footprint
+from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
 from hcbf_gym.programs import FilterStatus
 
 Array = NDArray[np.float64]
@@ -35,6 +37,7 @@ class AttackedEpisode:
         filter_options: arguments of `SafetyFilter`.
         parameters: of an attack that has some.
         inside: a wrapper between the filter and the environment; None for none.
+        uncertainty: what rows reserve; None is the plant's own.
     """
 
     attack: str
@@ -45,12 +48,19 @@ class AttackedEpisode:
     filter_options: Mapping[str, Any] | None = None
     parameters: tuple[float, ...] | None = None
     inside: Callable[[gym.Env], gym.Env] | None = None
+    uncertainty: Uncertainty | None = None
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
-        env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LoweredWarning)
+            env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
         env = env if self.inside is None else self.inside(env)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
+        if self.uncertainty is not None:
+            plant: Plant = env.unwrapped.plant  # type: ignore[attr-defined]
+            own = self.uncertainty._replace(body=plant.uncertainty.body)
+            options["plant"] = replace(plant, uncertainty=own)
         env = wrappers.SafetyFilter(env, **options)
         try:
             with warnings.catch_warnings(record=True) as raised:
@@ -70,6 +80,7 @@ class AttackedEpisode:
         speed = [k for k in strict if not inner.barriers[k].reads_position]
         second = [k for k, b in enumerate(inner.barriers) if b.priority == 2]
         least = np.asarray(info["min_h"]).copy()
+        first_h = float(least[position].min())
         body = np.asarray(info.get("min_body_h", np.full(len(least), np.inf)))
         counts = np.zeros(len(FilterStatus), dtype=np.int64)
         margins, errors, changed, reach = [], [], False, 0.0
@@ -104,6 +115,8 @@ class AttackedEpisode:
             median_margin=float(np.median(margins)),
             changed=changed,
             reach=reach,
+            first_h=first_h,
+            alarm=alarm_of(info),
             **_consistency(errors),
         )
 
@@ -146,6 +159,8 @@ class Outcome:
         median_margin: of the largest margin of a strict row on the position [m].
         changed: whether the filter changed u.
         reach: the greatest horizontal distance of the body from the trunk's centre [m].
+        first_h: least h of the strict barriers at the reset [m].
+        alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
         position_error: root mean square of the estimated position's error [m]; None where the
             state is known.
         nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
@@ -165,10 +180,18 @@ class Outcome:
     median_margin: float
     changed: bool
     reach: float = 0.0
+    first_h: float = np.inf
+    alarm: int = 0
     position_error: float | None = None
     nees: float | None = None
     nees_inside: float | None = None
     warned: bool = False
+
+
+def alarm_of(info: Mapping[str, Any]) -> int:
+    """Return the `Reason` of an alarm that a filter's report tells of; 0 for none."""
+    reason = int(info["safety_filter"]["reason"])
+    return reason if reason >= FIRST_ALARM else 0
 
 
 class _Error(NamedTuple):

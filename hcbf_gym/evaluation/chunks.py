@@ -97,7 +97,7 @@ def run(
     if size < 1:
         raise InvalidInputError(f"size: got {size}, expected at least 1")
     pool = open_pool(backend, workers)
-    identity = "" if folder is None else _identity(function, reads)
+    identity = "" if folder is None else f"{sources_of(function, reads)} {_hash(function)}"
     chunks = []
     for start in range(0, len(jobs), size):
         part = jobs[start : start + size]
@@ -106,8 +106,13 @@ def run(
     return _complete(function, chunks, pool, title)
 
 
-def _identity(function: Callable[..., Any], reads: Sequence[Path]) -> str:
-    """Return a hash of a function, of the sources of all that it may reach, and of files."""
+def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
+    """Return a hash of the sources of all that a function may reach, and of files.
+
+    Args:
+        function: whose file is read with all that it imports of this package.
+        reads: the files of the user's own that decide the results.
+    """
     inner: Any = function
     while isinstance(inner, functools.partial):
         inner = inner.func
@@ -119,7 +124,7 @@ def _identity(function: Callable[..., Any], reads: Sequence[Path]) -> str:
     named = [*_PACKAGE.glob("envs/*.py"), *_PACKAGE.glob("robots/**/*.xml")]
     named += [*_PACKAGE.glob("robots/**/*.json"), *_PACKAGE.glob("policies/baselines/*")]
     named += _PACKAGE.glob("evaluation/*.json")
-    return f"{sources_hash([*own, *named, *reads])} {_hash(function)}"
+    return sources_hash([*own, *named, *reads])
 
 
 def _key(identity: str, jobs: Sequence[Any]) -> str:

@@ -84,6 +84,14 @@ class Cover(NamedTuple):
         return corners
 
 
+def boxes(cells: Mask) -> Array:
+    """Return (R, 4, 2) the corners, column and row, of rectangles that are just the true cells."""
+    owner = np.full(cells.shape, -1, dtype=np.int32)
+    rows, columns = cells.shape
+    found = _rectangles(cells, 0, 0, rows, columns, owner, 0)
+    return found[:, [[1, 0], [3, 0], [3, 2], [1, 2]]].astype(np.float64)
+
+
 @njit(cache=True)
 def _cover(
     cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Labels, first: int

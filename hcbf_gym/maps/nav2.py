@@ -2,12 +2,13 @@
 
 import math
 import re
+import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
 from hcbf_gym.maps.grid import Grid, checked_shape
@@ -25,6 +26,7 @@ LONGEST_TEXT = 65_536
 
 _KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
 _IMAGES = {"PPM": "PGM", "PNG": "PNG"}
+_NO_IMAGE = (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError)
 _PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
 
 
@@ -174,7 +176,10 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
         InvalidInputError: if there is no such image, or it is too large or of another kind.
     """
     try:
-        with Image.open(path, formats=list(_IMAGES)) as image:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # refused here if large
+            image = Image.open(path, formats=list(_IMAGES))
+        with image:
             width, height = image.size
             checked_shape((height, width))  # before anything is decoded
             if image.mode not in _PLAIN:
@@ -185,7 +190,7 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
             pixels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
     except InvalidInputError:
         raise
-    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, MemoryError) as error:
+    except _NO_IMAGE as error:
         raise InvalidInputError(
             f"map image {path}: got {error}, expected a readable {' or '.join(_IMAGES.values())}"
         ) from error

@@ -143,6 +143,8 @@ class Plant:
         max_age: the greatest age of a state that is believed [s]; None believes any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
         covered: a `Coverage`, or a reader of it.
+        declared: a mapping, or a reader of it, that tells this plant from others of its kind;
+            certificates compare it. None compares what every plant has.
 
     Raises:
         InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
@@ -165,6 +167,7 @@ class Plant:
     max_age: float | None = None
     on_alarm: str = "warn"
     covered: Any = Coverage.OUTSIDE
+    declared: Any = None
 
     def __post_init__(self) -> None:
         if not callable(self.state):

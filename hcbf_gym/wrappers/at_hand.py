@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import layout, mapped
+from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
 
 Array = NDArray[np.float64]
@@ -29,23 +29,19 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
 
 
 @njit(cache=True)
-def tell(kind: Integers, source: Integers, reserved: float, part: Records, rows: Records) -> None:
+def tell(source: Integers, part: Records, rows: Records) -> None:
     """Write what is said of the pieces at hand into the rows of their classes.
 
     A class is told the most that one of its pieces pays, and what the one reserves that reserves
-    most; a class of which nothing is at hand pays nothing.
+    most; a class of which nothing is at hand pays and reserves nothing.
 
     Args:
-        kind: (m,) of the plant's conditions.
         source: (M,) which condition each row stands for.
-        reserved: what a class reserves of which nothing is at hand [m].
         part: (M,) `report.ROW`.
         rows: (m,) `report.ROW`, written to.
     """
     slack, delta, margin = rows["slack"], rows["delta"], rows["margin"]
-    for k in range(kind.size):
-        slack[k] = delta[k] = 0.0
-        margin[k] = reserved if kind[k] == layout.MAPPED else 0.0
+    slack[:], delta[:], margin[:] = 0.0, 0.0, 0.0
     for r in range(source.size):
         k = source[r]
         slack[k] = max(slack[k], part["slack"][r])

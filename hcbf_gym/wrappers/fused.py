@@ -310,7 +310,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
         rows,
     )
     asks = _filter(c, settings, part, _make_work(settings, 1, count, total))
-    at_hand.tell(p.kind[i], hand.source, c.distance + c.body, rows[0], p.rows[i])
+    at_hand.tell(hand.source, rows[0], p.rows[i, :m])
     return asks
 
 

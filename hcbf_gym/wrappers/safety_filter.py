@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import gymnasium as gym
@@ -10,7 +11,8 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from hcbf_gym import programs
+from hcbf_gym import certificates, programs, records
+from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
@@ -18,6 +20,7 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, as_array
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.wrappers.certified import certified
 from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_options
 from hcbf_gym.wrappers.general_core import GeneralCore
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
@@ -58,6 +61,9 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             the plant's.
         allow_late_inputs: whether a barrier may have a row that misses an input which helps by a
             later derivative; a warning then replaces the refusal.
+        certificate: a `certificates.Certificate`, the path of its file, or the name of a shipped
+            one: rows reserve its margins, and `covered` says what it covers. None leaves both to
+            the plant, which follows a shipped one where there is one.
         **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
             functions as `barriers.class_k.make` reads them; all else goes to the program, such as
             `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
@@ -89,6 +95,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         solver: str | None = None,
         on_alarm: str | None = None,
         allow_late_inputs: bool = False,
+        certificate: str | Path | Certificate | None = None,
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
@@ -101,11 +108,13 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             solver=solver,
             on_alarm=on_alarm,
             allow_late_inputs=allow_late_inputs,
+            certificate=records.plain(certificate),
             **plain_options(options),
         )
         gym.Wrapper.__init__(self, env)
         inner = env.unwrapped
-        self.plant = _plant_of(inner) if plant is None else plant
+        plant = _plant_of(inner) if plant is None else plant
+        self.plant = _under(plant, certificate, inner)
         _check_order(env)
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
@@ -171,6 +180,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
         on_alarm: as `SafetyFilter` takes it.
+        certificate: as `SafetyFilter` takes it.
         **options: as `SafetyFilter` takes them.
 
     Raises:
@@ -187,6 +197,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         guidance: Any = None,
         margin: float | None = None,
         on_alarm: str | None = None,
+        certificate: str | Path | Certificate | None = None,
         **options: Any,
     ):
         RecordConstructorArgs.__init__(
@@ -196,6 +207,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
             guidance=guidance,
             margin=margin,
             on_alarm=on_alarm,
+            certificate=records.plain(certificate),
             **plain_options(options),
         )
         VectorWrapper.__init__(self, env)
@@ -206,7 +218,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
                 'gym.make_vec("HCBF-Regions-v0", …); around single environments put a SafetyFilter '
                 "on each before they are joined"
             )
-        self.plant = _plant_of(inner)
+        self.plant = _under(_plant_of(inner), certificate, inner)
         _check_order(env)
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
@@ -311,6 +323,11 @@ def _plant_of(env: Any) -> Plant:
             "plant=hcbf_gym.Plant(model, barriers, state, …), which says what the filter must know"
         )
     return plant
+
+
+def _under(plant: Plant, certificate: str | Path | Certificate | None, env: Any) -> Plant:
+    """Return the plant as a certificate speaks of it, or as it is where none was given."""
+    return plant if certificate is None else certified(plant, certificates.load(certificate), env)
 
 
 def _check_order(env: Any) -> None:

@@ -1,6 +1,7 @@
 """HCBF-WalkerRegions-v0 as users of Gymnasium expect it, on the carts and on learned walkers."""
 
 import copy
+import json
 import pickle
 import sys
 import warnings
@@ -12,7 +13,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
-from hcbf_gym import policies, wrappers
+from hcbf_gym import certificates, policies, wrappers
 from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -21,6 +22,7 @@ from hcbf_gym.errors import (
     SafetyWarning,
     UnknownNameError,
 )
+from hcbf_gym.robots.walker import NAMES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robots"))
 from walkers import CARTS, LEARNED, plain
@@ -212,10 +214,22 @@ def test_pushes_payload_friction_and_rough_ground_change_the_episode_by_its_seed
     assert np.abs(end(1) - end(2)).max() > 1e-4
 
 
-def test_what_was_not_tested_is_not_covered():
-    with pytest.warns(CoverageWarning, match="robot 'cart'"):
-        env = filtered("cart", scenario="random")
+def test_what_was_not_certified_is_not_covered(tmp_path):
+    contract = json.loads(NAMES["cart"].read_text()) | {"name": "mine"}
+    contract["mjcf"] = str(NAMES["cart"].with_suffix(".xml"))
+    (tmp_path / "mine.json").write_text(json.dumps(contract))
+    with pytest.warns(CoverageWarning, match="robot 'mine'"):
+        env = filtered(str(tmp_path / "mine.json"), scenario="random")
     assert env.reset(seed=0)[1]["safety_filter"]["covered"] == 0
+
+
+def test_a_shipped_certificate_covers_its_walker_and_gives_the_margins():
+    shipped = certificates.shipped()["cart"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CoverageWarning)
+        env = filtered("cart", scenario="random")
+    assert env.reset(seed=0)[1]["safety_filter"]["covered"] == 1
+    assert env.unwrapped.plant.uncertainty == shipped.margins
     with pytest.warns(CoverageWarning, match="terrain 'rough'"):
         gym.make(ENV, robot="cart", terrain="rough")
 

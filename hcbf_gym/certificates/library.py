@@ -1,0 +1,73 @@
+"""The certificates that come with the package, and which of them speaks of a plant."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from hcbf_gym.certificates.certificate import Certificate
+
+FOLDER = Path(__file__).with_name("shipped")
+"""Where they lie, one JSON file each; its name is the certificate's."""
+
+
+@cache
+def shipped() -> Mapping[str, Certificate]:
+    """Return name → certificate of those that come with the package."""
+    files = sorted(FOLDER.glob("*.json"))
+    return MappingProxyType({file.stem: Certificate.load(file) for file in files})
+
+
+def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
+    """Return a certificate.
+
+    Args:
+        source: itself, the path of its file, its plain form, or the name of a shipped one.
+
+    Raises:
+        InvalidInputError: if there is none.
+    """
+    if isinstance(source, Certificate):
+        return source
+    if isinstance(source, Mapping):
+        return Certificate.from_dict(source)
+    known = shipped().get(str(source))
+    return Certificate.load(source) if known is None else known
+
+
+class Nearest(NamedTuple):
+    """The shipped certificate that differs least from what a plant declares.
+
+    Attributes:
+        certificate: None where none is of such an environment.
+        differs: in what the plant is not the certified one, a phrase for each.
+    """
+
+    certificate: Certificate | None
+    differs: list[str]
+
+
+def nearest(declared: Mapping[str, Any]) -> Nearest:
+    """Return the shipped certificate that fits a plant best.
+
+    Args:
+        declared: what the plant declares; "environment" and "robot" must be the certified ones.
+    """
+    alike = [
+        Nearest(one, one.differs(declared))
+        for one in shipped().values()
+        if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
+    ]
+    return min(alike, key=lambda found: len(found.differs), default=Nearest(None, []))
+
+
+def table() -> str:
+    """Return the shipped certificates as the page shows them, a table in Markdown."""
+    head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")
+    rows = [
+        f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
+        f"{one.confidence:.1%} | {one.least_h:+.4f} |"
+        for one in shipped().values()
+    ]
+    return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))

@@ -1,0 +1,206 @@
+"""A number for the promise: calibrate a plant's margins, freeze, certify on fresh episodes.
+
+PLANT is "regions", "a1", a walker's name or contract, or a function of your own that returns
+(environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Writes NAME.json, which SafetyFilter
+takes as certificate=, and NAME.md. Run it again to resume it.
+
+--check FILE repeats a random part of a certificate bit for bit instead.
+"""
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+
+from hcbf_gym import records
+from hcbf_gym.certificates import Certificate
+from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
+from hcbf_gym.evaluation.certification import calibration, certify, families, page
+from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
+from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.evaluation.output_folder import open_folder, write_text
+from hcbf_gym.evaluation.statistics import CONFIDENCE
+from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
+from hcbf_gym.robots.walker import NAMES, Walker
+
+LOWEST = 0.5
+"""The lowest cap on the speed of a walker, as a share of what its contract can do."""
+SAFER = 10.0
+"""By how much less often than the bound an episode may need more than calibration reserves."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to certify, and by how many episodes."""
+
+    plant: Annotated[str | None, tyro.conf.Positional] = None
+    """What is certified."""
+    episodes: int | None = None
+    """Of the certificate; 1,640 if not given: with at most 5 entries they give 1 %. 16,450 give
+    1 ‰. Of --check: 50."""
+    allowed: int = 5
+    """How many of them may enter."""
+    confidence: float = CONFIDENCE
+    """Of the bound."""
+    calibration: int = 200
+    """Episodes of each round that sets the margins; 0 takes the plant's own."""
+    scenes: tuple[str, ...] = ()
+    """Families of random scenes; all that are covered if not given."""
+    policies: tuple[str, ...] = ()
+    """Attacks and policies, each as likely; all if not given."""
+    v_max: tuple[float, float] | None = None
+    """Least and greatest cap on the speed of a walker [m/s]; half of what it can do to all of it if
+    not given."""
+    steps: int | None = None
+    """The most that an episode takes; 1,000, or 500 of a plant of your own, if not given."""
+    program: str = "lex-cbf-qp"
+    """What the filter runs."""
+    seed: int = 0
+    """Decides the episodes; those of the calibration are others than those of the certificate."""
+    name: str | None = None
+    """What the certificate is called; the plant's name if not given."""
+    check: Path | None = None
+    """A certificate of which a random part is repeated."""
+    workers: Workers = None
+    """Chunks that run at once."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
+    output: Path | None = None
+    """Folder of the chunks and of the certificate; results/certify/NAME if not given."""
+
+
+def main(args: Args) -> None:
+    """Certify or check, and say what came out."""
+    open_pool(args.backend, args.workers).close()
+    console = Console()
+    if args.check is not None:
+        _check(args, console)
+        return
+    if args.plant is None:
+        raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
+    family = family_of(args)
+    name = args.name or _name(args.plant)
+    episodes = 1640 if args.episodes is None else args.episodes
+    bound = certify.bound_of(episodes, args.allowed, args.confidence)
+    folder = args.output or Path("results/certify") / name
+    settings = {
+        "plant": args.plant, "family": families.to_dict(family), "episodes": episodes,
+        "allowed": args.allowed, "confidence": args.confidence, "seed": args.seed,
+        "calibration": args.calibration,
+    }  # fmt: skip
+    open_folder(folder, records.plain(settings))
+    runs = certify.Runs(folder / "chunks", args.workers, args.backend)
+    console.print(f"{name}: {args.allowed} of {episodes:,} may enter, for P(enter) ≤ {bound:.3g}")
+    margins, rounds = _margins(args, family, runs, bound, console)
+    frozen = certify.Frozen(
+        name, family, margins, rounds, episodes, args.allowed, args.confidence, args.seed
+    )
+    certificate = certify.certify(frozen, runs)
+    file = folder / f"{name}.json"
+    certificate.save(file)
+    write_text(file.with_suffix(".md"), page.page(certificate))
+    console.print(certificate.says, soft_wrap=True)
+    console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
+
+
+def family_of(args: Args) -> Any:
+    """Return the family of episodes that the arguments ask for.
+
+    Raises:
+        HcbfError: if there is no such plant, scene or policy.
+    """
+    assert args.plant is not None
+    asked: dict[str, Any] = {"program": args.program}
+    if args.policies:
+        asked["policies"] = tuple((policy, 1.0) for policy in args.policies)
+    if args.steps is not None:
+        asked["steps"] = args.steps
+    if ":" in args.plant:
+        if args.scenes or args.v_max is not None:
+            raise InvalidInputError(
+                f"certify: got scenes or v_max with {args.plant}, whose environment draws by itself"
+            )
+        return OwnFamily(args.plant, **asked)
+    if args.scenes:
+        asked["scenes"] = tuple((scene, 1.0) for scene in args.scenes)
+    if args.plant in PLANTS:
+        if args.v_max is not None:
+            raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
+        if args.plant == "a1-mixture" and (args.scenes or args.policies):
+            raise InvalidInputError(
+                "certify: got scenes or policies with a1-mixture, which has its own"
+            )
+        return replace(PLANTS[args.plant], **asked)
+    if args.plant not in NAMES and not args.plant.endswith(".json"):
+        raise InvalidInputError(
+            f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
+            "a contract's path, module:function or file.py:function"
+        )
+    most = Walker.load(args.plant).command.forward
+    caps = (LOWEST * most, most) if args.v_max is None else args.v_max
+    return SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+
+
+PLANTS: dict[str, Any] = {
+    "regions": SceneFamily("HCBF-Regions-v0"),
+    "a1": SceneFamily("HCBF-A1Regions-v0"),
+    "a1-mixture": A1Mixture(),
+}
+"""name → family of episodes of the package's own plants, walkers apart."""
+
+
+def _margins(args: Args, family: Any, runs: certify.Runs, bound: float, console: Console) -> Any:
+    """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
+    if isinstance(family, A1Mixture):
+        return None, ()
+    plant, _ = certify.plant_of(family)
+    if finite_float("calibration", args.calibration, minimum=0.0) == 0.0:
+        return plant.uncertainty, ()
+    found = certify.calibrated(
+        family, plant.uncertainty, runs, args.calibration, bound / SAFER, args.seed
+    )
+    for one in found.rounds:
+        console.print(
+            f"{one.what}: {one.entered} of {one.episodes} entered, least h {one.least_h:+.4g}, "
+            f"with distance {one.margins['distance']:.4g} and speed {one.margins['speed']:.4g} "
+            "reserved",
+            soft_wrap=True,
+        )
+    return found.margins, calibration.plain(found.rounds)
+
+
+def _check(args: Args, console: Console) -> None:
+    """Repeat a part of a certificate.
+
+    Raises:
+        RefusedError: if it is not the same.
+    """
+    assert args.check is not None
+    certificate = Certificate.load(args.check)
+    folder = args.output or Path("results/certify/check")
+    runs = certify.Runs(folder / "chunks", args.workers, args.backend)
+    checked = certify.check(certificate, args.episodes or 50, args.seed, runs)
+    if not checked.same_sources:
+        console.print("the sources are others than those of the certificate", soft_wrap=True)
+    if checked.differing:
+        raise RefusedError(
+            f"check: got other episodes in the blocks from seeds "
+            f"{', '.join(map(str, checked.differing))}, expected those of {certificate.name!r} bit "
+            f"for bit; it was computed with {dict(certificate.versions)}"
+        )
+    console.print(
+        f"{certificate.says}; {checked.episodes} of them repeated, the same bit for bit, "
+        f"least h {checked.least_h:+.6g}",
+        soft_wrap=True,
+    )
+
+
+def _name(plant: str) -> str:
+    """Return a plant's name as a file may have it: of a path the last part, of a function both."""
+    stem, _, function = plant.partition(":")
+    base = Path(stem).stem if "/" in stem or stem.endswith((".py", ".json")) else stem
+    whole = f"{base}-{function}" if function not in ("", "certify", "make") else base
+    return re.sub(r"[^\w-]", "-", whole)

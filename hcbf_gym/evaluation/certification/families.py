@@ -1,0 +1,300 @@
+"""Families of episodes: from a seed to one attacked episode, with shares of scenes and policies."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from hcbf_gym import records, scenarios
+from hcbf_gym.envs import coverage
+from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.evaluation.attacked import AttackedEpisode
+from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.certification import own
+from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.policies import learned
+from hcbf_gym.robots.walker import Walker
+
+STREAM = 41
+"""Sets a family's draws apart from those that the environment makes with the same seed."""
+GUIDED = " guided"
+"""What ends the name of a policy that has guidance in the filter."""
+SEARCHED = "searched"
+"""The attack with parameters, which a search sets; it belongs to no certificate."""
+
+Shares = tuple[tuple[str, float], ...]
+
+
+class Episode(Protocol):
+    """One episode of a family; a frozen dataclass with these fields among others."""
+
+    attack: str
+    seed: int
+    uncertainty: Uncertainty | None
+
+    def run(self) -> Any:
+        """Run it, and return what has the fields of `own.Outcome`."""
+        ...
+
+
+class Family(Protocol):
+    """A frozen dataclass of JSON's types that says what a seed stands for."""
+
+    def episode(self, seed: int) -> Any:
+        """Return the `Episode` that a seed decides."""
+        ...
+
+
+class Seen(NamedTuple):
+    """What one episode showed, as far as a certificate reads it.
+
+    Attributes:
+        policy: its name.
+        scene: the family of its scene.
+        least_h: of the strict conditions on the position, or of the body's [unit of h].
+        least_speed_h: of a strict speed limit [m/s]; infinite where there is none.
+        first_h: least strict h at the reset.
+        fell: whether the robot fell.
+        alarm: the last `Reason` that was an alarm; 0 for none.
+    """
+
+    policy: str
+    scene: str
+    least_h: float
+    least_speed_h: float
+    first_h: float
+    fell: bool
+    alarm: int = 0
+
+    @property
+    def entered(self) -> bool:
+        """Whether a condition of rank 1 was broken."""
+        return not (self.least_h >= 0.0 and self.least_speed_h >= 0.0)
+
+
+def see(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
+    """Run the episode of a seed.
+
+    Args:
+        family: it belongs to.
+        margins: what rows reserve; None is the plant's own.
+        seed: of the episode.
+    """
+    return look(with_margins(family.episode(seed), margins))
+
+
+def with_margins(episode: Any, margins: Uncertainty | None) -> Any:
+    """Return an episode in which rows reserve other margins; None are the plant's own."""
+    return episode if margins is None else replace(episode, uncertainty=margins)
+
+
+def look(episode: Any) -> Seen:
+    """Run an episode, and keep what a certificate reads of it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what is not covered yet; alarms are in the outcome
+        outcome = episode.run()
+    body = outcome.least_body_h
+    guided = "guidance" in (getattr(episode, "filter_options", None) or {})
+    return Seen(
+        policy=episode.attack + GUIDED * guided,
+        scene=scene_of(episode),
+        least_h=float(outcome.least_h if np.isinf(body) else body),
+        least_speed_h=float(outcome.least_speed_h),
+        first_h=float(outcome.first_h),
+        fell=bool(outcome.fell),
+        alarm=int(outcome.alarm),
+    )
+
+
+def scene_of(episode: Any) -> str:
+    """Return the family of an episode's scene; "own" where the environment draws by itself."""
+    scenario = getattr(episode, "scenario", "own")
+    return str(scenario["name"]) if isinstance(scenario, Mapping) else str(scenario)
+
+
+HOSTILE = tuple((name, 1.0) for name in ATTACKS)
+"""Every attack alike."""
+FRIENDLY = (("pd", 1.0), ("pd guided", 1.0), *((name, 0.5) for name in learned.names()))
+"""Policies that want to arrive."""
+
+
+@dataclass(frozen=True)
+class SceneFamily:
+    """Attacked episodes of one of this package's environments in random scenes.
+
+    Args:
+        env: its id.
+        options: further arguments of it.
+        scenes: families of scenes, with the weight of each.
+        policies: attacks and policies, with the weight of each.
+        caps: least and greatest strict cap on the speed [m/s]: in a third of the episodes each of
+            the two, else one between them; None for the scene's own.
+        steps: the most that an episode takes.
+        program: of the filter.
+    """
+
+    env: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    scenes: Shares = tuple((name, 1.0) for name in coverage.SCENES)
+    policies: Shares = (*HOSTILE, *FRIENDLY)
+    caps: tuple[float, float] | None = None
+    steps: int = 1000
+    program: str = "lex-cbf-qp"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scenes", _shares("scenes", self.scenes))
+        object.__setattr__(self, "policies", _shares("policies", self.policies))
+        for name, _ in self.scenes:
+            choose("family of scenes", name, scenarios.RANDOM)
+        if self.caps is not None:
+            low, high = (finite_float("caps", cap, minimum=0.0) for cap in self.caps)
+            if low > high:
+                raise InvalidInputError(f"caps: got {low} to {high} m/s, expected a range")
+            object.__setattr__(self, "caps", (low, high))
+
+    def episode(self, seed: int) -> AttackedEpisode:
+        """Return the episode that a seed decides."""
+        rng = np.random.default_rng([STREAM, seed])
+        policy, scene = _drawn(rng, self.policies), _drawn(rng, self.scenes)
+        options = {"max_episode_steps": self.steps} | dict(self.options)
+        if self.caps is not None:
+            low, high = self.caps
+            options["v_max"] = (low, high, float(rng.uniform(low, high)))[rng.integers(3)]
+        guidance = {"guidance": "geodesic"} if policy.endswith(GUIDED) else {}
+        return AttackedEpisode(
+            policy.removesuffix(GUIDED), scene, seed, self.env, options,
+            {"program": self.program} | guidance,
+        )  # fmt: skip
+
+    def searched(self, seed: int, parameters: tuple[float, ...]) -> AttackedEpisode:
+        """Return the episode of a seed with the attacker that a search tries."""
+        return replace(self.episode(seed), attack=SEARCHED, parameters=parameters)
+
+    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a plant must declare to be the one of these episodes.
+
+        Args:
+            declared: what the plant of one of them declares.
+        """
+        wanted = dict(declared) | {"scene": {"any of": [name for name, _ in self.scenes]}}
+        if self.caps is not None:
+            wanted["v_max"] = {"from": self.caps[0], "to": self.caps[1]}
+        return wanted
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What it is, in sentences."""
+        options = ", ".join(f"{k}={v!r}" for k, v in self.options.items())
+        cap = "each scene's own cap on the speed"
+        if self.caps is not None:
+            low, high = self.caps
+            cap = f"a cap on the speed of {low:g}, of {high:g}, or between them [m/s]"
+        return (
+            f"The environment is {self.env}{f' with {options}' if options else ''}, with {cap}.",
+            f"Scenes: {_told(self.scenes)}; each seed draws another one.",
+            f"Policies: {_told(self.policies)}.",
+            f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
+            "Entered is what the truth shows at every physics step, of every condition of rank 1, "
+            "the speed limit included.",
+        )
+
+    @property
+    def files(self) -> list[Path]:
+        """The user's files that decide the episodes."""
+        return Walker.load(self.options["robot"]).files if "robot" in self.options else []
+
+
+@dataclass(frozen=True)
+class OwnFamily:
+    """Attacked episodes of a user's own environment and plant.
+
+    Args:
+        source: ``module:function`` or ``file.py:function`` that returns (environment, plant).
+        policies: of `own.POLICIES`, with the weight of each.
+        steps: the most that an episode takes.
+        program: of the filter.
+    """
+
+    source: str
+    policies: Shares = tuple((name, 1.0) for name in own.POLICIES)
+    steps: int = 500
+    program: str = "lex-cbf-qp"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "policies", _shares("policies", self.policies))
+        for name, _ in self.policies:
+            choose("policy", name, own.POLICIES)
+
+    def episode(self, seed: int) -> own.OwnEpisode:
+        """Return the episode that a seed decides."""
+        policy = _drawn(np.random.default_rng([STREAM, seed]), self.policies)
+        return own.OwnEpisode(self.source, policy, seed, self.steps, self.program)
+
+    def searched(self, seed: int, parameters: tuple[float, ...]) -> own.OwnEpisode:
+        """Return the episode of a seed with the attacker that a search tries."""
+        return replace(self.episode(seed), attack=SEARCHED, parameters=parameters)
+
+    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a plant must declare to be the one of these episodes."""
+        return dict(declared)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What it is, in sentences."""
+        return (
+            f"Environment and plant are what {self.source} returns.",
+            "Scenes and starts are what the environment draws with each seed.",
+            f"Policies: {_told(self.policies)}.",
+            f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
+            "Entered is what the infos' min_h shows where the environment reports it, else what "
+            "the plant's strict barriers say of its state at every step.",
+        )
+
+    @property
+    def files(self) -> list[Path]:
+        """The user's files that decide the episodes."""
+        return own.files(self.source)
+
+
+KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture": A1Mixture}
+"""kind → family, as a certificate's JSON names it."""
+
+
+def to_dict(family: Family) -> dict[str, Any]:
+    """Return a family in JSON's terms."""
+    return records.to_dict(family, KINDS)
+
+
+def from_dict(data: Mapping[str, Any]) -> Any:
+    """Return the family that `to_dict` made this of.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    return records.from_dict("family", data, KINDS)
+
+
+def _shares(what: str, given: Sequence[Sequence[Any]]) -> Shares:
+    """Return names with their shares, which sum to 1.
+
+    Raises:
+        InvalidInputError: if there is no name, or a weight that is not positive.
+    """
+    pairs = [(str(name), finite_float(f"{what}: {name}", w, minimum=0.0)) for name, w in given]
+    total = sum(weight for _, weight in pairs)
+    if total <= 0.0:
+        raise InvalidInputError(f"{what}: got {given!r}, expected names with positive weights")
+    return tuple((name, weight / total) for name, weight in pairs)
+
+
+def _drawn(rng: np.random.Generator, shares: Shares) -> str:
+    names, weights = zip(*shares, strict=True)
+    return str(names[int(rng.choice(len(names), p=weights))])
+
+
+def _told(shares: Shares) -> str:
+    return ", ".join(f"{name} {share:.1%}" for name, share in shares)

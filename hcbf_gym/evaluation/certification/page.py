@@ -1,0 +1,98 @@
+"""The page of a certificate: what it says, what it was drawn from, and what it does not say."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hcbf_gym.certificates import Certificate
+from hcbf_gym.evaluation.statistics import upper_bound
+
+SILENT = (
+    "Of an attacker, a scene or a start that is not drawn as below, nothing: a policy that was "
+    "trained against this plant may enter more often than the mixture of these.",
+    "Of one scene or one policy alone, only the bound of its own line below.",
+    "Of a real robot, nothing: the plant is the simulated one, and its files are hashed.",
+    "Of a second episode after an alarm, and of what happens while the filter brakes, nothing "
+    "beyond what these episodes held.",
+    "A certificate that was tried on several seeds until one passed is none: n, k and the seeds "
+    "were fixed before the first episode, and there was one look.",
+)
+"""What no certificate says, a sentence for each."""
+
+
+def page(certificate: Certificate) -> str:
+    """Return the page in Markdown."""
+    c = certificate
+    share = c.confidence
+    return "\n".join([
+        f"# Certificate: {c.name}",
+        "",
+        f"**P(enter) ≤ {c.bound:.3g}** for the next episode, with a confidence of {share:.1%}: "
+        f"{c.entered} of {c.episodes:,} fresh episodes entered rank 1, {c.allowed} were allowed. "
+        f"The least h was {c.least_h:+.4g}; the robot fell in {c.falls}, and "
+        f"the filter raised an alarm in {c.alarms}.",
+        "",
+        "## What was certified",
+        *(f"- {sentence}" for sentence in c.words),
+        f"- {_margins(c)}",
+        f"- Seeds {c.first_seed} to {c.first_seed + c.episodes - 1}; "
+        f"frozen as `{c.hash}`, sources `{c.sources}`.",
+        f"- Computed with {', '.join(f'{name} {v}' for name, v in c.versions.items())}.",
+        "",
+        "A plant is this one where it declares:",
+        "",
+        "| name | certified |",
+        "|---|---|",
+        *(f"| {name} | {_cell(value)} |" for name, value in c.plant.items()),
+        "",
+        "## What it does not say",
+        *(f"- {sentence}" for sentence in SILENT),
+        "",
+        "## Who was drawn",
+        f"| policy | scenes | episodes | entered (≤ at {share:.1%}) | least h |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {s.policy} | {s.scene} | {s.episodes} | {s.entered} "
+            f"(≤ {upper_bound(s.entered, s.episodes, share):.2%}) | {s.least_h:+.4g} |"
+            for s in c.strata
+        ),
+        "",
+        "## How the margins were found",
+        *_calibration(c),
+        "",
+        "Repeat a part of it bit for bit: `hcbf certify --check FILE --episodes 50`.",
+        "",
+    ])  # fmt: skip
+
+
+def _margins(c: Certificate) -> str:
+    if c.margins is None:
+        return "Rows reserve what the plant's own law says for each episode."
+    told = ", ".join(f"{name} {value:.4g}" for name, value in c.margins._asdict().items())
+    return f"Rows reserve: {told}."
+
+
+def _calibration(c: Certificate) -> list[str]:
+    """Return a table of the rounds, or that there were none."""
+    if not c.calibration:
+        return ["They are the plant's own; no calibration came before."]
+    rows = [
+        "Searched attackers find failures; they are no independent draws, and bound nothing.",
+        "",
+        "| what | distance | speed | episodes | entered | least h |",
+        "|---|---|---|---|---|---|",
+    ]
+    for one in c.calibration:
+        margins: Mapping[str, Any] = one["margins"]
+        rows.append(
+            f"| {one['what']} | {margins['distance']:.4g} | {margins['speed']:.4g} | "
+            f"{one['episodes']} | {one['entered']} | {one['least_h']:+.4g} |"
+        )
+    return rows
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, Mapping) and set(value) == {"any of"}:
+        return ", ".join(map(str, value["any of"]))
+    if isinstance(value, Mapping) and set(value) == {"from", "to"}:
+        return f"{value['from']:g} to {value['to']:g}"
+    return str(value)

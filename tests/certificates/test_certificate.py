@@ -1,0 +1,186 @@
+"""A certificate contradicts itself nowhere, and speaks of its own plant alone."""
+
+import json
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import certificates, models
+from hcbf_gym.barriers import Disc
+from hcbf_gym.certificates import Certificate, Stratum, block_digests
+from hcbf_gym.envs import coverage
+from hcbf_gym.errors import CoverageWarning, InvalidInputError
+from hcbf_gym.evaluation.statistics import upper_bound
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+
+MARGINS = Uncertainty(distance=0.03, speed=0.2)
+
+
+def made(plant, margins=MARGINS, episodes=25, entered=1, allowed=2):
+    return Certificate(
+        name="one",
+        plant=plant,
+        family={"kind": "own"},
+        words=("One.",),
+        margins=margins,
+        calibration=(),
+        episodes=episodes,
+        allowed=allowed,
+        confidence=0.999,
+        first_seed=5,
+        versions={},
+        sources="",
+        entered=entered,
+        bound=upper_bound(entered, episodes),
+        least_h=-0.01,
+        falls=0,
+        alarms=0,
+        strata=(Stratum("nearest", "random", episodes, entered, -0.01),),
+        blocks=block_digests(np.zeros((episodes, 2))),
+    )
+
+
+REGIONS = {"environment": "HCBF-Regions-v0", "scene": {"any of": ["random"]}}
+
+
+def test_a_file_gives_back_the_certificate_that_was_saved(tmp_path):
+    one = made(REGIONS)
+    one.save(tmp_path / "one.json")
+    assert Certificate.load(tmp_path / "one.json") == one
+    data = json.loads((tmp_path / "one.json").read_text())
+    assert {"episodes", "entered", "bound", "confidence"} <= set(data)
+
+
+def test_a_file_that_was_changed_is_refused(tmp_path):
+    data = made(REGIONS).to_dict()
+    data["margins"]["distance"] = 0.001
+    with pytest.raises(InvalidInputError, match="the file was changed"):
+        Certificate.from_dict(data)
+    (tmp_path / "no.json").write_text("[")
+    with pytest.raises(InvalidInputError, match="expected a JSON file"):
+        Certificate.load(tmp_path / "no.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bound": 0.01}, "expected what 99.9% confidence gives"),
+        ({"entered": 3}, "expected entered <= allowed"),
+        ({"strata": ()}, "strata of 0 episodes"),
+        ({"blocks": ()}, "got 0 blocks"),
+        ({"falls": -1}, "falls: got -1"),
+        ({"least_h": np.nan}, "least_h"),
+    ],
+)
+def test_numbers_that_contradict_each_other_are_refused(change, message):
+    with pytest.raises(InvalidInputError, match=message):
+        replace(made(REGIONS), **change)
+
+
+def test_a_digest_tells_the_last_bit():
+    least = np.linspace(0.0, 1.0, 24).reshape(12, 2)
+    changed = least.copy()
+    changed[11, 1] = np.nextafter(1.0, 2.0)
+    assert block_digests(least)[0] == block_digests(changed)[0]
+    assert block_digests(least)[1] != block_digests(changed)[1]
+
+
+def test_a_plant_is_the_certified_one_where_all_that_it_declares_is():
+    one = made({"environment": "X", "v_max": {"from": 0.5, "to": 1.0}, "scene": {"any of": ["a"]}})
+    declared = {"environment": "X", "v_max": 0.7, "scene": "a"}
+    assert one.covers(declared) is Coverage.COVERED
+    assert one.covers(declared | {"scene": None}) is Coverage.SCENE
+    assert one.covers(declared | {"v_max": 1.1}) is Coverage.OUTSIDE
+    assert one.covers({"environment": "X", "scene": "a"}) is Coverage.OUTSIDE
+    assert one.differs(declared | {"v_max": 2}) == ["v_max 2 (certified: 0.5 to 1)"]
+
+
+def covered(env):
+    _, info = env.reset(seed=0)
+    return info["safety_filter"]["covered"]
+
+
+def test_covered_follows_the_certificate_of_the_filter():
+    one = made(REGIONS, margins=Uncertainty(distance=0.03))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        inside = SafetyFilter(gym.make("HCBF-Regions-v0", scenario="random"), certificate=one)
+        beside = SafetyFilter(
+            gym.make("HCBF-Regions-v0", scenario="random-moving"), certificate=one
+        )
+    assert covered(inside) == Coverage.COVERED
+    assert covered(beside) == Coverage.SCENE
+    _, *_, info = inside.step(np.zeros(2))
+    assert info["safety_filter"]["margin"][0] == 0.03
+
+
+def test_the_vector_filter_says_the_same_of_each_of_its_environments():
+    one = made(REGIONS, margins=Uncertainty())
+    env = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario="random")
+    _, info = VectorSafetyFilter(env, certificate=one.to_dict()).reset(seed=0)
+    assert info["safety_filter"]["covered"].tolist() == [1, 1]
+
+
+def test_a_certificate_of_another_plant_warns_and_covers_nothing():
+    one = made(REGIONS | {"environment": "HCBF-A1Regions-v0"})
+    with pytest.warns(CoverageWarning, match="'one' is of another plant: environment"):
+        env = SafetyFilter(gym.make("HCBF-Regions-v0", scenario="random"), certificate=one)
+    assert covered(env) == Coverage.OUTSIDE
+    assert env.plant.uncertainty == Uncertainty()
+
+
+class Mass(gym.Env):
+    """A point mass of somebody else's."""
+
+    action_space = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros(4), {}
+
+
+def mass(limit=3.0):
+    return Plant(
+        models.DoubleIntegrator(),
+        [Disc("disc", 1, (3.0, 0.0), 0.5)],
+        lambda env, observation, info: Estimate(np.zeros(4)),
+        models.Box.symmetric(limit),
+        period=0.02,
+    )
+
+
+def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
+    env = Mass()
+    declared = certificates.declared(mass(), env, None, {})
+    one = made(declared)
+    filtered = SafetyFilter(env, plant=mass(), certificate=one)
+    assert covered(filtered) == Coverage.COVERED
+    assert filtered.plant.uncertainty.distance == 0.03
+    with pytest.warns(CoverageWarning, match="input set"):
+        assert covered(SafetyFilter(env, plant=mass(2.9), certificate=one)) == Coverage.OUTSIDE
+    other = made(declared | {"files": "0123"})
+    with pytest.warns(CoverageWarning, match="files"):
+        SafetyFilter(env, plant=mass(), certificate=other)
+
+
+def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family():
+    assert {"regions", "cart"} <= set(certificates.shipped())
+    for name, one in certificates.shipped().items():
+        assert one.name == name
+        assert one.entered <= one.allowed
+        assert set(coverage.SCENES) <= set(one.plant["scene"]["any of"])
+        assert certificates.load(name) is one
+    with pytest.raises(InvalidInputError, match="no-such"):
+        certificates.load("no-such")
+
+
+def test_the_page_shows_the_shipped_certificates():
+    page = (Path(__file__).parents[2] / "docs" / "guarantees.md").read_text(encoding="utf-8")
+    begin, end = "<!-- certificates: certificates/shipped -->", "<!-- end of certificates -->"
+    assert page.split(begin)[1].split(end)[0].strip() == certificates.table()

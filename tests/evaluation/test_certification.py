@@ -1,0 +1,214 @@
+"""Calibrate, freeze, certify: margins cover the needs, and no number comes without its episodes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tyro
+
+from hcbf_gym.certificates import BLOCK, Certificate
+from hcbf_gym.errors import InvalidInputError, RefusedError
+from hcbf_gym.evaluation.certification import calibration, certify, command, families, own, page
+from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
+from hcbf_gym.models.plant import Reason, Uncertainty
+
+BOAT = f"{Path(__file__).parents[2] / 'examples' / 'boat.py'}:certify"
+
+
+def test_the_reserve_is_more_than_any_need_and_grows_as_fewer_may_need_more():
+    needs = np.random.default_rng(0).exponential(0.01, 400)
+    some, fewer = (calibration.quantile(needs, share) for share in (1e-2, 1e-4))
+    assert needs.max() < some <= fewer
+    assert fewer <= calibration.BEYOND[1] * needs.max()
+    assert calibration.quantile([-0.1, -0.2], 1e-3) == 0.0
+
+
+def plant(need, first_h=1.0, alarm=0, follows=1.0):
+    """Return what runs episodes of a plant that needs up to `need` metres."""
+
+    def run(margins, seeds, title):
+        needs = [need * np.random.default_rng(s).uniform(0.5, 1.0) for s in seeds]
+        return [
+            Seen("nearest", "own", follows * margins.distance - n, 9.0, first_h, False, alarm)
+            for n in needs
+        ]
+
+    return run
+
+
+def calibrated(run, start=0.0, attack=None):
+    return calibration.calibrate(Uncertainty(distance=start), run, attack, 50, 1e-3, 0)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.01, 0.2])
+def test_margins_come_down_or_up_to_what_is_needed(start):
+    found = calibrated(plant(0.05), start)
+    assert 0.05 <= found.margins.distance <= 0.065
+    assert found.rounds[-1].entered == 0
+
+
+def test_a_model_that_is_exact_gets_no_margin_at_all():
+    assert calibrated(plant(-0.01)).margins == Uncertainty()
+
+
+def test_what_a_search_finds_raises_the_margins():
+    def attack(margins, tried, title):
+        return plant(0.1)(margins, [seed for seed, _ in tried], title)
+
+    found = calibrated(plant(0.05), attack=attack)
+    assert found.margins.distance >= 0.1
+    assert [one.what for one in found.rounds].count("search") == 2
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (plant(0.05, follows=0.0), "after 4 rounds 50 of 50 episodes of the last round still"),
+        (plant(0.5, first_h=0.4), "leaves no room"),
+        (plant(-0.1, alarm=int(Reason.INPUT)), "alarms in 50 of 50 episodes"),
+    ],
+)
+def test_a_plant_that_does_not_deserve_margins_is_refused(run, message):
+    with pytest.raises(RefusedError, match=message):
+        calibrated(run)
+
+
+def test_a_speed_limit_of_which_the_margin_leaves_nothing_is_refused():
+    def run(margins, seeds, title):
+        return [Seen("edge", "own", 1.0, margins.speed - 0.3, 2.0, False) for _ in seeds]
+
+    with pytest.raises(RefusedError, match="leaves no speed"):
+        calibration.calibrate(Uncertainty(), run, None, 50, 1e-3, 0, v_max=0.5)
+
+
+def test_a_search_goes_where_episodes_get_worse():
+    def attack(margins, tried, title):
+        return [Seen("searched", "own", 1.0 - p[0], 9.0, 1.0, False) for _, p in tried]
+
+    seen = calibration.search(Uncertainty(), attack, 0)
+    first, last = seen[: calibration.POPULATION], seen[-calibration.POPULATION :]
+    assert np.mean([s.least_h for s in last]) < np.mean([s.least_h for s in first]) - 0.1
+
+
+def test_a_family_comes_back_from_its_json_with_the_same_episodes():
+    for family in (
+        SceneFamily("HCBF-WalkerRegions-v0", {"robot": "cart"}, caps=(0.6, 1.2)),
+        SceneFamily("HCBF-Regions-v0", policies=(("edge", 3.0), ("pd guided", 1.0))),
+        OwnFamily(BOAT, steps=20),
+    ):
+        again = families.from_dict(json.loads(json.dumps(families.to_dict(family))))
+        assert [again.episode(s) for s in range(20)] == [family.episode(s) for s in range(20)]
+
+
+def test_policies_are_drawn_by_their_shares():
+    family = SceneFamily("HCBF-Regions-v0", policies=(("edge", 3.0), ("pd guided", 1.0)))
+    drawn = [family.episode(seed) for seed in range(400)]
+    guided = [e for e in drawn if e.attack == "pd"]
+    assert len(guided) == pytest.approx(100, abs=25)
+    assert all(e.filter_options["guidance"] == "geodesic" for e in guided)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("no_such_module:make", "expected module:function or file.py:function"),
+        ("no_such.py:make", "no file no_such.py"),
+        ("json:dumps", "expected a function that returns"),
+    ],
+)
+def test_a_function_that_is_no_plant_is_refused(source, message, monkeypatch):
+    monkeypatch.setattr(json, "dumps", lambda: 3)
+    with pytest.raises(InvalidInputError, match=message):
+        own.make(source)
+    own._function.cache_clear()
+
+
+def boat(folder):
+    frozen = certify.Frozen(
+        "boat", OwnFamily(BOAT, steps=40), Uncertainty(distance=0.05, speed=0.02), (),
+        2 * BLOCK, 0, 0.999, 3,
+    )  # fmt: skip
+    return certify.certify(frozen, certify.Runs(folder, workers=1, quiet=True))
+
+
+def test_a_certificate_is_the_same_however_it_was_interrupted_and_a_part_repeats(tmp_path):
+    whole = boat(tmp_path / "whole")
+    chunks = sorted((tmp_path / "whole").glob("*.chunk"))
+    chunks[0].unlink()  # one was lost
+    assert boat(tmp_path / "whole") == whole
+    runs = certify.Runs(tmp_path / "check", workers=1, quiet=True)
+    checked = certify.check(whole, 5, 0, runs)
+    assert (checked.episodes, checked.differing, checked.same_sources) == (BLOCK, (), True)
+    assert whole.first_seed >= certify.CALIBRATION_SEEDS * 3.5
+    text = page.page(whole)
+    assert "What it does not say" in text
+    assert f"≤ {whole.bound:.3g}" in text
+
+
+def test_a_part_that_is_not_the_same_is_found(tmp_path):
+    whole = boat(tmp_path)
+    other = Certificate.from_dict(whole.to_dict() | {"blocks": [whole.blocks[0], "0" * 12]})
+    runs = certify.Runs(tmp_path / "check", workers=1, quiet=True)
+    assert certify.check(other, 20, 0, runs).differing == (whole.first_seed + BLOCK,)
+
+
+DRIFTING = """
+import gymnasium as gym, hcbf_gym, numpy as np
+from hcbf_gym import barriers, models
+
+class Drifting(gym.Env):
+    action_space = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.array([self.np_random.uniform(-0.2, -0.1), 0.0, 0.0, 0.0])
+        return self.x.copy(), {}
+
+    def step(self, action):
+        self.x[0] += 0.02
+        return self.x.copy(), 0.0, False, False, {}
+
+def certify():
+    wall = barriers.HalfPlane("wall", 1, (-1.0, 0.0), 0.0)
+    state = lambda env, observation, info: env.x.copy()
+    return Drifting(), hcbf_gym.Plant(models.DoubleIntegrator(), [wall], state, period=0.02)
+"""
+
+
+def test_there_is_no_certificate_once_too_many_have_entered(tmp_path):
+    (tmp_path / "drifting.py").write_text(DRIFTING)
+    family = OwnFamily(f"{tmp_path / 'drifting.py'}:certify", steps=12)
+    frozen = certify.Frozen("drifting", family, Uncertainty(), (), 40, 2, 0.999, 0)
+    with pytest.raises(RefusedError, match=r"[3-9] of the first \d+ episodes .* 2 of 40 were"):
+        certify.certify(frozen, certify.Runs(tmp_path / "chunks", workers=1, quiet=True))
+
+
+def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys):
+    def run(*more):
+        command.main(tyro.cli(command.Args, args=[*more, "--workers", "1"]))
+
+    run(
+        BOAT, "--episodes", "10", "--allowed", "0", "--calibration", "10", "--steps", "20",
+        "--output", str(tmp_path / "boat"),
+    )  # fmt: skip
+    file = tmp_path / "boat" / "boat.json"
+    assert Certificate.load(file).episodes == 10
+    run("--check", str(file), "--episodes", "10", "--output", str(tmp_path / "check"))
+    assert "the same bit for bit" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "got no plant"),
+        (["nothing"], "expected one of"),
+        (["regions", "--v-max", "0.5", "1.0"], "expected a walker"),
+        ([BOAT, "--scenes", "random"], "draws by itself"),
+        (["regions", "--episodes", "5"], "of which 5 may enter"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(arguments, message, tmp_path):
+    with pytest.raises(InvalidInputError, match=message):
+        command.main(tyro.cli(command.Args, args=[*arguments, "--output", str(tmp_path / "a")]))
