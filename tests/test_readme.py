@@ -245,7 +245,7 @@ def test_every_result_is_shown_on_one_page_of_evidence_or_more():
 
 def test_every_page_of_evidence_shows_the_command_that_makes_it():
     for page in sorted((ROOT / "docs" / "evidence").glob("*.md")):
-        made = set(re.findall(r"<!-- results: ([\w-]+)/", read(page)))
+        made = set(re.findall(r"<!-- (?:results|awaits): ([\w-]+)/", read(page)))
         told = "".join(blocks(page, "bash"))
         missing = [name for name in made if f" --suite {name}\n" not in told]
         assert made, page.name

@@ -41,7 +41,7 @@ class SceneArtist:
     def __init__(self, lift: float = 0.0) -> None:
         self._lift = lift
         self.path_color: Color = palette.rgba(palette.PATH)
-        self._path: deque[Array] = deque(maxlen=_PATH_POINTS)
+        self._path: deque[Sequence[float]] = deque(maxlen=_PATH_POINTS)
         self._scenario: Scenario | None = None
         self._reference: list[Array] = []
 
@@ -49,7 +49,7 @@ class SceneArtist:
         """Forget the path."""
         self._path.clear()
 
-    def walk(self, position: Array) -> None:
+    def walk(self, position: Sequence[float]) -> None:
         """Add a position (2,) [m] to the path, unless the last one is as good as the same."""
         if not self._path or math.dist(position, self._path[-1]) >= _STRIDE:
             self._path.append(position)
@@ -78,7 +78,7 @@ class SceneArtist:
         way = self._reference
         _draw_line(scene, way[::2], way[1::2], _LINE_WIDTH, palette.rgba(palette.REFERENCE))
         _add(scene, "SPHERE", (0.08, 0, 0), (*scenario.goal, 0.08), palette.rgba(palette.GOAL))
-        walked = [*self._path, position]
+        walked = np.array([*self._path, position])
         _draw_line(scene, walked[:-1], walked[1:], _PATH_WIDTH, self.path_color)
         for k in range(first, scene.ngeom):
             scene.geoms[k].pos[2] += self._lift
@@ -132,8 +132,8 @@ def _draw_shadow(scene: mujoco.MjvScene, position: Array, yaw: float) -> None:
 
 def _draw_line(
     scene: mujoco.MjvScene,
-    starts: Sequence[Array],
-    ends: Sequence[Array],
+    starts: Sequence[Array] | Array,
+    ends: Sequence[Array] | Array,
     width: float,
     color: Color,
 ) -> None:

@@ -44,6 +44,25 @@ def put(infos: Infos, mask: Mask, fresh: Infos) -> None:
             infos[key][mask] = value[mask]
 
 
+def endings(infos: Infos, done: Mask, last: Array) -> Infos:
+    """Return the entries that mode SameStep adds to a step in which episodes ended.
+
+    Args:
+        infos: of the step, without what resets report.
+        done: (N,) whose episodes ended.
+        last: (N, …) the observations at the step's end.
+    """
+    final_obs = np.full(len(done), None, dtype=object)
+    for i in np.flatnonzero(done):
+        final_obs[i] = last[i].copy()
+    return {
+        "final_obs": final_obs,
+        "_final_obs": done.copy(),
+        "final_info": only(infos, done),
+        "_final_info": done.copy(),
+    }
+
+
 def start_over(infos: Infos, done: Mask, last: Array, fresh: Infos) -> None:
     """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
 
@@ -53,13 +72,9 @@ def start_over(infos: Infos, done: Mask, last: Array, fresh: Infos) -> None:
         last: (N, …) the observations at the step's end.
         fresh: infos of the reset.
     """
-    final_obs = np.full(len(done), None, dtype=object)
-    for i in np.flatnonzero(done):
-        final_obs[i] = last[i].copy()
-    final_info = only(infos, done)
+    ended = endings(infos, done, last)
     put(infos, done, fresh)
-    infos |= {"final_obs": final_obs, "_final_obs": done.copy()}
-    infos |= {"final_info": final_info, "_final_info": done.copy()}
+    infos |= ended
 
 
 class Reporter:

@@ -47,8 +47,8 @@ def barriers_of(
 ) -> tuple[Barrier, ...]:
     """Return the scenario's barriers, then the environment's own strict speed limit, if any."""
     if v_max is None:
-        return scenario.barriers
-    return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max, speed_margin))
+        return scenario.conditions
+    return (*scenario.conditions, SpeedLimit("speed limit", 1, v_max, speed_margin))
 
 
 def reference_table(scenario: Scenario) -> Array:
@@ -77,15 +77,22 @@ def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     """
     seen = np.empty((x.shape[0], 8 + 4 * m))
     x, reference, sensed = borrowed(x), borrowed(reference), borrowed(sensed)
+    out = borrowed(seen)
     for i in range(x.shape[0]):
-        for k in range(4):
-            seen[i, k] = reference[i, k] - x[i, k]
-        for k in range(2):
-            seen[i, 4 + k] = x[i, 2 + k]
-            seen[i, 6 + k] = reference[i, 4 + k]
-        for k in range(4 * m):
-            seen[i, 8 + k] = sensed[i, k // 4, k % 4]
+        write_observation(x[i], reference[i], sensed[i], out[i])
     return seen
+
+
+@njit(cache=True, inline="always")
+def write_observation(x: Array, reference: Array, sensed: Array, seen: Array) -> None:
+    """Write (8 + 4 m,) what the policy of one robot sees, as `observe` returns it."""
+    for k in range(4):
+        seen[k] = reference[k] - x[k]
+    for k in range(2):
+        seen[4 + k] = x[2 + k]
+        seen[6 + k] = reference[4 + k]
+    for k in range(len(seen) - 8):
+        seen[8 + k] = sensed[k // 4, k % 4]
 
 
 def reward_terms(
@@ -122,10 +129,16 @@ def _terms(
     """
     effort, gained, bonus = np.empty((3, len(u)))
     for i in range(len(u)):
-        effort[i] = -EFFORT_WEIGHT * (u[i, 0] ** 2 + u[i, 1] ** 2)
+        effort[i] = effort_cost(u[i, 0], u[i, 1])
         gained[i] = distance_before[i] - distance_after[i]
         bonus[i] = GOAL_REWARD * reached[i]
     return effort, gained, bonus
+
+
+@njit(cache=True, inline="always")
+def effort_cost(ux: float, uy: float) -> float:
+    """Return what an input costs."""
+    return -EFFORT_WEIGHT * (ux**2 + uy**2)
 
 
 def step_info(
@@ -153,22 +166,22 @@ def step_info(
 @njit(cache=True)
 def _violation(h: Array) -> tuple[Array, Array]:
     """Return max(0, −h) (N, m) and its sum over the barriers (N,)."""
-    violation, cost = np.zeros(h.shape), np.zeros(h.shape[0])
+    violation, cost = np.empty(h.shape), np.empty(h.shape[0])
     for i in range(h.shape[0]):
-        for k in range(h.shape[1]):
-            if h[i, k] < 0.0:
-                violation[i, k] = -h[i, k]
-                cost[i] -= h[i, k]
+        cost[i] = write_violation(h[i], violation[i])
     return violation, cost
 
 
-@njit(cache=True)
-def least(h: Array) -> Array:
-    """Return (1, m) the least of values (k, m) over the physics steps."""
-    lowest = h[:1].copy()
-    for k in range(1, h.shape[0]):
-        lowest = np.minimum(lowest, h[k])
-    return lowest
+@njit(cache=True, inline="always")
+def write_violation(h: Array, violation: Array) -> float:
+    """Write max(0, −h) (m,) of one robot, and return its sum over the barriers."""
+    cost = 0.0
+    for k in range(len(h)):
+        violation[k] = 0.0
+        if h[k] < 0.0:
+            violation[k] = -h[k]
+            cost -= h[k]
+    return cost
 
 
 def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
@@ -201,9 +214,18 @@ def check_action(action: Any, shape: tuple[int, ...]) -> Array:
     array = array.astype(np.float64, copy=False)
     if array.shape != shape:
         raise InvalidInputError(f"action: got shape {array.shape}, expected {shape}")
-    if not np.isfinite(array).all():
+    if not _are_finite(array):
         raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
     return array
+
+
+@njit(cache=True)
+def _are_finite(array: Array) -> bool:
+    """Tell whether an array holds nothing but finite numbers."""
+    finite = True
+    for number in array.flat:
+        finite &= np.isfinite(number)
+    return finite
 
 
 def check_started(started: bool) -> None:

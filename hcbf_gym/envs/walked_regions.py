@@ -22,6 +22,7 @@ from hcbf_gym.envs.a1_walker import Walk
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_source import SceneSource
+from hcbf_gym.envs.tally import Tally
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
 from hcbf_gym.models.plant import Coverage, Estimate
 from hcbf_gym.scenarios import Scenario
@@ -102,7 +103,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             name: of the environment.
         """
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._scene_covered = coverage.of_scene(self._scenes.source, {})
@@ -134,7 +135,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s] on which the loop is closed."""
-        return self.estimate.x
+        return self._estimate.x.copy()
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
@@ -154,7 +155,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
-        return self.walker.estimate(self.time)
+        return self._estimate
 
     @property
     def truth(self) -> Array:
@@ -195,8 +196,9 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
-        self._distance = self._error()
-        info = task.first(task.reset_info(self.scenario.task, h, self._distance))
+        self._distance = self._error(self.walker.truth[:2].tolist())
+        self._estimate = self.walker.estimate(0.0)
+        info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
         return self._observe(), info | self._info_of(walk)
 
     def change_scene(self, scenario: Scenario) -> None:
@@ -208,7 +210,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._scenes.check({"scenario": scenario})
         self._scene_covered, self._family = Coverage.SCENE, None
         self._set_scene(scenario)
-        self._distance = self._error()
+        self._distance = self._error(self.walker.truth[:2].tolist())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
@@ -217,22 +219,28 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         task.check_started(self._started)
         walk = self.walker.hold(u, self.barrier_set, self.time)
         self._steps += 1
-        self.artist.walk(self.walker.truth[:2])
-        h = self.barrier_set.along(walk.path, walk.times)
-
-        before = self._distance
-        distance = self._distance = self._error()
+        self._estimate = self.walker.estimate(self.time)
+        position = self.walker.truth[:2].tolist()
+        self.artist.walk(position)
+        before, self._distance = self._distance, self._error(position)
         at_end = self._steps >= len(self._references) - 1
-        arrived = at_end and distance[0] <= self.scenario.goal_radius
-        success = np.array([arrived and not self.simulation.fallen])
-        reached = success & (self.scenario.task == "reach")
-        terms = task.reward_terms(self.scenario.task, before, distance, reached, u[None])
-        info = task.first(task.step_info(h[-1:], task.least(h), distance, success) | terms)
+        arrived = at_end and self._distance <= self.scenario.goal_radius
+        success = arrived and not self.simulation.fallen
+        counted = self._tally.count(
+            self.barrier_set,
+            walk,
+            self._estimate,
+            self._reference(),
+            u,
+            (before, self._distance),
+            success,
+        )
+        info = counted.info
         info |= self._info_of(walk)
         if self.render_mode == "human":
             self.render()
-        reward = float(sum(info[name] for name in terms))
-        return self._observe(), reward, self._stopped() or bool(reached[0]), False, info
+        ended = self._stopped() or (success and self.scenario.task == "reach")
+        return counted.observation, counted.reward, ended, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (480, 640, 3) picture, or show the scene in a window."""
@@ -278,6 +286,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.scenario = scenario
         self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
+        self._tally = Tally(scenario, self.barrier_set.kind.shape[1])
 
     def _take_scene(self, scenario: Scenario) -> None:
         self._set_scene(scenario)
@@ -285,19 +294,20 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
         self.walker.rest(np.array(scenario.start))
-        self._distance = self._error()
+        self._estimate = self.walker.estimate(0.0)
+        self._distance = self._error(self.walker.truth[:2].tolist())
 
     def _reference(self) -> Array:
-        return self._references[None, min(self._steps, len(self._references) - 1)]
+        return self._references[min(self._steps, len(self._references) - 1)]
 
-    def _error(self) -> Array:
-        """Return (1,) the distance from the reference's position [m]."""
-        return np.array([math.dist(self._reference()[0, :2], self.walker.truth[:2])])
+    def _error(self, position: list[float]) -> float:
+        """Return the distance of a position (2,) from the reference's [m]."""
+        return math.dist(self._reference()[:2].tolist(), position)
 
     def _observe(self) -> Array:
-        x = self.rom_state[None]
+        x, reference = self._estimate.x[None], self._reference()[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
-        return task.observe(x, self._reference(), sensed, len(self.scenario.barriers))[0]
+        return task.observe(x, reference, sensed, len(self.scenario.conditions))[0]
 
     def _stopped(self) -> bool:
         """Tell whether the robot cannot go on."""
@@ -310,7 +320,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             "obstacle_force": walk.obstacle_force,
         }
         if walk.body_h is not None and walk.least_body_h is not None:
-            info |= {"body_h": walk.body_h, "min_body_h": walk.least_body_h.copy()}
+            info["body_h"], info["min_body_h"] = walk.body_h, walk.least_body_h.copy()
         return info
 
 

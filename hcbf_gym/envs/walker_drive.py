@@ -116,7 +116,7 @@ class WalkerDrive:
     def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Walk:
         """Tell the robot a velocity (2,) in the world [m/s] for one control step."""
         simulation, base, bodies = self.simulation, self._base, []
-        force = simulation.obstacle_forces() * 0.0
+        force = np.zeros(simulation.obstacle_forces().shape)
         vx, vy = velocity.tolist()
         for k, row in enumerate(self._rows):
             if self._since % self._per_action == 0:
@@ -146,10 +146,9 @@ class WalkerDrive:
         Args:
             time: since the reset [s].
         """
-        body, told = self.truth, self._velocity
-        x = np.array([body[0], body[1], told[0], told[1]])
-        lag = np.array([0.0, 0.0, body[2] - told[0], body[3] - told[1]])
-        return Estimate(x, time, None, x, lag, np.float64(self.simulation.yaw))
+        x = self.truth.copy()
+        x[2:] = self._velocity
+        return Estimate(x, time, None, x, self.truth - x, np.float64(self.simulation.yaw))
 
     def act(self) -> None:
         """Ask the controller, and keep the last inputs where it gives none."""
@@ -159,7 +158,7 @@ class WalkerDrive:
             action = np.asarray(self._controller(seen), dtype=np.float64)
         except UNREADABLE:
             action = np.array([np.nan])
-        if action.shape == self._action.shape and math.isfinite(action.sum()):
+        if action.shape == self._action.shape and math.isfinite(np.add.reduce(action)):
             self._action[:] = action
             self.ctrl = self._offset + self._scale * action
         else:

@@ -17,7 +17,7 @@ from hcbf_gym.envs.simulated import Simulated
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker import Walker, stand
-from hcbf_gym.robots.walker_model import indices
+from hcbf_gym.robots.walker_model import as_slice, indices
 
 Array = NDArray[np.float64]
 
@@ -85,6 +85,7 @@ class WalkerPhysics(Simulated):
         joints = len(self.parts.home)
         self._qpos, self._qvel = self.data.qpos[: 7 + joints], self.data.qvel[: 6 + joints]
         self._pose, self._twist = self.data.qpos[:7], self.data.qvel[:6]
+        self._ctrl, self._driven = self.data.ctrl, as_slice(self.at.ctrl)
         self._least_upright = math.cos(walker.fall.tilt)
         model = self.model
         self._strength = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
@@ -129,7 +130,7 @@ class WalkerPhysics(Simulated):
             ctrl = self._delayed.popleft()
         if self._pushes:
             self.push(self._scheduled_force())
-        self.data.ctrl[self.at.ctrl] = ctrl
+        self._ctrl[self._driven] = ctrl
         mujoco.mj_step(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()

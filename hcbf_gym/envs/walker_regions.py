@@ -152,7 +152,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
 
     def _info_of(self, walk: Walk) -> dict[str, Any]:
         """Return what infos say of the robot besides."""
-        return super()._info_of(walk) | {
-            "controller_failed": np.float64(self.walker.failed),
-            "command": self.walker.told.copy(),
-        }
+        info = super()._info_of(walk)
+        info["controller_failed"] = np.float64(self.walker.failed)
+        info["command"] = self.walker.told.copy()
+        return info

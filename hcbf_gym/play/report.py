@@ -101,7 +101,7 @@ def sentence(
         where = f"the robot is inside a region of {_ranks(inside)}" if inside else "nothing is hit"
         return f"There is no filter, and {where}."
     if status == FilterStatus.NOMINAL.name:
-        return "The policy has its way: no region minds."
+        return "The policy has its way: no region is near enough to matter."
     if status == FilterStatus.SAFE.name:
         return f"Every rank holds: the filter changes the input by {intervention:.1f} m/s²."
     if status == FilterStatus.UNSAFE.name:

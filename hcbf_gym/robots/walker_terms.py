@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
-from hcbf_gym.robots.walker_model import Indices, Parts
+from hcbf_gym.robots.walker_model import Indices, Parts, as_slice
 from hcbf_gym.robots.walker_parts import names, numbers, spread
 
 Array = NDArray[np.float64]
@@ -194,13 +194,6 @@ def _copies(view: Array) -> Reading:
     return Reading(view.size, write)
 
 
-def _range(places: NDArray[np.int64]) -> Any:
-    """Return places as a slice where they follow each other, which is a view and faster."""
-    first = int(places[0]) if len(places) else 0
-    follow = np.array_equal(places, first + np.arange(len(places)))
-    return slice(first, first + len(places)) if follow else places
-
-
 def _sensor(s: Source, options: Mapping[str, Any]) -> Reading:
     index = s.model.sensor(options["name"]).id
     first, size = int(s.model.sensor_adr[index]), int(s.model.sensor_dim[index])
@@ -240,7 +233,7 @@ def _angular_velocity(s: Source, options: Mapping[str, Any]) -> Reading:
 
 def _joints(s: Source, options: Mapping[str, Any]) -> Reading:
     _need_joints(s, "joints")
-    at, home = _range(s.at.q), s.parts.home[s.at.q - 7]
+    at, home = as_slice(s.at.q), s.parts.home[s.at.q - 7]
     qpos = s.data.qpos
 
     def write(out: Array) -> None:
@@ -251,7 +244,7 @@ def _joints(s: Source, options: Mapping[str, Any]) -> Reading:
 
 def _rates(s: Source, options: Mapping[str, Any]) -> Reading:
     _need_joints(s, "rates")
-    at, qvel = _range(s.at.rate), s.data.qvel
+    at, qvel = as_slice(s.at.rate), s.data.qvel
 
     def write(out: Array) -> None:
         out[:] = qvel[at]

@@ -16,7 +16,6 @@ from hcbf_gym.wrappers.senses import PLANT
 Array = NDArray[np.float64]
 
 _FLOAT = np.dtype(np.float64)
-_PARTS = ("model", "lag", "covariance")
 
 
 class Intake:
@@ -43,12 +42,15 @@ class Intake:
         self.x: Array = plants["x"]
         self.time: Array = plants["time"]
         self._fault: NDArray[np.int64] = plants["fault"]
-        self._states: Array = self.x[0] if len(plants) == 1 else self.x
+        self._has_model: NDArray[np.int64] = plants["has_model"]
+        self._states, self._times, *self._parts = (
+            _bare(plants[name]) for name in ("x", "time", "model", "lag", "covariance")
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it names the parts of its own records."""
-        parts = ("x", "time", "_fault", "_states")
-        return {name: value for name, value in vars(self).items() if name not in parts}
+        kept = ("plants", "_max_age", "_faulty", "_told")
+        return {name: value for name, value in vars(self).items() if name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
@@ -64,15 +66,10 @@ class Intake:
         if estimate.fault is not None or self._faulty:
             self._faulty = estimate.fault is not None
             self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
-        x = estimate.x
-        sound = type(x) is np.ndarray and x.dtype is _FLOAT and x.shape == self._states.shape
-        if sound:
-            self._states[:] = x
-        else:
-            sound = _copy(self.x, x)
+        sound = self._note(self._states, estimate.x)
         if estimate.time is None:
             self.time[:] = now
-        elif not _copy(self.time, estimate.time):
+        elif not self._note(self._times, estimate.time):
             self.time[:] = -np.inf  # what is no time does not go on
         told = not (estimate.covariance is estimate.model is estimate.lag is None)
         if told or self._told:
@@ -90,42 +87,56 @@ class Intake:
 
     def _take_parts(self, estimate: Estimate) -> bool:
         """Note what stands beside the states, and tell whether it is made of numbers."""
-        self.plants["has_model"] = estimate.model is not None
+        self._has_model[:] = estimate.model is not None
         sound = True
-        for name in _PARTS:
-            part = self.plants[name]
-            value = getattr(estimate, name)
-            part[...] = 0.0
-            sound &= value is None or _copy(part, value)
+        given = estimate.model, estimate.lag, estimate.covariance
+        for place, value in zip(self._parts, given, strict=True):
+            if value is None:
+                place[...] = 0.0
+            elif not self._note(place, value):
+                place[...] = 0.0
+                sound = False
         return sound
+
+    def _note(self, place: Array, value: Any) -> bool:
+        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs.
+
+        Args:
+            place: of N plants; of one without a leading 1.
+            value: whatever was handed in.
+
+        Returns:
+            whether it is made of numbers.
+        """
+        if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
+            place[...] = value
+            return True
+        if isinstance(value, float) and place.ndim == 0:
+            place[...] = value
+            return True
+        shapes = (place.shape, (1, *place.shape)) if len(self.plants) == 1 else (place.shape,)
+        if type(value) is not np.ndarray or value.dtype.char != "d":
+            found = (real_numbers(value, shape) for shape in shapes)
+            value = next((numbers for numbers in found if numbers is not None), None)
+        if value is None or value.shape not in shapes:
+            return False
+        place[...] = value
+        return True
 
     def _alarms(self, fault: Any) -> Any:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
         alarms = np.zeros(len(self.plants))
-        if not _copy(alarms, fault) or not np.isin(alarms, KNOWN_FAULTS).all():
+        if not self._note(_bare(alarms), fault) or not np.isin(alarms, KNOWN_FAULTS).all():
             return Reason.STATE
         return alarms
 
     def _check_age(self, age: Any) -> None:
         """Note which states are older than the plant allows, or of no age at all."""
         ages = np.full(len(self.plants), np.nan)
-        _copy(ages, age)
+        self._note(_bare(ages), age)
         self.blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= self._max_age)))
 
 
-def _copy(target: Array, value: Any) -> bool:
-    """Copy a value (N, …), or of one plant without the N; tell whether it is made of numbers."""
-    if isinstance(value, float) and target.shape == (1,):
-        target[0] = value
-        return True
-    one = len(target) == 1
-    if type(value) is not np.ndarray or value.dtype.char != "d":
-        shapes = (target.shape, target.shape[1:]) if one else (target.shape,)
-        found = (real_numbers(value, shape) for shape in shapes)
-        value = next((numbers for numbers in found if numbers is not None), None)
-        if value is None:
-            return False
-    if value.shape != target.shape and not (one and value.shape == target.shape[1:]):
-        return False
-    target[...] = value
-    return True
+def _bare(numbers: Array) -> Array:
+    """Return numbers of N plants (N, …), without the N where there is one plant: a view."""
+    return numbers.squeeze(axis=0) if len(numbers) == 1 else numbers

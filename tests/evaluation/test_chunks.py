@@ -89,10 +89,11 @@ def test_who_stops_iterating_stops_the_workers():
 
 
 SCRIPT = """
-    import sys
+    import signal, sys
     from pathlib import Path
     import crashing
     from hcbf_gym.evaluation import chunks
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
     for number, _ in chunks.run(crashing.sleeps, [0, 1, 2, 3], folder=Path(sys.argv[1]), workers=2):
         print(number, flush=True)
 """
