@@ -64,7 +64,7 @@ def shares() -> list[dict[str, Any]]:
         fused.filter_plants(
             core._constants,
             core._program,
-            (scene.kind, scene.parameters, scene.priority, scene.own_margin),
+            (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
             intake.plants,
             core._no_rows,
             told,

@@ -57,3 +57,19 @@ plant = hcbf_gym.Plant(
 
 def make():
     return hcbf_gym.wrappers.SafetyFilter(Drive(), "lex-cbf-qp", plant=plant)
+
+
+class Anywhere(Drive):
+    """The same from a random start: what `hcbf certify unicycle.py:certify` draws."""
+
+    def reset(self, *, seed=None, options=None):
+        gym.Env.reset(self, seed=seed)
+        low, high, clear = (-2.0, -2.0, -np.pi), (3.0, 3.0, np.pi), False
+        while not clear:
+            start = self.np_random.uniform(low, high)
+            clear = min(barrier.h(start) for barrier in plant.barriers) > 0.05
+        return super().reset(options={"start": start})
+
+
+def certify():
+    return Anywhere(), plant

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import layout
+from hcbf_gym.barriers import layout, zone
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -135,13 +135,15 @@ class _Asked(NamedTuple):
         margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
         narrows: (N,) whether strict regions can close in on the robot's way: there are two, or one
-            whose h grows slowly somewhere, as an ellipse's does along its long axis.
+            whose h grows slowly somewhere, as an ellipse's does along its long axis, or a map.
+        slows: (N,) whether there are strict speed zones.
     """
 
     left: Array
     margin: Array
     moves: Array
     narrows: Mask
+    slows: Mask
 
 
 def shortcomings(
@@ -160,6 +162,7 @@ def shortcomings(
     steep = alpha1.derivative(0.0)
     stopped = stoppable(alpha1, input_set)
     found = [_cannot_flee(asked), _hardly_walks(asked), _cannot_stop(asked, stopped, able)]
+    found.append(_cannot_slow(asked, able))
     if np.isinf(alpha1.hardest_speed):
         found += [_knows_no_speed(asked), _cannot_brake(asked, steep, able)]
     return [one for one in found if one.scenes.any()]
@@ -168,6 +171,7 @@ def shortcomings(
 def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     strict = scenes.priority == 1
     caps = strict & (scenes.kind == layout.SPEED_LIMIT)
+    maps = strict & (scenes.kind == layout.MAPPED)
     regions = strict & scenes.is_region
     v_max = scenes.parameters[..., layout.V_MAX]
     kept = scenes.own_margin + speed_margin
@@ -178,7 +182,8 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
         left=left.min(axis=1, initial=np.inf),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        narrows=(regions.sum(axis=1) > 1) | slow.any(axis=1),
+        narrows=(regions.sum(axis=1) > 1) | (slow | maps).any(axis=1),
+        slows=(strict & (scenes.kind == layout.ZONES)).any(axis=1),
     )
 
 
@@ -214,6 +219,16 @@ def _cannot_stop(asked: _Asked, stopped: float, able: float) -> Shortcoming:
         f"where strict regions close in, {able * _most(asked.left, where) / stopped:.3g} m/s² stop "
         f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a speed limit "
         f"that leaves at most {stopped:.3g} m/s, or a flatter alpha1",
+    )
+
+
+def _cannot_slow(asked: _Asked, able: float) -> Shortcoming:
+    return Shortcoming(
+        "slowing",
+        asked.slows & (able < zone.BRAKING),
+        False,
+        f"before a strict speed zone the robot brakes by {zone.BRAKING:.3g} m/s², and U has "
+        f"{able:.3g} with a tenth in reserve; expected a larger U, or zones of a lower rank",
     )
 
 

@@ -14,6 +14,7 @@ from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.speed_limit import SpeedLimit
@@ -218,6 +219,12 @@ def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
         raise InvalidInputError(
             f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "
             "hcbf_gym.barriers.Barrier"
+        )
+    mapped = [barrier.name for barrier in barriers if isinstance(barrier, Mapped)]
+    if mapped:
+        raise InvalidInputError(
+            f"barriers: got the classes {mapped} of a map, expected them for a plant of the planar "
+            "double integrator: only its rows look beyond the nearest piece"
         )
     return tuple(barriers)
 

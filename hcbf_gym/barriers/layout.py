@@ -5,14 +5,22 @@ has a file in `shapes`, which names the columns of its block. No other module kn
 number.
 """
 
-SPEED_LIMIT, CUSTOM = 100, 101
-"""The kinds that are no shape; CUSTOM stands for a user's own barrier, which Python evaluates."""
+SPEED_LIMIT, CUSTOM, MAPPED, ZONES, ZONE = range(100, 105)
+"""The kinds that are no shape.
+
+CUSTOM stands for a user's own barrier, which Python evaluates. MAPPED and ZONES are a class of a
+map, many pieces in the atlas of a set, a region and speed zones; ZONE is one zone as it is seen
+from one state.
+"""
 
 LOWEST_RANK = 64
 """The largest number that a priority may be: compiled code has room for so many levels."""
 
 VELOCITY_X, VELOCITY_Y = 0, 1  # of the frame of a shape [m/s]
-V_MAX = 2  # of a speed limit [m/s]
+V_MAX = 2  # of a speed limit and of zones [m/s]
+PIECES = 3  # of a class of a map: where its pieces begin in the atlas
+KEPT = 4  # of zones: what is reserved around their cells [m]
+AWAY, AWAY_X, AWAY_Y = 3, 4, 5  # of one zone: the way to it [m], and the way's gradient
 
 WIDTH = 19
 """Numbers of a block: the velocity, and what the shape with the most columns needs."""

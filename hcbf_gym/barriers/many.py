@@ -1,15 +1,26 @@
 """Many barriers of one shape and one rank, given as an array: what a scan or a tracker returns."""
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import check_name
+from hcbf_gym.barriers.barrier import Barrier, check_name
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.errors import as_array, choose, finite_array
 from hcbf_gym.models.constants import FARTHEST
 
 Array = NDArray[np.float64]
+
+
+class Several(ABC):
+    """What stands in a list of barriers for several of them, such as a map for its classes."""
+
+    @property
+    @abstractmethod
+    def conditions(self) -> tuple[Barrier, ...]:
+        """The barriers, in the order of their infos."""
 
 
 class Shapes:

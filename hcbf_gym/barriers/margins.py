@@ -23,13 +23,17 @@ which stands in the row; the tracking error's part decays where the model is rig
 by `cap`, so that one sample can take at most that much away.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout, shapes
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.plant import Uncertainty
+
+if TYPE_CHECKING:
+    from hcbf_gym.barriers.set import BarrierSet
 
 Array = NDArray[np.float64]
 
@@ -64,17 +68,13 @@ def derive(
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
     certain = ahead_x == 0.0 and ahead_y == 0.0
     certain = certain and _is_zero(lag) and _is_zero(covariance.ravel())
-    fastest = 0.0 if certain else settings.confidence * np.sqrt(_largest(covariance))
     for k in range(kind.size):
         rate[k] = 0.0
-        if kind[k] == layout.SPEED_LIMIT:
-            slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
-            margin[k] = settings.speed + settings.speed_per_velocity * slip + fastest
+        if kind[k] == layout.SPEED_LIMIT or kind[k] == layout.ZONES or kind[k] == layout.ZONE:
+            margin[k] = of_speed(settings, lag, covariance)
             continue
-        if kind[k] == layout.CUSTOM:  # its gradient is not known here: the most there can be
-            spread = settings.confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
-            ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
-            margin[k] = settings.distance + settings.cap + ahead + spread + settings.body
+        if kind[k] == layout.CUSTOM or kind[k] == layout.MAPPED:  # whose gradient is not known here
+            margin[k] = most(settings, x, model, lag, covariance)
             continue
         if certain and shapes.IS_DISTANCE[kind[k]]:  # ∇h is a unit vector, whatever it is
             margin[k] = settings.distance + settings.body
@@ -96,6 +96,31 @@ def derive(
 
 
 @njit(cache=True, error_model="numpy")
+def most(settings: Uncertainty, x: Array, model: Array, lag: Array, covariance: Array) -> float:
+    """Return what a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`."""
+    ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]
+    ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
+    spread = settings.confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
+    return settings.distance + settings.cap + ahead + spread + settings.body
+
+
+@njit(cache=True, error_model="numpy")
+def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
+    """Return what the row of a speed limit reserves [m/s]; see `derive`."""
+    slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
+    sure = settings.speed + settings.speed_per_velocity * slip
+    return sure + fastest_drift(settings, covariance)
+
+
+@njit(cache=True, error_model="numpy")
+def fastest_drift(settings: Uncertainty, covariance: Array) -> float:
+    """Return κ √λ, the greatest error of the estimated speed, and rate of any margin [m/s]."""
+    if covariance[2, 2] == 0.0 and covariance[3, 3] == 0.0:
+        return 0.0
+    return settings.confidence * np.sqrt(_largest(covariance))
+
+
+@njit(cache=True, error_model="numpy")
 def _is_zero(values: Array) -> bool:
     """Tell whether all are zero; Numba's own `any` takes longer than the margins themselves."""
     zero = True
@@ -106,7 +131,7 @@ def _is_zero(values: Array) -> bool:
 
 def derive_all(
     settings: Uncertainty,
-    scenes: BarrierSet,
+    scenes: "BarrierSet",
     x: Array,
     t: Array,
     model: Array,

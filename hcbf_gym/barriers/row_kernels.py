@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit
-from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT
+from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit, zone
+from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT, ZONE
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, PERIOD, U_MAX
 
 Array = NDArray[np.float64]
@@ -41,6 +41,8 @@ def rows(
 ) -> None:
     """Write the rows ``a·u ≥ b`` of N states; a user's own barriers are passed over.
 
+    Classes of maps have no row, see `mapped.at_hand`: NaN stands there.
+
     Args:
         kind: (N, m) as `BarrierSet` holds it.
         parameters: (N, m, 19) as `BarrierSet` holds it.
@@ -57,7 +59,19 @@ def rows(
             which, c = kind[i, k], parameters[i, k]
             if which == CUSTOM:
                 continue
-            if which == SPEED_LIMIT:
+            if which == layout.MAPPED or which == layout.ZONES:
+                out[:, i, k], a[i, k, :] = np.nan, np.nan  # only what is at hand of a map has rows
+                continue
+            if which == ZONE:
+                limit = c[layout.V_MAX]
+                a[i, k, 0], a[i, k, 1] = -x[i, 2] / limit, -x[i, 3] / limit
+                h = zone.value(limit, c[layout.AWAY], x[i, 2], x[i, 3])
+                closing = c[layout.AWAY_X] * x[i, 2] + c[layout.AWAY_Y] * x[i, 3]
+                b, alpha2_psi, psi = zone.row(
+                    h - margin[0, i, k], margin[1, i, k], closing, x[i, 2], x[i, 3], limit,
+                    alpha2, settings,
+                )  # fmt: skip
+            elif which == SPEED_LIMIT:
                 v_max = c[layout.V_MAX]
                 a[i, k, 0], a[i, k, 1] = -x[i, 2] / v_max, -x[i, 3] / v_max
                 h = speed_limit.value(v_max, x[i, 2], x[i, 3])

@@ -5,18 +5,24 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout, row_kernels
+from hcbf_gym.barriers import kernels, layout, mapped, row_kernels, zone
+from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.barriers.many import Shapes
+from hcbf_gym.barriers.many import Several, Shapes
+from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Uncertainty
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+Entry = Barrier | Shapes | Several
 
 _BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
 
@@ -30,7 +36,7 @@ class BarrierSet:
     A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
 
     Args:
-        scenes: N sequences of m barriers; `Shapes` count as so many.
+        scenes: N sequences of m barriers; `Shapes` and what is `Several` count as so many.
 
     Raises:
         InvalidInputError: if the scenes differ in length, or an entry is no `Barrier`.
@@ -42,9 +48,10 @@ class BarrierSet:
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
         own: (scene, place) → a user's own barrier; empty where all are built in.
+        atlas: where the pieces of maps stand.
     """
 
-    def __init__(self, scenes: Sequence[Sequence[Barrier | Shapes]]):
+    def __init__(self, scenes: Sequence[Sequence[Entry]]):
         lengths = {_length(scene) for scene in scenes}
         if len(lengths) != 1:
             raise InvalidInputError(
@@ -57,10 +64,11 @@ class BarrierSet:
         self.keeps_margin = np.zeros(shape)
         self.own_margin = np.zeros(shape)
         self.own: dict[tuple[int, int], Barrier] = {}
+        self.atlas = Atlas()
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
-    def set_scene(self, i: int, scene: Sequence[Barrier | Shapes]) -> None:
+    def set_scene(self, i: int, scene: Sequence[Entry]) -> None:
         """Replace the barriers of scene `i`.
 
         Raises:
@@ -72,17 +80,24 @@ class BarrierSet:
                 f"expected {self.kind.shape[1]}"
             )
         k = 0
-        for barrier in scene:
+        for barrier in _each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
             self.priority[i, k:end] = barrier.priority
             self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
             self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
             for place in range(k, end) if self.own else ():
                 self.own.pop((i, place), None)
+            for place in range(k, end) if self.atlas else ():
+                self.atlas.forget((i, place))
             if isinstance(barrier, Shapes):
                 self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
             elif isinstance(barrier, Shape | SpeedLimit) and type(barrier) in _BUILT_IN:
                 self.kind[i, k] = barrier.write(self.parameters[i, k])
+            elif isinstance(barrier, Mapped):
+                self.atlas.hold((i, k), barrier, self.parameters)
+                self.kind[i, k] = barrier.code
+                if barrier.reads_position:
+                    self.own_margin[i, k] = barrier.margin
             else:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
@@ -94,7 +109,7 @@ class BarrierSet:
         return self.kind < layout.SPEED_LIMIT
 
     def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
-        """Refuse speed limits that no input can satisfy.
+        """Refuse speed limits and speed zones that no input can satisfy.
 
         Args:
             settings: α₁, α₂, and whether u is held.
@@ -115,6 +130,14 @@ class BarrierSet:
             )
         if settings.period is None or settings.u_max is None:
             return
+        zones = self.kind == layout.ZONES
+        limit = self.parameters[zones, layout.V_MAX]
+        lowest = zone.least_limit(settings.period, settings.u_max, speed_margin)
+        if (limit < lowest).any():
+            raise InvalidInputError(
+                f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "
+                f"reserves {speed_margin:g} m/s, and an input passes the rest within one period"
+            )
         gained = settings.u_max * settings.period
         least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
         if least <= gained:
@@ -132,12 +155,15 @@ class BarrierSet:
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
         chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}
+        chosen.atlas = self.atlas.of(places)
         return chosen
 
     def values(self, x: Array, t: Array) -> Array:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""
         h = np.empty(self.kind.shape)
         kernels.values(self.kind, self.parameters, x, t, h)
+        if self.atlas:
+            mapped.write_values(self.kind, self.parameters, self.atlas.numbers, x, h)
         self.write_own_values(x, t, h)
         return h
 
@@ -150,6 +176,9 @@ class BarrierSet:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
         h = np.empty((len(x), self.kind.shape[1]))
         kernels.along(self.kind[0], self.parameters[0], x, t, h)
+        if self.atlas:
+            one = np.zeros(len(x), dtype=np.int64)
+            mapped.write_values(self.kind[one], self.parameters[one], self.atlas.numbers, x, h)
         for (i, k), barrier in self.own.items():
             if i == 0:
                 h[:, k] = barrier.batch(x, t).h
@@ -162,6 +191,8 @@ class BarrierSet:
         """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
         kernels.sense(self.kind, self.parameters, x, t, h, sensed)
+        if self.atlas:
+            mapped.write_sensed(self.kind, self.parameters, self.atlas.numbers, x, h, sensed)
         for scenes, k, barrier in self._shared():
             jet = barrier.batch(x[scenes], t[scenes])
             h[scenes, k] = jet.h
@@ -211,6 +242,42 @@ class BarrierSet:
             out[row_kernels.ALPHA2_PSI],
         )
 
+    def at_hand(
+        self,
+        settings: RowSettings,
+        uncertainty: Uncertainty,
+        radius: float,
+        x: Array,
+        model: Array,
+        lag: Array,
+        covariance: Array,
+    ) -> "tuple[BarrierSet, Integers]":
+        """Return scene 0 at a state, a map replaced by its pieces at hand, and (M,) what is whose.
+
+        Args:
+            settings: how rows are made.
+            uncertainty: what they reserve.
+            radius: the largest norm of an input [m/s²].
+            x: (4,) state.
+            model: (4,) the reduced-order model's own.
+            lag: (4,) tracking error.
+            covariance: (4, 4) of x.
+        """
+        whole = mapped.Scene(
+            self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0], self.kind[0]
+        )
+        numbers = Uncertainty(*map(float, uncertainty))
+        found = mapped.at_hand(
+            numbers, settings.packed, radius, whole, self.atlas.numbers, x, model, lag, covariance
+        )
+        part = BarrierSet([()])
+        for name in ("kind", "parameters", "priority", "own_margin"):
+            setattr(part, name, getattr(found, name)[None])
+        part.keeps_margin = self.keeps_margin[:, found.source]
+        first = [(r, int(k)) for r, k in enumerate(found.source)]
+        part.own = {(0, r): self.own[0, k] for r, k in first if (0, k) in self.own}
+        return part, found.source
+
     def _write_own(
         self,
         i: int,
@@ -237,19 +304,31 @@ class BarrierSet:
         yield from groups.values()
 
 
-def _length(scene: Sequence[Barrier | Shapes]) -> int:
+def _each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
+    """Yield the entries of a scene, those that stand for several one by one.
+
+    Raises:
+        InvalidInputError: if an entry is no barrier.
+    """
+    for barrier in scene:
+        if isinstance(barrier, Several):
+            yield from barrier.conditions
+        elif isinstance(barrier, Barrier | Shapes):
+            yield barrier
+        else:
+            raise InvalidInputError(
+                f"barrier set: got {barrier!r}, expected an object of a class derived from "
+                "hcbf_gym.barriers.Barrier, Shapes, or a map"
+            )
+
+
+def _length(scene: Sequence[Entry]) -> int:
     """Return how many barriers there are.
 
     Raises:
         InvalidInputError: if an entry is none.
     """
-    for barrier in scene:
-        if not isinstance(barrier, Barrier | Shapes):
-            raise InvalidInputError(
-                f"barrier set: got {barrier!r}, expected an object of a class derived from "
-                "hcbf_gym.barriers.Barrier, or Shapes"
-            )
-    return sum(len(barrier) if isinstance(barrier, Shapes) else 1 for barrier in scene)
+    return sum(len(entry) if isinstance(entry, Shapes) else 1 for entry in _each(scene))
 
 
 def _seen(jet: Jet) -> Array:

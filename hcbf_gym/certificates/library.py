@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hcbf_gym.certificates.certificate import Certificate
+from hcbf_gym.models.plant import Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
 """Where they lie, one JSON file each; its name is the certificate's."""
@@ -47,6 +48,11 @@ class Nearest(NamedTuple):
     certificate: Certificate | None
     differs: list[str]
 
+    @property
+    def margins(self) -> Uncertainty | None:
+        """What rows reserve by it; None where it speaks of another plant, or leaves it to a law."""
+        return None if self.certificate is None or self.differs else self.certificate.margins
+
 
 def nearest(declared: Mapping[str, Any]) -> Nearest:
     """Return the shipped certificate that fits a plant best.
@@ -60,3 +66,14 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
     return min(alike, key=lambda found: len(found.differs), default=Nearest(None, []))
+
+
+def table() -> str:
+    """Return the shipped certificates as the page shows them, a table in Markdown."""
+    head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")
+    rows = [
+        f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
+        f"{one.confidence:.1%} | {one.least_h:+.4f} |"
+        for one in shipped().values()
+    ]
+    return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))

@@ -19,6 +19,7 @@ PROGRAM_COLORS = {
 """One colour for a program throughout all figures."""
 
 PATH, REFERENCE, GOAL = "#0072b2", "#404040", "#111111"
+SPEED_ZONE = "#009e73"
 FIXED_BOX, LIGHT_BOX = "#8c6b4d", "#f2cc26"
 FLOOR, FLOOR_TILE, FLOOR_LINE = "#e9e9e4", "#dededa", "#55554f"
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -18,6 +19,7 @@ Color = tuple[float, float, float, float]
 
 _LAYER = 0.004  # [m] between a rank and the next, the first on top
 _WALL_LENGTH, _WALL_HEIGHT, _WALL_OPACITY = 40.0, 0.25, 0.6  # [m], [m]
+_MAP_SEEN = 8.0  # [m] how far around the robot a map is drawn
 _GRID_CELL, _GRID_HALF_SIZE = 0.5, 8.0  # [m]
 _STRIDE = 0.05  # [m] between two points of the path
 _PATH_POINTS = 1000  # of which the last ones are retained
@@ -69,6 +71,8 @@ class SceneArtist:
         first = scene.ngeom
         for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
             _draw_barrier(scene, barrier, t)
+        if scenario.map is not None:
+            _draw_map(scene, scenario.map, position)
         _draw_grid(scene, position)
         _draw_shadow(scene, position, yaw)
         if scenario is not self._scenario:
@@ -102,11 +106,27 @@ def _draw_barrier(scene: mujoco.MjvScene, barrier: Barrier, t: float) -> None:
         position = (*(np.array(drawn.center) + shift), height)
         _add(scene, "CYLINDER", (*drawn.semi_axes, 0.0005), position, color, rotation)
     else:
-        first, *others = drawn + shift
-        for second, third in itertools.pairwise(others):
-            edges = np.eye(3)  # MuJoCo's triangle (0, 0), (1, 0), (0, 1) under an affine map
-            edges[:2, 0], edges[:2, 1] = second - first, third - first
-            _add(scene, "TRIANGLE", (1, 1, 0), (*first, height), color, edges)
+        _draw_polygon(scene, drawn + shift, height, color)
+
+
+def _draw_map(scene: mujoco.MjvScene, ranked: RankedMap, position: Array) -> None:
+    """Draw the pieces of a map around the robot, the highest ranks on top."""
+    for one in sorted(ranked.classes, key=lambda c: -c.rank):
+        color = palette.rgba(palette.paler(palette.priority_color(one.rank)))
+        height = max(1.0, 5.0 - one.rank) * _LAYER
+        for corners in ranked.polygons(one.name) if one.kind != "speed" else ():
+            nearest = np.clip(position, corners.min(axis=0), corners.max(axis=0))
+            if math.dist(nearest, position) < _MAP_SEEN:
+                _draw_polygon(scene, corners, height, color)
+
+
+def _draw_polygon(scene: mujoco.MjvScene, corners: Array, height: float, color: Color) -> None:
+    """Draw a convex polygon (k, 2) on the floor as a fan of triangles."""
+    first, *others = corners
+    for second, third in itertools.pairwise(others):
+        edges = np.eye(3)  # MuJoCo's triangle (0, 0), (1, 0), (0, 1) under an affine map
+        edges[:2, 0], edges[:2, 1] = second - first, third - first
+        _add(scene, "TRIANGLE", (1, 1, 0), (*first, height), color, edges)
 
 
 def _draw_grid(scene: mujoco.MjvScene, position: Array) -> None:

@@ -1,13 +1,18 @@
 """A scene seen from above, drawn on matplotlib axes: regions, walls, boxes and the reference."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse as EllipsePatch
 from matplotlib.patches import Patch, Polygon
 
 from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
+from hcbf_gym.maps import RankedMap
+from hcbf_gym.maps.cover import boxes
 from hcbf_gym.scenarios import Scenario
 
 _FAR = 100.0
@@ -39,6 +44,8 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
         scenario: the scene.
         t: time [s], for regions that move.
     """
+    if scenario.map is not None:
+        draw_map(axes, scenario.map)
     for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
         patch = outline(barrier, t)
         if patch is not None:
@@ -61,6 +68,26 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
 
 
+def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
+    """Draw the cells of a map by their ranks, the highest on top, and zones hatched.
+
+    Args:
+        axes: where to draw.
+        ranked: the map.
+        covered: whether to draw the pieces that cover the cells instead of these.
+    """
+    for one in sorted(ranked.classes, key=lambda c: (c.kind != "speed", -c.rank)):
+        color = palette.priority_color(one.rank)
+        style: dict[str, Any] = {"facecolor": palette.paler(color, 0.6), "lw": 0.0, "zorder": 0.9}
+        if one.kind == "speed":
+            style |= {"facecolor": "none", "edgecolor": color, "hatch": "..."}
+        if covered:
+            shapes, edge = ranked.polygons(one.name), {"edgecolor": color, "lw": 0.6}
+        else:
+            shapes, edge = [ranked.grid.to_world(box) for box in boxes(one.cells)], {}
+        axes.add_collection(PolyCollection(shapes, **(style | edge)))
+
+
 def legend_below(figure: Figure, axes: Axes) -> None:
     """Put the legend of `axes` under the panels of a figure, where it covers nothing."""
     handles, labels = axes.get_legend_handles_labels()
@@ -72,6 +99,8 @@ def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners (2,), (2,) of a window that shows start, goal and the bounded regions."""
     times = np.linspace(0.0, scenario.reference.duration, 50)
     points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
+    if scenario.map is not None:
+        points.extend(scenario.map.grid.corners)
     for barrier in scenario.barriers:
         patch = outline(barrier)
         if patch is not None and not _is_wall(barrier):

@@ -45,7 +45,7 @@ class Law(NamedTuple):
     """How the margins grow with what is declared, and with the cap on the speed v.
 
     Rows on the position reserve ``fast max(0, v − V_MAX) + w max(1, v / 1 m/s)`` more than on the
-    nominal plant, the speed limit ``share w + ‖u‖ late``, with late the torque's delay beyond the
+    nominal plant, the speed limit ``share w v + ‖u‖ late``, with late the torque's delay beyond the
     nominal one and w the sum of the other terms, each times how far its range leaves the nominal
     plant. No margin carries a fall: a cap above ``FASTEST − slower w`` is lowered to it.
 
@@ -57,7 +57,7 @@ class Law(NamedTuple):
         weak: of the share of the torque that is missing [m].
         late: of the delay [m/s].
         noise: of the scale of the sensors' noise [m].
-        share: of w [1/s].
+        share: of w v [1/m].
         slower: of w [1/s].
     """
 
@@ -74,13 +74,13 @@ class Law(NamedTuple):
 
 LAW = Law(
     fast=0.1,
-    rough=0.01,
+    rough=0.014,
     slippery=0.04,
-    payload=0.0015,
+    payload=0.002,
     weak=0.03,
-    late=2.0,
+    late=2.5,
     noise=0.02,
-    share=0.3,
+    share=1.0,
     slower=10.0,
 )
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
@@ -144,10 +144,11 @@ def uncertainty_of(
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
     fast = LAW.fast * max(0.0, v_max - V_MAX)
+    still, growing = _speed_margin(declared, terrain, input_set)
     known = UNCERTAINTY._replace(
         distance=UNCERTAINTY.distance + fast + max(1.0, v_max) * _unlike(declared, terrain),
         body=body,
-        speed=_speed_margin(declared, terrain, input_set),
+        speed=still + growing * v_max,
     )
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(
@@ -169,18 +170,29 @@ def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) ->
         input_set: U, as the ground carries it.
     """
     walked = FASTEST - LAW.slower * _unlike(declared, terrain)
-    margin = _speed_margin(declared, terrain, input_set)
-    stopped = margin + math.hypot(margin, braking.stoppable(LogClassK(), input_set))
-    return max(0.0, math.floor(1e3 * min(walked, stopped)) / 1e3)
+    if walked <= 0.0:
+        return 0.0
+    still, growing = _speed_margin(declared, terrain, input_set)
+    steep = 1.0 - 2.0 * growing  # steep v² − 2 still v = stoppable²
+    stoppable = braking.stoppable(LogClassK(), input_set)
+    stopped = (still + math.hypot(still, math.sqrt(steep) * stoppable)) / steep
+    return math.floor(1e3 * min(walked, stopped)) / 1e3
 
 
-def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> float:
-    """Return what the speed limit reserves [m/s].
+class _SpeedMargin(NamedTuple):
+    """What the speed limit reserves: `still` [m/s], and `growing` for each m/s of the cap [-]."""
+
+    still: float
+    growing: float
+
+
+def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> _SpeedMargin:
+    """Return what the speed limit reserves.
 
     A torque that comes late leaves the trunk with the velocity that u changed meanwhile.
     """
     changed = _late(declared) * input_set.radius
-    return UNCERTAINTY.speed + LAW.share * _unlike(declared, terrain) + changed
+    return _SpeedMargin(UNCERTAINTY.speed + changed, LAW.share * _unlike(declared, terrain))
 
 
 def _unlike(declared: Randomization, terrain: str) -> float:

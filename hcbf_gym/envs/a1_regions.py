@@ -18,7 +18,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
 from hcbf_gym.errors import choose
 from hcbf_gym.estimation import Estimator
-from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.controller import LocomotionController, check_friction
 from hcbf_gym.locomotion.watch import Watch
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.robots import a1
@@ -73,7 +73,8 @@ class A1RegionsEnv(WalkedRegionsEnv):
       lets the floor have, at most 0.6.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
-      strength, delay, sensor noise, start pose.
+      strength, delay, sensor noise, start pose. Margins grow with them, and a cap on the speed that
+      the plant does not carry is lowered with a `LoweredWarning`; see `a1_plant.Law`.
     * `disturbances`: plain dict of scheduled or random pushes.
     * `estimation`: None lets the loop see the true state; "motion-capture", "lidar", "uwb" or a
       plain dict of `hcbf_gym.estimation.Sensors`' fields lets controller, observation and safety
@@ -121,7 +122,7 @@ class A1RegionsEnv(WalkedRegionsEnv):
         )
         declared = Randomization.from_dict(randomization)
         derived = a1_plant.believed_friction(declared)
-        believed = derived if friction is None else friction
+        believed = derived if friction is None else check_friction(friction)
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
         self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
         told = Declared(
@@ -148,14 +149,14 @@ class A1RegionsEnv(WalkedRegionsEnv):
             "alone": told.alone,
             "v_max": self._v_max,
         }
-        controller = LocomotionController(
-            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
-        )
         choose("body", body, dict.fromkeys(a1_plant.BODIES))
         footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
         radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)
         self._uncertainty = a1_plant.uncertainty_of(
             declared, terrain, radius, self._carried, self._v_max
+        )
+        controller = LocomotionController(
+            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
         mass = float(controller.model.bodies.mass.sum())

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels
+from hcbf_gym.barriers import kernels, layout, pieces
 from hcbf_gym.barriers.set import BarrierSet
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Footprint:
     def h(self, data: mujoco.MjData, barriers: BarrierSet, t: float) -> Array:
         """Return the least h (m,) of each barrier over the whole body at time t [s]."""
         least = np.empty(barriers.kind.shape[1])
-        scene = barriers.kind[0], barriers.parameters[0]
+        scene = barriers.kind[0], barriers.parameters[0], barriers.atlas.numbers
         body_h(*self._body, data.geom_xpos, data.geom_xmat, *scene, t, least)
         return least
 
@@ -155,6 +155,7 @@ def body_h(
     rotation: Array,
     kind: NDArray[np.int64],
     parameters: Array,
+    atlas: Array,
     t: float,
     h: Array,
 ) -> None:
@@ -171,6 +172,7 @@ def body_h(
         rotation: (ngeom, 9) of the geoms, row by row.
         kind: (m,) which kernel evaluates each barrier.
         parameters: (m, WIDTH) what it reads.
+        atlas: where the pieces of maps stand.
         t: time [s].
         h: (m,) to be written [m].
     """
@@ -178,6 +180,9 @@ def body_h(
     for p in range(geom.size):
         x, y = _world(place[p], position[geom[p]], rotation[geom[p]])
         for k in range(kind.size):
+            if kind[k] == layout.MAPPED:
+                found = pieces.nearest(atlas, int(parameters[k, layout.PIECES]), x, y)
+                h[k] = min(h[k], found.distance - radius[p])
             if not kernels.is_region(kind[k]):
                 continue
             jet = kernels.jet(kind[k], parameters[k], x, y, t)

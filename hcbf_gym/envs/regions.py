@@ -103,7 +103,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.scenario = self._scenes.own
         self._batch = RegionsBatch([self.scenario])
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
         self._covered = coverage.of_scene(scenario, {})

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout, speed_limit
+from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.envs.task import (
@@ -22,7 +22,8 @@ from hcbf_gym.envs.task import (
 )
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Scenario
-from hcbf_gym.scenarios.hall import Layout, write
+from hcbf_gym.scenarios.floor_plans import Route
+from hcbf_gym.scenarios.hall import Layout
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ class RegionsBatch:
 
     def __init__(self, scenes: list[Scenario], own_references: bool = True):
         self.task = scenes[0].task
-        self.n_barriers = len(scenes[0].barriers)
+        self.n_barriers = len(scenes[0].conditions)
         corners = scenes[0].input_set.vertices()
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self.barrier_set = BarrierSet([barriers_of(s, s.v_max) for s in scenes])
@@ -100,15 +101,14 @@ class RegionsBatch:
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
-    def set_layout(self, i: int, layout: Layout) -> None:
+    def set_drawn(self, i: int, drawn: Layout | Route) -> None:
         """Put another random scene into environment `i`, as `set_scene` does but 50 times faster.
 
-        All scenes must be random ones, so that the start and what a layout leaves out stay.
+        All scenes must be of one family, so that what is not drawn stays.
         """
-        kind = self.barrier_set.kind[i]
-        parameters = self.barrier_set.parameters[i]
-        write(layout.half_width, layout.regions, kind, parameters)
-        self._references.tables[i, 0, :2] = layout.goal
+        drawn.write(self.barrier_set.kind[i], self.barrier_set.parameters[i])
+        self._references.tables[i, 0, :2] = drawn.goal
+        self._start[i] = drawn.start
 
     def separate(self) -> None:
         """Give each environment a reference table of its own."""
@@ -155,8 +155,9 @@ class RegionsBatch:
         scene = self.barrier_set
         start = self.x.copy() if scene.own else self.x
         min_h, distance_before = _advance(
-            scene.kind, scene.parameters, self._references, self.x, self.steps, u, self._v_max
-        )
+            scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
+            u, self._v_max,
+        )  # fmt: skip
         if self.barrier_set.own:
             self._look_at_own(start, u, min_h)
         self.steps += 1
@@ -210,6 +211,7 @@ def _observe(
 def _advance(
     kind: NDArray[np.int64],
     parameters: Array,
+    atlas: Array,
     references: References,
     x: Array,
     steps: NDArray[np.int64],
@@ -222,9 +224,10 @@ def _advance(
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
     kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
+    atlas = borrowed(atlas)
     references = References(*borrowed(references))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
-    px, py = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
+    way = np.empty((SUBSTEPS, 4))
     for i in range(x.shape[0]):
         state = x[i]
         action = u[i]
@@ -235,7 +238,8 @@ def _advance(
             state[0], state[1], state[2], state[3] = double_integrator_step(
                 state, action, PHYSICS_DT, v_max[i]
             )
-            px[s], py[s] = state[0], state[1]
+            for k in range(4):
+                way[s, k] = state[k]
             top_speed = max(top_speed, np.hypot(state[2], state[3]))
         for k in range(kind.shape[1]):
             which = kind[i, k]
@@ -243,9 +247,12 @@ def _advance(
             if which == layout.SPEED_LIMIT:
                 min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue
+            if mapped.is_mapped(which):
+                min_h[i, k] = mapped.least_on_way(which, c, atlas, way)
+                continue
             least = np.inf
             for s in range(SUBSTEPS):
                 now = steps[i] * CONTROL_DT + (s + 1) * PHYSICS_DT
-                least = min(least, kernels.height(which, c, px[s], py[s], now))
+                least = min(least, kernels.height(which, c, way[s, 0], way[s, 1], now))
             min_h[i, k] = least
     return min_h, distance

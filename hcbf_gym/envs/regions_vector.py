@@ -21,7 +21,7 @@ from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Scenario, hall
+from hcbf_gym.scenarios import Layout, Route, Scenario
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -83,7 +83,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._source = SceneSource(scenario)
         self.scenario = self._source.own
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._scenes: list[hall.Layout | Scenario] = [self.scenario] * num_envs
+        self._scenes: list[Layout | Route | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
         self._covered = np.full(num_envs, coverage.of_scene(scenario, {}), dtype=np.int64)
@@ -93,7 +93,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
         self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
-        self.single_observation_space = task.observation_space(len(self.scenario.barriers))
+        self.single_observation_space = task.observation_space(len(self.scenario.conditions))
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
@@ -101,13 +101,9 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
         return [
-            scene if isinstance(scene, Scenario) else hall.scenario(self._name, scene)
+            scene if isinstance(scene, Scenario) else scene.scenario(self.scenario.name)
             for scene in self._scenes
         ]
-
-    @property
-    def _name(self) -> str:
-        return str(self._source.source)
 
     @property
     def rom_state(self) -> Array:
@@ -276,10 +272,9 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             self._scenes[i], self._given[i] = scene, bool(given)
             self._batch.set_scene(i, scene)
         if self._source.random and not given:
-            draw = scenarios.RANDOM[self._name]
             for i in map(int, np.flatnonzero(mask)):
-                self._scenes[i] = drawn = draw(self._rngs[i])
-                self._batch.set_layout(i, drawn)
+                self._scenes[i] = drawn = scenarios.draw(self._source.source, self._rngs[i])
+                self._batch.set_drawn(i, drawn)
 
     def _report(self, info: dict[str, Array]) -> dict[str, Any]:
         return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

@@ -80,7 +80,7 @@ def _alike(scene: Scenario) -> dict[str, Any]:
     return {
         "task": scene.task,
         "input_set": scene.input_set.to_dict(),
-        "barriers": len(scene.barriers),
+        "barriers": len(scene.conditions),
         "v_max": scene.v_max,
         "obstacles": list(scene.obstacles),
     }

@@ -58,7 +58,7 @@ class Tally:
     def __init__(self, scenario: Scenario, total: int):
         self._reaches = scenario.task == "reach"
         ends = [_HEAD + k * total for k in range(4)]
-        self._memory = np.zeros(ends[-1] + 8 + 4 * len(scenario.barriers))
+        self._memory = np.zeros(ends[-1] + 8 + 4 * len(scenario.conditions))
         self._seen = slice(ends[-1], len(self._memory))
         rows = zip(("h", "min_h", "violation"), ends[:-1], ends[1:], strict=True)
         self._parts: list[tuple[str, slice | int]] = [
@@ -88,7 +88,7 @@ class Tally:
             success: whether the robot stands at the goal and the reference has ended.
         """
         x, task = known.x, (u, *distances, success, self._reaches)
-        if scene.own:
+        if scene.own or scene.atlas:
             h = scene.along(walk.path, walk.times)
             _, sensed = scene.sense(x[None], np.array([known.time]))
             _count(h, sensed[0], x, reference, task, self._memory)

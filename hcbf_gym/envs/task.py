@@ -47,8 +47,8 @@ def barriers_of(
 ) -> tuple[Barrier, ...]:
     """Return the scenario's barriers, then the environment's own strict speed limit, if any."""
     if v_max is None:
-        return scenario.barriers
-    return (*scenario.barriers, SpeedLimit("speed limit", 1, v_max, speed_margin))
+        return scenario.conditions
+    return (*scenario.conditions, SpeedLimit("speed limit", 1, v_max, speed_margin))
 
 
 def reference_table(scenario: Scenario) -> Array:

@@ -103,7 +103,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             name: of the environment.
         """
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.barriers))
+        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._scene_covered = coverage.of_scene(self._scenes.source, {})
@@ -300,7 +300,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     def _observe(self) -> Array:
         x, reference = self._estimate.x[None], self._reference()[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
-        return task.observe(x, reference, sensed, len(self.scenario.barriers))[0]
+        return task.observe(x, reference, sensed, len(self.scenario.conditions))[0]
 
     def _stopped(self) -> bool:
         """Tell whether the robot cannot go on."""

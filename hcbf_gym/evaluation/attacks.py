@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 FULL = 5.0
 """The limit of each input [m/s²]; the filter cuts what its own U does not hold."""
+BEYOND = 1.0
+"""How much farther than the nearest piece of a map the others are seen [m]."""
 GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
@@ -69,13 +71,18 @@ def look(env: Any) -> Surroundings:
     x, t = inner.truth[None], np.array([inner.time])
     h, sensed = inner.barrier_set.sense(x, t)
     strict = np.flatnonzero(inner.barrier_set.keeps_margin[0] > 0.0)
-    if not strict.size:
+    maps = inner.barrier_set.atlas.held
+    alone = [k for k in strict if (0, k) not in maps]
+    seen = [(h[0, alone], sensed[0, alone, 1:3])]
+    seen += [maps[0, k].near(x[0], BEYOND) for k in strict if (0, k) in maps]
+    near, normal = (np.concatenate(part) for part in zip(*seen, strict=True))
+    if not near.size:
         raise InvalidInputError(
             f"attack: scene {inner.scenario.name!r} has no strict barrier on the position, "
             "expected at least one"
         )
-    order = strict[np.argsort(h[0, strict])]
-    return Surroundings(x[0, :2], x[0, 2:], h[0, order], sensed[0, order, 1:3], float(inner.time))
+    order = np.argsort(near, kind="stable")
+    return Surroundings(x[0, :2], x[0, 2:], near[order], normal[order], float(inner.time))
 
 
 def full(direction: Array) -> Array:

@@ -63,9 +63,10 @@ def scene_extent(
 
 @njit(cache=True)
 def geometry_of(extent: Array, cell: float, geometry: Array) -> None:
-    """Write (5,) the grid over an extent: x and y of the first cell, its side [m], ny, nx."""
+    """Write (7,) the grid over an extent, see `guidance.field`."""
     width, height = extent[1, 0] - extent[0, 0], extent[1, 1] - extent[0, 1]
     side = max(cell, np.sqrt(width * height / MAX_CELLS))
     geometry[0], geometry[1], geometry[2] = extent[0, 0], extent[0, 1], side
     geometry[3] = max(2.0, np.ceil(height / side) + 1.0)
     geometry[4] = max(2.0, np.ceil(width / side) + 1.0)
+    geometry[5], geometry[6] = 1.0, 0.0

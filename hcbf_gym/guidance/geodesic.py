@@ -1,16 +1,22 @@
 """Guidance by geodesic fields, stored for N robots in N scenes."""
 
 from collections.abc import Sequence
+from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.barriers import Barrier, layout
+from hcbf_gym.barriers.many import Several, Shapes
+from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
+from hcbf_gym.guidance.ground import Ground
+from hcbf_gym.guidance.grounds import MapGround
 from hcbf_gym.guidance.row import Pull
 
 Array = NDArray[np.float64]
@@ -25,10 +31,13 @@ class Geodesic:
 
     A scene's field is computed when it is reset; where regions move, again after every `period`,
     with the regions where they will be half a period later. Scenes that are equal share one
-    computation, and a scene that comes back unchanged needs none.
+    computation, and a scene that comes back unchanged needs none. Where a scene has a map, the
+    field walks on the map's own cells, and is repaired where they change.
 
     Args:
         count: N.
+        through: ranks from it on may be crossed at their price, above 1; 0 for none. All others
+            are crossed only where no other way is left, see `march`.
         cell: side of a grid cell [m]; larger in scenes of more than 10⁴ cells.
         period: after which the field of a scene that moves is computed anew [s].
         pull: how the row pulls.
@@ -39,7 +48,8 @@ class Geodesic:
     Attributes:
         field: (N, capacity) the fields T, flat; see `guidance.field`.
         through: (N, capacity) through which rank the goal can be reached from each cell.
-        geometry: (N, 5) of the grids.
+        zone: (N, capacity) the rank of the map's zone that a cell lies in, 0 in none or rank 1.
+        geometry: (N, 7) of the grids, see `guidance.field`.
         goal: (N, 2) [m].
 
     Examples:
@@ -56,6 +66,7 @@ class Geodesic:
         self,
         count: int = 1,
         *,
+        through: int = 0,
         cell: float = extents.CELL,
         period: float = 0.5,
         pull: Pull | None = None,
@@ -65,9 +76,14 @@ class Geodesic:
         self.cell = finite_float("cell", cell, minimum=0.0, exclusive=True)
         self.period = finite_float("period", period, minimum=0.0, exclusive=True)
         self.pull = Pull() if pull is None else pull
-        self.geometry, self.goal = np.zeros((count, 5)), np.zeros((count, 2))
+        self.geometry, self.goal = np.zeros((count, 7)), np.zeros((count, 2))
         self.field = np.zeros((count, 0), dtype=np.float32)
         self.through = np.zeros((count, 0), dtype=np.int8)
+        self.zone = np.zeros((count, 0), dtype=np.int8)
+        self._opened = through
+        self._grounds: list[MapGround | None] = [None] * count
+        self._walked: list[_Walked | None] = [None] * count
+        self._held: dict[tuple[int, int], Mapped] = {}
         self._next = np.full(count, np.inf)
         self._moving = False
         self._set: BarrierSet | None = None
@@ -76,7 +92,7 @@ class Geodesic:
 
     def reset(
         self,
-        barriers: BarrierSet | Sequence[Barrier],
+        barriers: BarrierSet | Sequence[Barrier | Shapes | Several],
         goal: ArrayLike,
         extent: ArrayLike | None = None,
         clearance: ArrayLike = 0.0,
@@ -90,7 +106,7 @@ class Geodesic:
             barriers: of N scenes; a sequence of barriers where N is 1.
             goal: (2,) or (N, 2) [m].
             extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for what
-                start, goal and regions take up.
+                start, goal and regions take up. Where a scene has a map, the map's grid counts.
             clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
                 or (N, m) for each.
             start: (2,) or (N, 2) [m], which the grid has to cover.
@@ -98,7 +114,9 @@ class Geodesic:
 
         Raises:
             InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
-                outside the extent, or a goal inside a strict region; the fields stay as they were.
+                outside the extent or the map, or a goal inside a strict region; the fields stay as
+                they were. On a map, too, if no way leads from the start to the goal; the message
+                says what lies on it.
         """
         count = len(self.geometry)
         scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
@@ -112,11 +130,15 @@ class Geodesic:
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         goals = _points("goal", goal, count)
         starts = _points("start", start, count)
-        geometry = self._geometry(chosen, scenes, goals, starts, extent)
+        grounds = self._grounds_of(chosen, scenes, clearance)
+        geometry = self._geometry(chosen, scenes, goals, starts, extent, grounds)
         kept = self._clearances(scenes, clearance)
-        _check(chosen, scenes, goals, starts, geometry)
+        _check_extent(chosen, goals, starts, geometry)
+        _check_on_maps(chosen, grounds, goals)
+        _check_goal(chosen, scenes, goals)
 
-        self._set, self._clearance = scenes, kept
+        self._set, self._clearance, self._grounds = scenes, kept, grounds
+        self._held = dict(scenes.atlas.held)
         self.goal[chosen], self.geometry[chosen] = goals[chosen], geometry[chosen]
         self._reserve(int((geometry[chosen, 3] * geometry[chosen, 4]).max(initial=0.0)))
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
@@ -125,6 +147,8 @@ class Geodesic:
         self._next[chosen] = np.where(moves, self.period, np.inf)[chosen]
         self._moving = bool((self._next < np.inf).any())
         self._solve(chosen, np.where(moves, 0.5 * self.period, 0.0))
+        for n in np.flatnonzero(chosen).tolist():
+            self._refuse(n, starts[n])
 
     def update(self, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields that are a period old and move."""
@@ -134,6 +158,33 @@ class Geodesic:
         if due.any():
             self._next[due] = t[due] + self.period
             self._solve(due, t + 0.5 * self.period)
+
+    def follow(self, scenes: BarrierSet, t: Array) -> None:
+        """Repair, at the times t (N,), the fields of the scenes whose maps have changed.
+
+        Args:
+            scenes: of all N, their maps on the grids that they had.
+            t: (N,) [s].
+
+        Raises:
+            InvalidInputError: if a map has another grid.
+        """
+        held = scenes.atlas.held
+        if held == self._held:
+            return
+        self._set, self._held = scenes, dict(held)
+        changed = np.zeros(len(self.goal), dtype=np.bool_)
+        followed: dict[tuple[int, ...], MapGround] = {}
+        for n, regions in _regions_of(scenes).items():
+            ground = self._grounds[n]
+            if ground is None or ground.regions == regions:
+                continue
+            key = id(ground), *map(id, regions)
+            if key not in followed:
+                followed[key] = ground.with_regions(regions)
+            self._grounds[n] = followed[key]
+            changed[n] = True
+        self._solve(changed, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
 
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return a (N, 2) and b (N,) of the rows ``a·u ≥ b`` at N states x (N, 4) and times t (N,).
@@ -162,20 +213,42 @@ class Geodesic:
         """
         return np.array(
             [
-                guidance_row.reachable(self.through[n], self.geometry[n], x[n, 0], x[n, 1])
+                guidance_row.rank_at(self.through[n], self.geometry[n], x[n, 0], x[n, 1])
                 for n in range(len(x))
             ],
             dtype=np.int64,
         )
 
+    def _grounds_of(
+        self, mask: Mask, scenes: BarrierSet, clearance: ArrayLike
+    ) -> list[MapGround | None]:
+        """Return the grounds of N scenes' maps, new where masked; scenes of one map share it."""
+        grounds = [None if new else g for new, g in zip(mask, self._grounds, strict=True)]
+        if not scenes.atlas:
+            return grounds
+        kept = max(finite_float("clearance", clearance, minimum=0.0), LEAST_CLEARANCE)
+        known = {g.regions: g for g in self._grounds if g is not None and g.clearance == kept}
+        for n, regions in _regions_of(scenes).items():
+            if mask[n]:
+                if regions not in known:
+                    known[regions] = MapGround(regions, kept, self._opened)
+                grounds[n] = known[regions]
+        return grounds
+
     def _geometry(
-        self, mask: Mask, scenes: BarrierSet, goal: Array, start: Array, extent: ArrayLike | None
+        self,
+        mask: Mask,
+        scenes: BarrierSet,
+        goal: Array,
+        start: Array,
+        extent: ArrayLike | None,
+        grounds: Sequence[MapGround | None],
     ) -> Array:
-        """Return (N, 5) the grids, new where masked."""
+        """Return (N, 7) the grids, new where masked."""
         count = len(goal)
         corners = np.empty((count, 2, 2))
         if extent is None:
-            for n in np.flatnonzero(mask):
+            for n in np.flatnonzero(mask).tolist():
                 extents.scene_extent(
                     scenes.kind[n], scenes.parameters[n], scenes.priority[n], start[n], goal[n],
                     corners[n],
@@ -188,8 +261,12 @@ class Geodesic:
                     f"extent: got {corners.tolist()}, expected ((x_min, y_min), (x_max, y_max))"
                 )
         geometry = self.geometry.copy()
-        for n in np.flatnonzero(mask):
-            extents.geometry_of(corners[n], self.cell, geometry[n])
+        for n in np.flatnonzero(mask).tolist():
+            ground = grounds[n]
+            if ground is None:
+                extents.geometry_of(corners[n], self.cell, geometry[n])
+            else:
+                geometry[n] = ground.geometry
         return geometry
 
     def _clearances(self, scenes: BarrierSet, clearance: ArrayLike) -> Array:
@@ -207,6 +284,7 @@ class Geodesic:
         if missing > 0:
             self.field = np.pad(self.field, ((0, 0), (0, missing)))
             self.through = np.pad(self.through, ((0, 0), (0, missing)))
+            self.zone = np.pad(self.zone, ((0, 0), (0, missing)))
 
     def _solve(self, mask: Mask, t: Array) -> None:
         """Compute the masked scenes' fields at the times t (N,), none of them twice."""
@@ -217,6 +295,11 @@ class Geodesic:
             self.geometry,
         )  # fmt: skip
         at = np.flatnonzero(mask)
+        for n in at.tolist():
+            self._solve_on_map(n, float(t[n]))
+        at = np.array([n for n in at.tolist() if self._grounds[n] is None], dtype=np.int64)
+        if at.size == 0:
+            return
         asked = np.column_stack([part[at].reshape(len(at), -1) for part in parts])
         if asked.shape[1] != self._solved.shape[1]:  # another number of barriers
             self._solved = np.full((len(mask), asked.shape[1]), np.nan)
@@ -229,10 +312,81 @@ class Geodesic:
         source = [first.setdefault(row.tobytes(), n) for row, n in zip(asked, at, strict=True)]
         todo = np.zeros_like(mask)
         todo[source] = True
-        fields.solve_batch(todo, *parts, self.field, self.through)
+        fields.solve_batch(todo, *parts, self._opened, self.field, self.through)
         alike = at != source
         to, of = at[alike], np.array(source)[alike]
         self.field[to], self.through[to] = self.field[of], self.through[of]
+        self.zone[at] = 0
+
+    def _solve_on_map(self, n: int, t: float) -> None:
+        """Compute the field of a scene at time t where it has a map, or repair what has changed."""
+        base, scenes = self._grounds[n], self._set
+        if base is None:
+            self._walked[n] = None
+            return
+        assert scenes is not None
+        ground = base.ground
+        if scenes.is_region[n].any():
+            ground = Ground(ground.cost.copy(), ground.rank.copy())
+            fields.paint_barriers(
+                ground, base.geometry, scenes.kind[n], scenes.parameters[n], scenes.priority[n],
+                self._clearance[n], t, self._opened,
+            )  # fmt: skip
+        place = base.geometry, self.goal[n].copy()
+        kept = self._opened, self.field[n], self.through[n]
+        last = self._walked[n]
+        if last is not None and all(map(np.array_equal, last.place, place)):
+            tolls = fields.solve_again(ground, last.ground, *place, kept[0], last.tolls, *kept[1:])
+        else:
+            tolls = fields.solve(ground, *place, *kept)
+        self._walked[n] = _Walked(ground, place, tolls)
+        cells = base.ground.rank[1:-1, 1:-1]
+        fields.grid(self.zone[n], base.geometry)[:] = np.where(cells > 1, cells, 0)
+
+    def _refuse(self, n: int, start: Array) -> None:
+        """Refuse a scene on a map where no way leads from the start to the goal.
+
+        Raises:
+            InvalidInputError: if there is none; the message says what lies on the cheapest.
+        """
+        base, walked = self._grounds[n], self._walked[n]
+        if base is None or walked is None:
+            return
+        field = fields.grid(self.field[n], base.geometry)
+        at = fields.cell_of(start[0], start[1], base.geometry)
+        rank, j, i = fields.crossing(walked.ground.rank, field, *at, self._opened)
+        if rank > 0:
+            x, y = fields.to_world(j, i, base.geometry)
+            what = "the body does not fit through there" if rank == 1 else "it may not be crossed"
+            remedy = "" if rank == 1 else f", or guidance with through={rank}"
+            raise InvalidInputError(
+                f"goal: got {self.goal[n].tolist()}: every way from {start.tolist()} leads through "
+                f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
+                f"expected a goal that can be reached{remedy}"
+            )
+
+
+class _Walked(NamedTuple):
+    """What the field of a scene on a map was computed from.
+
+    Attributes:
+        ground: with the barriers on it.
+        place: geometry and goal.
+        tolls: of its stages, see `march`.
+    """
+
+    ground: Ground
+    place: tuple[Array, Array]
+    tolls: Array
+
+
+def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:
+    """Return scene → the classes of its map that are regions, for scenes that have one."""
+    found: dict[int, list[MappedRegion]] = {}
+    for (n, _), one in sorted(scenes.atlas.held.items(), key=itemgetter(0)):
+        if isinstance(one, MappedRegion):
+            found.setdefault(n, []).append(one)
+    return {n: tuple(regions) for n, regions in found.items()}
 
 
 def _points(name: str, value: ArrayLike | None, count: int) -> Array:
@@ -250,11 +404,49 @@ def _points(name: str, value: ArrayLike | None, count: int) -> Array:
     return np.broadcast_to(finite_array(name, value, shape), (count, 2)).copy()
 
 
-def _check(mask: Mask, scenes: BarrierSet, goal: Array, start: Array, geometry: Array) -> None:
-    """Refuse goals and starts that no field can serve.
+def _check_extent(mask: Mask, goal: Array, start: Array, geometry: Array) -> None:
+    """Refuse goals and starts that no grid covers.
 
     Raises:
-        InvalidInputError: if one lies outside its grid, or a goal inside a strict region.
+        InvalidInputError: if one lies outside its grid.
+    """
+    for name, point in (("goal", goal), ("start", start)):
+        for n in np.flatnonzero(mask).tolist():
+            place = geometry[n]
+            cell = np.array(fields.to_cells(point[n, 0], point[n, 1], place))
+            last = place[3:5] - 1.0
+            if (cell < -1e-9).any() or (cell > last + 1e-9).any():
+                low = fields.to_world(0.0, 0.0, place)
+                high = fields.to_world(last[0], last[1], place)
+                raise InvalidInputError(
+                    f"{name}: got {point[n].tolist()}, expected a point within the extent "
+                    f"({low}, {high})"
+                )
+
+
+def _check_on_maps(mask: Mask, grounds: Sequence[MapGround | None], goal: Array) -> None:
+    """Refuse goals that a body's centre cannot be at.
+
+    Raises:
+        InvalidInputError: if one is nearer to cells of rank 1 than the clearance.
+    """
+    for n in np.flatnonzero(mask).tolist():
+        base = grounds[n]
+        if base is None:
+            continue
+        j, i = fields.cell_of(goal[n, 0], goal[n, 1], base.geometry)
+        if base.ground.rank[j + 1, i + 1] == 1:
+            raise InvalidInputError(
+                f"goal: got {goal[n].tolist()}, too close to {base.name_at(j, i, 1)}, rank 1, "
+                f"expected {base.clearance:.3f} m and the class's own margin of room around it"
+            )
+
+
+def _check_goal(mask: Mask, scenes: BarrierSet, goal: Array) -> None:
+    """Refuse goals that no field can serve.
+
+    Raises:
+        InvalidInputError: if one lies inside a strict region.
     """
     x = np.hstack([goal, np.zeros_like(goal)])
     h = scenes.values(x, np.zeros(len(x)))
@@ -266,13 +458,3 @@ def _check(mask: Mask, scenes: BarrierSet, goal: Array, start: Array, geometry: 
             f"goal: got {goal[n].tolist()}, {-h[n, k]:.3f} m inside the strict region number "
             f"{k + 1}, expected a goal outside every region of rank 1"
         )
-    low = geometry[:, :2]
-    high = low + geometry[:, 2:3] * (geometry[:, [4, 3]] - 1.0)
-    for name, point in (("goal", goal), ("start", start)):
-        outside = mask & ((point < low - 1e-9) | (point > high + 1e-9)).any(axis=1)
-        if outside.any():
-            n = int(np.argmax(outside))
-            raise InvalidInputError(
-                f"{name}: got {point[n].tolist()}, expected a point within the extent "
-                f"({low[n].tolist()}, {high[n].tolist()})"
-            )

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.guidance.field import Field, Ranks, cell_of, grid
+from hcbf_gym.guidance.field import cell_of, grid, to_cells, to_world
+from hcbf_gym.guidance.march import Field, Ranks
 
 Array = NDArray[np.float64]
 
@@ -37,35 +38,34 @@ class Pull(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def interpolate(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Return T and its gradient (∂T/∂x, ∂T/∂y) times the cell's side, bilinear between cells."""
+def interpolate(view: Field, row: float, column: float) -> tuple[float, float, float]:
+    """Return T and its slope by row and by column, bilinear between the cells' centres."""
     ny, nx = view.shape
-    column = min(max((x - geometry[0]) / geometry[2], 0.0), nx - 1.000001)
-    line = min(max((y - geometry[1]) / geometry[2], 0.0), ny - 1.000001)
-    i, j = int(column), int(line)
-    p, q = column - i, line - j
+    row = min(max(row, 0.0), ny - 1.000001)
+    column = min(max(column, 0.0), nx - 1.000001)
+    j, i = int(row), int(column)
+    q, p = row - j, column - i
     t00, t01, t10, t11 = view[j, i], view[j, i + 1], view[j + 1, i], view[j + 1, i + 1]
-    gx = (1.0 - q) * (t01 - t00) + q * (t11 - t10)
-    gy = (1.0 - p) * (t10 - t00) + p * (t11 - t01)
+    by_row = (1.0 - p) * (t10 - t00) + p * (t11 - t01)
+    by_column = (1.0 - q) * (t01 - t00) + q * (t11 - t10)
     lower, upper = (1.0 - p) * t00 + p * t01, (1.0 - p) * t10 + p * t11
-    return (1.0 - q) * lower + q * upper, gx, gy
+    return (1.0 - q) * lower + q * upper, by_row, by_column
 
 
 @njit(cache=True, error_model="numpy")
-def lowest_neighbour(view: Field, geometry: Array, x: float, y: float) -> tuple[float, float]:
-    """Return the centre of the lowest cell around the one nearest a point."""
+def lowest_neighbour(view: Field, row: float, column: float) -> tuple[float, float]:
+    """Return row and column of the lowest cell around the one nearest a place."""
     ny, nx = view.shape
-    j, i = cell_of(x, y, geometry)
+    j = round(min(max(row, 0.0), ny - 1.0))
+    i = round(min(max(column, 0.0), nx - 1.0))
     low_j = j
     low_i = i
-    lowest = np.inf
     for near_j in range(max(j - 1, 0), min(j + 2, ny)):
         for near_i in range(max(i - 1, 0), min(i + 2, nx)):
-            if view[near_j, near_i] < lowest:
+            if view[near_j, near_i] < view[low_j, low_i]:
                 low_j = near_j
                 low_i = near_i
-                lowest = view[near_j, near_i]
-    return geometry[0] + low_i * geometry[2], geometry[1] + low_j * geometry[2]
+    return float(low_j), float(low_i)
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,20 +77,20 @@ def descent(
     Steps are one cell long and follow the gradient; one that would climb, in a valley narrower
     than two cells, goes to the lowest cell around instead. So T decreases at every step.
     """
-    cell = geometry[2]
-    value, gx, gy = interpolate(view, geometry, x, y)
-    for _ in range(int(np.ceil(length / cell))):
-        away_x, away_y = goal[0] - x, goal[1] - y
-        if away_x * away_x + away_y * away_y <= 2.25 * cell * cell:
+    row, column = to_cells(x, y, geometry)
+    goal_row, goal_column = to_cells(goal[0], goal[1], geometry)
+    value, by_row, by_column = interpolate(view, row, column)
+    for _ in range(int(np.ceil(length / geometry[2]))):
+        if (goal_row - row) ** 2 + (goal_column - column) ** 2 <= 2.25:
             return goal[0], goal[1]
-        step = cell / max(np.sqrt(gx * gx + gy * gy), 1e-9)
-        next_x, next_y = x - step * gx, y - step * gy
-        next_value, next_gx, next_gy = interpolate(view, geometry, next_x, next_y)
+        slope = max(np.sqrt(by_row * by_row + by_column * by_column), 1e-9)
+        next_row, next_column = row - by_row / slope, column - by_column / slope
+        next_value, by_row, by_column = interpolate(view, next_row, next_column)
         if next_value >= value:
-            next_x, next_y = lowest_neighbour(view, geometry, x, y)
-            next_value, next_gx, next_gy = interpolate(view, geometry, next_x, next_y)
-        x, y, value, gx, gy = next_x, next_y, next_value, next_gx, next_gy
-    return x, y
+            next_row, next_column = lowest_neighbour(view, row, column)
+            next_value, by_row, by_column = interpolate(view, next_row, next_column)
+        row, column, value = next_row, next_column, next_value
+    return to_world(row, column, geometry)
 
 
 @njit(cache=True, error_model="numpy")
@@ -101,7 +101,7 @@ def row(
 
     Args:
         field: (capacity,) of one scene.
-        geometry: (5,) of its grid.
+        geometry: (7,) of its grid, see `guidance.field`.
         goal: (2,) [m].
         x: (4,) position [m] and velocity [m/s].
         pull: gain, speed and ranges.
@@ -126,7 +126,7 @@ def rows(
 
     Args:
         field: (N, capacity).
-        geometry: (N, 5).
+        geometry: (N, 7).
         goal: (N, 2) [m].
         x: (N, 4) positions [m] and velocities [m/s].
         pull: gain, speed and ranges.
@@ -138,57 +138,67 @@ def rows(
 
 
 @njit(cache=True, error_model="numpy")
-def reachable(through: Ranks, geometry: Array, x: float, y: float) -> int:
-    """Return through which rank the goal can be reached from a point; see `field.flood`."""
+def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
+    """Return what stands at a point's cell in (capacity,) ranks, of ways or of zones."""
     j, i = cell_of(x, y, geometry)
-    return through[j * int(geometry[4]) + i]
+    return ranks[j * int(geometry[4]) + i]
 
 
 @njit(cache=True, error_model="numpy")
 def lead(
     field: Field,
     through: Ranks,
+    zones: Ranks,
     geometry: Array,
     goal: Array,
     x: Array,
     pull: Pull,
     way: Array,
     rank: Array,
+    zone: Array,
 ) -> None:
-    """Write the rows of N states, and through which ranks their ways lead; see `rows`.
+    """Write the rows of N states, through which ranks their ways lead, and where they stand.
 
     A state that is not finite is led nowhere.
 
     Args:
         field: (N, capacity).
-        through: (N, capacity) as `reachable` reads it.
-        geometry: (N, 5).
+        through: (N, capacity) through which rank the goal is reached from each cell.
+        zones: (N, capacity) the rank of the map's zone that each lies in.
+        geometry: (N, 7).
         goal: (N, 2) [m].
         x: (N, 4) positions [m] and velocities [m/s].
         pull: gain, speed and ranges.
         way: (N, 3) a_x, a_y and b, to be written.
-        rank: (N,) to be written.
+        rank: (N,) of `through`, to be written.
+        zone: (N,) of `zones`, to be written.
     """
     for n in range(x.shape[0]):
         way[n, 0] = 0.0
         way[n, 1] = 0.0
         way[n, 2] = -1.0
         rank[n] = 0.0
+        zone[n] = 0.0
         if np.isfinite(x[n, 0] + x[n, 1] + x[n, 2] + x[n, 3]):
             way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
-            rank[n] = reachable(through[n], geometry[n], x[n, 0], x[n, 1])
+            rank[n] = rank_at(through[n], geometry[n], x[n, 0], x[n, 1])
+            zone[n] = rank_at(zones[n], geometry[n], x[n, 0], x[n, 1])
 
 
 @njit(cache=True, error_model="numpy")
-def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.int64]) -> None:
+def insert(
+    priority: NDArray[np.int64], way: int, zone: int, through: int, out: NDArray[np.int64]
+) -> None:
     """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
 
     The guidance row comes last of all. Where the goal can be reached only through a rank that the
-    user lets it take, it comes right before the rows of that rank, which then give way to it.
+    user lets it take, it comes right before the rows of that rank, which then give way to it; so
+    it does where the robot stands in a zone of a map, for the nearest edge may lie behind a wall.
 
     Args:
         priority: (m,) of the safety rows, from 1 without a gap.
-        way: through which rank the goal can be reached, as `reachable` returns it.
+        way: through which rank the goal can be reached, see `march`.
+        zone: the rank of the map's zone that the robot stands in, above 1; 0 for none.
         through: the highest rank that gives way to guidance, above 1; 0 for none.
         out: (m + 1,) to be written.
     """
@@ -196,10 +206,15 @@ def insert(priority: NDArray[np.int64], way: int, through: int, out: NDArray[np.
     lowest = 1
     for k in range(m):
         lowest = max(lowest, priority[k])
-    gives_way = through > 1 and way >= through
-    out[m] = way if gives_way else lowest + 1
+    place = lowest + 1
+    if zone > 1:
+        place = zone
+    if through > 1 and way >= through:
+        place = min(place, way)
+    place = min(place, lowest + 1)
+    out[m] = place
     for k in range(m):
-        out[k] = priority[k] + 1 if gives_way and priority[k] >= way else priority[k]
+        out[k] = priority[k] + 1 if priority[k] >= place else priority[k]
 
 
 @njit(cache=True, error_model="numpy")

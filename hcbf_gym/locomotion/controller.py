@@ -1,7 +1,7 @@
 """The locomotion controller: a planar acceleration in, twelve joint torques out, at 500 Hz."""
 
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class LocomotionController:
         chosen_gait = choose("gait", gait, GAITS)
         settings = (
             finite_float("timestep", timestep, minimum=0.0, exclusive=True),
-            finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION),
+            check_friction(friction),
             self.robot.stall_torque,
             self.robot.no_load_speed,
             finite_float(
@@ -188,6 +188,15 @@ class LocomotionController:
             qp_solved=self.solved,
             qp_failed=self.failed,
         )
+
+
+def check_friction(friction: Any) -> float:
+    """Return µ of the contact forces.
+
+    Raises:
+        InvalidInputError: if it is no number that a controller can plan with.
+    """
+    return finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION)
 
 
 def _speed_cap(gait: Gait, max_speed: float | None) -> float:

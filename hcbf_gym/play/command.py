@@ -1,10 +1,12 @@
 """Open a playground in the browser: drag regions, steer, push, and watch who pays for whom."""
 
 import threading
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
 
 from hcbf_gym.barriers import Disc
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.play.page import FIRST_PORT, Page, check_address
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
@@ -27,7 +29,7 @@ class Args:
     """Where the page is, and what is chosen at first; all of it can be changed in the page."""
 
     host: str = "127.0.0.1"
-    """The address to listen at; 0.0.0.0 lets other machines in."""
+    """The address to listen at; 0.0.0.0 lets other machines in that show the token."""
     port: int | None = None
     """The port; by default the first free one from 8080 on."""
     model: Literal["a1", "reduced"] = "a1"
@@ -36,11 +38,17 @@ class Args:
     """What must stay outside: the trunk's centre, or the whole A1."""
     scenario: str = "random"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    map: Path | None = None
+    """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. The seed draws start and goal."""
+    masks: dict[str, int] = field(default_factory=dict)
+    """Masks over that map and their ranks: --masks keepout.yaml 2 avoid.yaml 3."""
+    slow: dict[str, float] = field(default_factory=dict)
+    """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
     policy: str = "pd"
     """pd, human, or a learned policy."""
-    program: str = "eh-cbf-qp"
+    program: str = "lex-cbf-qp"
     """none, or a name from hcbf_gym.programs.names()."""
-    guidance: bool = False
+    guidance: bool = True
     """Lead to the goal around the regions."""
     margin: float | None = None
     """What rows on the position reserve between h and zero [m; default: derived]."""
@@ -66,15 +74,14 @@ def main(args: Args) -> None:
         delta_gamma=args.delta_gamma,
         seed=args.seed,
     )
-    session = Session(settings, args.scenario)
+    session = Session(settings, scene(args))
     compile_all(session)
     page = Page(session, args.host, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
     if args.port is None and page.port != FIRST_PORT:
         print(f"Port {FIRST_PORT} is taken.")
-    shown = "127.0.0.1" if args.host == "0.0.0.0" else args.host
-    print(f"The playground is at http://{shown}:{page.port}/ (Ctrl-C ends it)", flush=True)
+    print(f"The playground is at {page.address} (Ctrl-C ends it)", flush=True)
     simulation.start()
     try:
         page.run(stop, simulation)
@@ -84,6 +91,23 @@ def main(args: Args) -> None:
         stop.set()
         simulation.join(timeout=5.0)
         page.close()
+
+
+def scene(args: Args) -> str | dict[str, Any]:
+    """Return the scene that was asked for; of a map, masks lie where the shell sees them.
+
+    Raises:
+        InvalidInputError: if there are masks and no map.
+    """
+    zones = {
+        name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in args.slow.items()
+    }
+    masks = {str(Path(name).resolve()): entry for name, entry in (args.masks | zones).items()}
+    if args.map is None:
+        if masks:
+            raise InvalidInputError("masks: got some without a map, expected --map, too")
+        return args.scenario
+    return {"map": {"file": str(args.map), "masks": masks}}
 
 
 def compile_all(session: Session) -> None:

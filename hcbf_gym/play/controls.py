@@ -25,8 +25,8 @@ KEYS = {"W": (0.0, 1.0), "S": (0.0, -1.0), "A": (-1.0, 0.0), "D": (1.0, 0.0)}
 LEAST_RANKS = 5
 """How many ranks can be chosen from; more where a scene has more."""
 NO_REGION = "none"
-DERIVED = -0.01
-"""The slider of the margin stands here while the filter derives it [m]."""
+WIDEST_MARGIN = 0.3
+"""That can be chosen instead of the derived one [m]."""
 
 
 class Controls:
@@ -85,7 +85,10 @@ class Controls:
         self._model.value, self._guidance.value = settings.model, settings.guidance
         self._gamma0.value, self._delta_gamma.value = settings.gamma0, settings.delta_gamma
         self._body.value = settings.body
-        self._margin.value = DERIVED if settings.margin is None else settings.margin
+        self._derived.value = settings.margin is None
+        self._margin.visible = settings.margin is not None
+        if settings.margin is not None:
+            self._margin.value = settings.margin
         self._seed.value = settings.seed
         self._pause.value = not snapshot.running
         known = scenarios.names()
@@ -192,6 +195,7 @@ class Controls:
         halt = gui.add_command("stick: stop", hotkey="X")
         halt.on_trigger(self._if_steering(lambda _: self._set_stick(0.0, 0.0)))
         gui.add_markdown("*human*: sliders, keys W A S D X, or drag the handle on the robot.")
+        gui.add_markdown("A click on the floor is the goal, where the scene has one.")
         force = gui.add_vector2("push [N]", (60.0, 0.0), min=(-500, -500), max=(500, 500), step=10)
         push = gui.add_button("push the trunk", icon=viser.Icon.HAND_FINGER)
         self._on_click(push, lambda _: self._post(session.push, force.value))
@@ -211,17 +215,17 @@ class Controls:
         self._post(self._session.steer, (self._east.value, self._north.value))
 
     def _filter(self, gui: viser.GuiApi) -> None:
-        program = gui.add_dropdown("program", program_names(), initial_value="eh-cbf-qp")
+        program = gui.add_dropdown("program", program_names(), initial_value="lex-cbf-qp")
         self._program = self._on_choice(program, "program")
-        self._guidance = self._on_choice(gui.add_checkbox("guidance", False), "guidance")
+        self._guidance = self._on_choice(gui.add_checkbox("guidance", True), "guidance")
         field = gui.add_checkbox("show the field", False)
         field.on_update(self._if_steering(self._toggle_field))
-        margin = gui.add_slider(
-            "margin [m]", min=DERIVED, max=0.3, step=0.01, initial_value=DERIVED,
-            hint="at the far left the filter derives it",
-        )  # fmt: skip
-        self._margin = margin
-        margin.on_update(self._if_steering(self._set_margin))
+        self._derived = gui.add_checkbox("margin derived", True, hint="else it is chosen")
+        self._margin = gui.add_slider(
+            "margin [m]", min=0.0, max=WIDEST_MARGIN, step=0.01, initial_value=0.05, visible=False
+        )
+        for part in (self._derived, self._margin):
+            part.on_update(self._if_steering(lambda _: self._set_margin()))
         gamma0 = gui.add_slider("γ₀", min=0.0, max=20.0, step=0.05, initial_value=5.0)
         self._gamma0 = self._on_choice(gamma0, "gamma0")
         delta = gui.add_slider("Δγ", min=0.0, max=5.0, step=0.1, initial_value=1.3)
@@ -231,9 +235,9 @@ class Controls:
         self.show_field = event.target.value
         self._stale = True
 
-    def _set_margin(self, event: Any) -> None:
-        value = event.target.value
-        self._post(self._session.change, margin=None if value < 0.0 else value)
+    def _set_margin(self) -> None:
+        chosen = None if self._derived.value else self._margin.value
+        self._post(self._session.change, margin=chosen)
 
     def _scene(self, gui: viser.GuiApi) -> None:
         session = self._session
@@ -283,6 +287,15 @@ class Controls:
             "/stick", scale=0.35, depth_test=False, visible=False, **flat
         )
         self._stick.on_update(self._if_steering(self._drag_stick))
+        scene.on_click()(self._if_steering(self._click))
+
+    def _click(self, event: Any) -> None:
+        """Take the point of the floor that was clicked for the goal."""
+        x, y, z = event.ray_origin
+        along_x, along_y, down = event.ray_direction
+        if down < 0.0:
+            far = -z / down
+            self._post(self._session.go_to, (x + far * along_x, y + far * along_y))
 
     def _drag_region(self, event: Any) -> None:
         now = time.monotonic()

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Oval, Shape, Wall
-from hcbf_gym.drawing.palette import PATH, REFERENCE, priority_color
+from hcbf_gym.drawing.palette import PATH, REFERENCE, SPEED_ZONE, paler, priority_color
 from hcbf_gym.guidance.field import grid
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
 Array = NDArray[np.float64]
@@ -21,6 +22,10 @@ WALL_LENGTH, WALL_DEPTH = 40.0, 0.6
 """How much of a forbidden half-plane is drawn [m]."""
 COLLISION_GROUP = 3
 """The group of geoms that MuJoCo's own viewer hides."""
+LOWEST, HIGHEST = 0.004, 0.03
+"""Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
+WALL_HEIGHT = 0.3
+"""Of the strict cells of a map, low enough to look over [m]."""
 ARROWS = 25
 """Arrows of the guidance field along the longer side of the scene."""
 PATH_POINTS = 400
@@ -37,6 +42,8 @@ class Stage:
         self._scene = server.scene
         self._bodies: list[tuple[int, Any]] = []
         self._regions: list[tuple[Shape, Any]] = []
+        self._floor: RankedMap | None = None
+        self._cells: list[Any] = []
         self._path: list[Array] = []
         self._line: Any = None
         self._field: list[Any] = []
@@ -51,12 +58,13 @@ class Stage:
         for _, handle in self._regions:
             handle.remove()
         self._regions = [
-            (barrier, self._draw_region(k, barrier, t))
-            for k, barrier in enumerate(scenario.barriers)
-            if isinstance(barrier, Shape)
+            (region, self._draw_region(k, region, height, t))
+            for k, (region, height) in enumerate(stacked(scenario))
         ]
+        if scenario.map is not self._floor:
+            self._show_map(scenario.map)
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
-        line = np.array([[*scenario.reference(s)[0], 0.012] for s in times])
+        line = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
         self._scene.add_line_segments(
             "/reference/line",
             np.stack([line[:-1:2], line[1::2]], axis=1),
@@ -64,7 +72,7 @@ class Stage:
             thickness=0.02,
         )
         self._scene.add_cylinder(
-            "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, 0.01)
+            "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, HIGHEST)
         )
 
     def show_robot(self, model: mujoco.MjModel | None) -> None:
@@ -113,7 +121,7 @@ class Stage:
 
     def show_path(self) -> None:
         """Draw the path walked."""
-        points = np.array([[*p, 0.02] for p in self._path])
+        points = np.array([[*p, HIGHEST + 0.01] for p in self._path])
         if len(points) > 1:
             pairs = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
         else:
@@ -135,7 +143,7 @@ class Stage:
             return
         way = guidance.Geodesic()
         way.reset(scenario.barriers, scenario.goal, start=scenario.start)
-        x0, y0, cell, _, _ = geometry = way.geometry[0]
+        x0, y0, cell, *_ = geometry = way.geometry[0]
         values = np.array(grid(way.field[0], geometry), dtype=np.float64)
         stride = max(1, max(values.shape) // ARROWS)
         down: Any = np.gradient(-values)
@@ -148,7 +156,7 @@ class Stage:
         reach = 0.7 * stride * cell
         starts = np.stack([x0 + cell * columns.ravel(), y0 + cell * rows.ravel()], axis=1)[goes]
         ends = starts + reach * np.stack([way_x[goes], way_y[goes]], axis=1) / length[goes, None]
-        height = np.full((len(starts), 1), 0.03)
+        height = np.full((len(starts), 1), HIGHEST + 0.01)
         arrows = np.stack([np.hstack([starts, height]), np.hstack([ends, height])], axis=1)
         self._field.append(
             self._scene.add_arrows(
@@ -157,9 +165,30 @@ class Stage:
             )
         )  # fmt: skip
 
-    def _draw_region(self, k: int, region: Shape, t: float) -> Any:
+    def _show_map(self, floor: RankedMap | None) -> None:
+        """Draw each class of a map: flat, and what is strict and known as high as a wall."""
+        for handle in self._cells:
+            handle.remove()
+        self._cells, self._floor = [], floor
+        if floor is None:
+            return
+        ordered = sorted(floor.classes, key=lambda one: (one.limit is None, -one.rank))
+        heights = np.linspace(0.25 * LOWEST, LOWEST, len(ordered), endpoint=False).tolist()
+        for k, (one, height) in enumerate(zip(ordered, heights, strict=True)):
+            wall = WALL_HEIGHT if one.is_strict and one.kind == "keepout" else height
+            surface = _raised(floor.polygons(one.name), height, wall)
+            if len(surface[1]):
+                color = SPEED_ZONE if one.limit is not None else priority_color(one.rank)
+                share = 0.7 if one.kind == "unknown" else 0.3
+                self._cells.append(
+                    self._scene.add_mesh_simple(
+                        f"/map/{k}", *surface, color=rgb(paler(color, share)), side="double",
+                        flat_shading=True, cast_shadow=False, receive_shadow=False,
+                    )
+                )  # fmt: skip
+
+    def _draw_region(self, k: int, region: Shape, height: float, t: float) -> Any:
         corners = _flat(region)
-        height = 0.01 / region.priority
         vertices = np.column_stack([corners, np.zeros(len(corners))])
         fan = np.arange(1, len(corners) - 1)
         faces = np.column_stack([np.zeros(len(fan), dtype=np.int64), fan, fan + 1])
@@ -167,13 +196,40 @@ class Stage:
             f"/regions/{k}",
             vertices,
             faces,
-            color=rgb(priority_color(region.priority)),
-            opacity=0.75,
+            color=rgb(paler(priority_color(region.priority))),
             side="double",
             cast_shadow=False,
             receive_shadow=False,
             position=(*(t * region.frame_velocity), height),
         )
+
+
+def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
+    """Return the regions of a scene, each with a height of its own [m], so that none flickers.
+
+    They are opaque as well: a browser would blend them or not, as it happens to sort them.
+    """
+    regions = [barrier for barrier in scenario.barriers if isinstance(barrier, Shape)]
+    regions.sort(key=lambda region: -region.priority)
+    heights = np.linspace(LOWEST, HIGHEST, len(regions))
+    return list(zip(regions, heights.tolist(), strict=True))
+
+
+def _raised(polygons: list[Array], bottom: float, top: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices (n, 3) and faces (f, 3) of prisms over polygons (k, 2), without floors."""
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    for corners in polygons:
+        k = len(corners)
+        turn = np.arange(k)
+        after = (turn + 1) % k
+        vertices.append(
+            np.column_stack([np.vstack([corners, corners]), np.repeat([top, bottom], k)])
+        )
+        fan = np.column_stack([np.zeros(k - 2, dtype=np.int64), turn[1:-1], turn[2:]])
+        sides = np.column_stack([turn, k + turn, k + after, turn, k + after, after])
+        faces += [count + fan, count + sides.reshape(-1, 3)]
+        count += 2 * k
+    return np.vstack(vertices), np.vstack(faces)
 
 
 def rgb(color: str) -> Rgb:

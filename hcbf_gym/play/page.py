@@ -14,6 +14,7 @@ from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.play import readings
 from hcbf_gym.play.controls import Controls
 from hcbf_gym.play.drawing import Stage
+from hcbf_gym.play.gate import TOKEN, Gate, is_local
 from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.plots import Plots
 from hcbf_gym.play.session import Session
@@ -22,6 +23,9 @@ FIRST_PORT = 8080
 RATE = 40.0
 """How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
 SLOWER = 5
+NEAREST = 0.1
+"""What is nearer to the camera is not drawn [m]; ten times viser's own, so that a depth buffer can
+tell regions apart that lie a millimetre above each other."""
 OFF_CENTRE = 1.0
 """How far the robot gets from the point looked at before the camera follows [m]."""
 
@@ -30,7 +34,8 @@ class Page:
     """A web server that shows a session and takes its commands.
 
     Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
-    is neither waited for nor remembered.
+    is neither waited for nor remembered. While nobody watches, time stands still. Where other
+    machines can reach it, a `Gate` stands before it.
 
     Args:
         session: what is shown.
@@ -39,6 +44,7 @@ class Page:
 
     Attributes:
         port: the port that it is.
+        address: what to open in a browser, with the token where one is needed.
         helm: who steers.
         controls: what can be touched.
 
@@ -49,16 +55,29 @@ class Page:
     def __init__(self, session: Session, host: str, port: int | None):
         check_address(host, port)
         first = FIRST_PORT if port is None else port
+        local = is_local(host)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner
             self._server = viser.ViserServer(
-                host=host, port=first, label="hcbf play", verbose=False
+                host=host if local else "127.0.0.1",
+                port=first if local else 0,
+                label="hcbf play",
+                verbose=False,
             )
         self.port = self._server.get_port()
+        self._gate: Gate | None = None
+        if not local:
+            last = 65535 if port is None else port
+            self._gate = Gate(host, range(first, last + 1), self.port)
+            self.port = self._gate.port
+        shown = "127.0.0.1" if host in ("", "0.0.0.0") else host
+        key = "" if self._gate is None else f"?{TOKEN}={self._gate.token}"
+        self.address = f"http://{shown}:{self.port}/{key}"
         self._session = session
         self.helm = Helm()
         self._server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="large"
         )
+        self._server.gui.add_html(readings.STYLE)
         self._words = self._server.gui.add_html("")
         self.controls = Controls(self._server, session, self.helm)
         self._server.on_client_disconnect(lambda client: self.controls.left(client.client_id))
@@ -67,6 +86,8 @@ class Page:
         x, y = session.latest.position.tolist()
         self._server.initial_camera.position = (x - 3.0, y - 3.0, 3.5)
         self._server.initial_camera.look_at = (x, y, 0.0)
+        self._server.initial_camera.near = NEAREST
+        self._watched: bool | None = None
         self._revision = -1
         self._time = -1.0
         self._body = object()
@@ -82,12 +103,18 @@ class Page:
 
     def close(self) -> None:
         """Stop serving."""
+        if self._gate is not None:
+            self._gate.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
     def show(self) -> None:
         """Send what has changed since the last time."""
         snapshot = self._session.latest
+        watched = bool(self._server.get_clients())
+        if watched != self._watched:
+            self._session.post(self._session.attend, watched)
+            self._watched = watched
         with self._server.atomic():
             if snapshot.body is not self._body:
                 self._stage.show_robot(snapshot.body)

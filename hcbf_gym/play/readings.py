@@ -5,6 +5,13 @@ from html import escape
 from hcbf_gym.drawing.palette import priority_color
 from hcbf_gym.play.report import Snapshot
 
+STYLE = """<style>@media (max-width: 576px) {
+.mantine-Paper-root:has([data-reading]) { width: 100% !important; max-height: 42% !important; }
+.mantine-Paper-root:has([data-reading]) [style*="20em"] { width: 100% !important; }
+.hcbf-details { display: none; }
+}</style>"""
+"""On a phone: viser's sheet is as wide as the screen and leaves the scene the upper half."""
+
 _STATUS_COLORS = {
     "NOMINAL": "#2e7d32",
     "SAFE": "#2e7d32",
@@ -30,10 +37,13 @@ def html(snapshot: Snapshot, steering: str) -> str:
         f"{_cell(f'slack-{rank}', f'{snapshot.slack.get(rank, 0.0):.2f} m/s²')}</tr>"
         for rank, h in snapshot.h.items()
     )
+    derived = {}
+    if snapshot.settings.margin is None and "margin" in snapshot.details:
+        derived["margin"] = f"{snapshot.details['margin']:.2f} m, derived"
     rest = {
         "intervention": f"{snapshot.intervention:.2f} m/s²",
         "speed margin": "–" if snapshot.speed_margin is None else f"{snapshot.speed_margin:+.2f}",
-        **{name: f"{value:.2f}" for name, value in snapshot.details.items()},
+        **{name: f"{value:.2f}" for name, value in snapshot.details.items()} | derived,
         "position": f"{snapshot.position[0]:.2f}, {snapshot.position[1]:.2f} m",
     }
     others = " · ".join(f"{name} {_span(name, text)}" for name, text in rest.items())
@@ -47,7 +57,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         '<table style="width:100%;text-align:right"><tr style="color:#777">'
         "<td></td><td>h now</td><td>least h</td><td>slack</td></tr>"
         f"{ranks}</table>"
-        f'<div style="color:#777">{others}</div>'
+        f'<div class="hcbf-details" style="color:#777">{others}</div>'
         f"<div>{_span('policy', settings.policy)} under {_span('program', settings.program)} in "
         f"{_span('scene', snapshot.scenario.name)}</div>"
         f"<div>t = {_span('time', f'{snapshot.time:.2f}')} s, {_span('state', state)}, "

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
@@ -101,7 +102,7 @@ def sentence(
         where = f"the robot is inside a region of {_ranks(inside)}" if inside else "nothing is hit"
         return f"There is no filter, and {where}."
     if status == FilterStatus.NOMINAL.name:
-        return "The policy has its way: no region minds."
+        return "The policy has its way: no region is near enough to matter."
     if status == FilterStatus.SAFE.name:
         return f"Every rank holds: the filter changes the input by {intervention:.1f} m/s²."
     if status == FilterStatus.UNSAFE.name:
@@ -121,23 +122,39 @@ def sentence(
 def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names: list[str]) -> str:
     """Return which rows conflict at a state, and whether the input's limits are part of it.
 
+    Of a map's class the place that is nearest is told, too.
+
     Args:
         inner: the environment.
         x: (4,) the state that the filter saw.
         t: its time [s].
-        margin: (m,) what each row reserved.
-        slack: (m,) each row's violation.
+        margin: (m,) what the rows of each barrier reserved.
+        slack: (m,) their violation.
         names: of the m barriers.
     """
     limits = inner.scenario.input_set
     settings = RowSettings(period=CONTROL_DT, u_max=limits.radius)
-    batch = inner.barrier_set.rows(x[None], np.array([t]), settings, margin[None])
+    barriers, whose = inner.barrier_set, np.arange(len(names))
+    mapped = barriers.kind[0] == MAPPED
+    if barriers.atlas:
+        exact = x, np.zeros(4), np.zeros((4, 4))
+        barriers, whose = barriers.at_hand(
+            settings, inner.plant.uncertainty, limits.radius, x, *exact
+        )
+    batch = barriers.rows(x[None], np.array([t]), settings, margin[None, whose])
     rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
-    answer = FilterResult(np.zeros(2), slack, slack, FilterStatus.RELAXED, 0)
+    paid = slack[whose]
+    answer = FilterResult(np.zeros(2), paid, paid, FilterStatus.RELAXED, 0)
     report = programs.conflict_report(rows, answer, limits)
     if report is None:
         return ""
-    parts = [f"{names[row]} (rank {rows.priority[row]})" for row in report.rows]
+    parts = []
+    for row in report.rows:
+        name = names[whose[row]]
+        if mapped[whose[row]]:
+            place = x[:2] - rows.h[row] * rows.a[row]  # a is the way from the nearest piece
+            name += f" at {place[0]:.1f}, {place[1]:.1f} m"
+        parts.append(f"{name} (rank {rows.priority[row]})")
     if report.needs_input_set:
         parts.append("the limits of the input")
     return "In conflict: " + ", ".join(parts) + "."

@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,8 +26,10 @@ from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.settings import Arrangement, Human, Settings, arrange
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios.references import PointReference
 
 Array = NDArray[np.float64]
+Source = str | Path | Mapping[str, Any] | Scenario
 
 PUSH_TIME = 0.2
 """How long a push lasts [s]."""
@@ -53,10 +55,11 @@ class Session:
         HcbfError: if settings and scene make no environment.
     """
 
-    def __init__(self, settings: Settings, scenario: str | Path | Scenario = "random"):
+    def __init__(self, settings: Settings, scenario: Source = "random"):
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._source: str | Path | Scenario = scenario
+        self._source: Source = scenario
         self._pace, self._running, self._steps_left = 1.0, True, 0
+        self._attended = True
         self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
         self._ticks, self._revision, self._messages, self._message = 0, 0, 0, ""
         self._push_left, self._conflict = 0, ""
@@ -85,7 +88,7 @@ class Session:
             except HcbfError as error:
                 self._revision += 1  # what the page shows has to be put right
                 self._say(str(error))
-        if self._running or self._steps_left:
+        if (self._running and self._attended) or self._steps_left:
             self._steps_left = max(0, self._steps_left - 1)
             self._advance()
         self._clock.append((time.perf_counter(), self._ticks))
@@ -107,7 +110,7 @@ class Session:
         else:
             self._join(arrange(settings, self.scenario, self._now.inner), settings)
 
-    def choose_scene(self, scenario: str | Path | Scenario) -> None:
+    def choose_scene(self, scenario: Source) -> None:
         """Begin in another scene, as environments take it."""
         scene = self._draw(scenario, self.settings.seed)
         self._start(self.settings, scene)
@@ -122,6 +125,12 @@ class Session:
         """Begin the scene again as it is now, with the same seed."""
         self._start(self.settings, self.scenario)
 
+    def attend(self, watched: bool) -> None:
+        """Let time pass only while somebody watches; who comes first finds the robot under way."""
+        if watched and not self._attended and self._info["is_success"]:
+            self.restart()
+        self._attended = watched
+
     def move(self, region: str, to: Sequence[float]) -> None:
         """Move a region (2,) [m]."""
         self._edit(editing.move(self.scenario, region, to, self._now.inner.time))
@@ -133,6 +142,20 @@ class Session:
     def rank(self, region: str, priority: int) -> None:
         """Give a region another rank."""
         self._edit(editing.rank(self.scenario, region, priority))
+
+    def go_to(self, goal: Sequence[float]) -> None:
+        """Give the scene another goal (2,) [m].
+
+        Raises:
+            HcbfError: if the scene has a course instead of a goal, or no way leads there.
+        """
+        if not isinstance(self.scenario.reference, PointReference):
+            raise InvalidInputError(
+                f"goal: the scene {self.scenario.name!r} has a course to follow, expected a goal"
+            )
+        x, y = finite_array("goal", goal, (2,)).tolist()
+        self._edit(replace(self.scenario, reference=PointReference((x, y))))
+        self._say(f"The goal is at {x:.2f}, {y:.2f} m.")
 
     def steer(self, velocity: Sequence[float]) -> None:
         """Hold the stick: the velocity (2,) that a human at it wants [m/s]."""
@@ -172,9 +195,7 @@ class Session:
         """Run at so many simulated seconds in a second of the clock."""
         self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
 
-    def _draw(
-        self, source: str | Path | Scenario, seed: int, otherwise: Scenario | None = None
-    ) -> Scenario:
+    def _draw(self, source: Source, seed: int, otherwise: Scenario | None = None) -> Scenario:
         """Return a scene: a random one as the seed has it, another as it is now if it is."""
         if otherwise is not None and not scenarios.is_random(source):
             return otherwise

@@ -39,7 +39,7 @@ class Settings:
             a point.
         policy: "pd", "human" or a learned one.
         program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
-        guidance: whether a geodesic field leads to the goal.
+        guidance: whether a geodesic field leads to the goal; not where a human leads.
         margin: what rows on the position reserve [m]; None derives it.
         gamma0: γ₀, where the program has weights.
         delta_gamma: Δγ, where the program has weights.
@@ -53,8 +53,8 @@ class Settings:
     model: str = "a1"
     body: str = BODIES[0]
     policy: str = PD
-    program: str = "eh-cbf-qp"
-    guidance: bool = False
+    program: str = "lex-cbf-qp"
+    guidance: bool = True
     margin: float | None = None
     gamma0: float = 5.0
     delta_gamma: float = 1.3
@@ -149,10 +149,11 @@ def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrang
         return Arrangement(inner, inner, policy)
     weights: dict[str, Any] = {"gamma0": settings.gamma0, "delta_gamma": settings.delta_gamma}
     taken = programs.options(settings.program)
+    guided = settings.guidance and policy is not None
     env = SafetyFilter(
         inner,
         program=settings.program,
-        guidance="geodesic" if settings.guidance else None,
+        guidance="geodesic" if guided else None,
         margin=settings.margin,
         **{name: value for name, value in weights.items() if name in taken},
     )

@@ -8,14 +8,19 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, traps
+from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps
+from hcbf_gym.scenarios.floor_plans import Route
 from hcbf_gym.scenarios.hall import Layout
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
 
 __all__ = [
+    "PLANS",
     "RANDOM",
     "BoxObstacle",
+    "Layout",
+    "Route",
     "Scenario",
+    "draw",
     "from_dict",
     "is_random",
     "load",
@@ -37,18 +42,36 @@ RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
     "random-wide": partial(random_scenes.draw, gap=random_scenes.WIDE_GAP),
     "random-clutter": clutter.draw,
     "random-traps": traps.draw,
+    "random-map": rooms.draw,
 }
 """The names that stand for another scene at every reset, and what draws it."""
+
+PLANS: dict[str, Callable[[np.random.Generator], Route]] = {
+    f"map-{plan}": partial(floor_plans.draw, plan) for plan in floor_plans.NAMES
+}
+"""The floor plans, in which every reset draws another start and another goal."""
 
 
 def names() -> list[str]:
     """Return the names that `make` knows."""
-    return sorted([*_NAMED, *RANDOM])
+    return sorted([*_NAMED, *RANDOM, *PLANS])
 
 
 def is_random(scenario: str | Path | Mapping[str, Any] | Scenario) -> bool:
-    """Return whether `make` draws another scene at every call."""
-    return isinstance(scenario, str) and scenario in RANDOM
+    """Return whether `make` draws another scene at every call: it has such a name, or is a map."""
+    if isinstance(scenario, Mapping):
+        return set(scenario) == {"map"}
+    return isinstance(scenario, str) and (scenario in RANDOM or scenario in PLANS)
+
+
+def draw(
+    scenario: str | Path | Mapping[str, Any] | Scenario, rng: np.random.Generator
+) -> Layout | Route:
+    """Return what the generator decides of a scene that is random."""
+    if isinstance(scenario, Mapping):
+        return floor_plans.through(floor_plans.described(scenario["map"]), rng)
+    drawers: dict[str, Callable[[np.random.Generator], Layout | Route]] = {**RANDOM, **PLANS}
+    return drawers[str(scenario)](rng)
 
 
 def make(
@@ -57,7 +80,8 @@ def make(
     """Return a scenario.
 
     Args:
-        scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`.
+        scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`. A dict of a map
+            alone, {"map": {"file": …, "masks": …}}, stands for random ways through it.
         rng: what decides a random scene; a generator of seed 0 unless given.
 
     Raises:
@@ -66,16 +90,16 @@ def make(
     """
     if isinstance(scenario, Scenario):
         return scenario
+    if isinstance(scenario, str | Mapping) and is_random(scenario):
+        name = floor_plans.name_of(scenario["map"]) if isinstance(scenario, Mapping) else scenario
+        rng = np.random.default_rng(0) if rng is None else rng
+        return draw(scenario, rng).scenario(name)
     if isinstance(scenario, Mapping):
         return from_dict(scenario)
     if not isinstance(scenario, str | Path):
         raise InvalidInputError(
             f"scenario: got {scenario!r}, expected a name, a dict, a JSON file or a Scenario"
         )
-    if is_random(scenario):
-        name = str(scenario)
-        rng = np.random.default_rng(0) if rng is None else rng
-        return hall.scenario(name, RANDOM[name](rng))
     if str(scenario) in _NAMED:
         return _NAMED[str(scenario)]()
     if str(scenario).endswith(".json"):

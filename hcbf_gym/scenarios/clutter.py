@@ -19,6 +19,7 @@ from hcbf_gym.scenarios.hall import (
     X,
     Y,
     hide,
+    room_beside,
 )
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
         for attempt in range(_TRIES):
             x = length * chance[4 + 2 * attempt]
             y = goal[1] * x / length + 0.7 * half_width * (2.0 * chance[5 + 2 * attempt] - 1.0)
-            free = _room(way, x, y)
+            free = room_beside(way, x, y, CLEAR, CLEAR_ENDS)
             if free > room:
                 region[X], region[Y], room = x, y, free
             if room >= _SMALLEST:
@@ -80,16 +81,3 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
         region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * chance[_FORM]))[int(3.0 * chance[_KIND])]
         region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
     return half_width
-
-
-@njit(cache=True)
-def _room(way: Array, x: float, y: float) -> float:
-    """Return the greatest circumradius that a region at (x, y) may have beside the way [m]."""
-    last = way.shape[0] - 1
-    room = min(np.hypot(x, y), np.hypot(x - way[last, 0], y - way[last, 1])) - CLEAR_ENDS
-    for k in range(last):
-        ex, ey = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
-        ox, oy = x - way[k, 0], y - way[k, 1]
-        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-        room = min(room, np.hypot(ox - along * ex, oy - along * ey) - CLEAR)
-    return room

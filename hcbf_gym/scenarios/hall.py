@@ -29,36 +29,38 @@ class Layout(NamedTuple):
 
     Attributes:
         half_width: of the hall [m].
-        goal: (2,) [m]; the start is the origin.
+        goal: (2,) [m].
         regions: (k, 8) centre [m], velocity [m/s], shape, circumradius, or half the length of a box
             [m], ratio of the other semi-axis or side to it, angle [rad].
         priorities: of the k regions; the walls are strict.
+        start: (2,) [m].
     """
 
     half_width: float
     goal: Array
     regions: Array
     priorities: tuple[int, ...]
+    start: tuple[float, float] = (0.0, 0.0)
 
-
-def scenario(name: str, drawn: Layout) -> Scenario:
-    """Return the scene as a `Scenario` of the given name."""
-    return Scenario(
-        name=name,
-        barriers=(
-            HalfPlane("left wall", 1, normal=(0.0, -1.0), offset=-drawn.half_width),
-            HalfPlane("right wall", 1, normal=(0.0, 1.0), offset=-drawn.half_width),
-            *(
-                _barrier(f"region {k + 1}", priority, region)
-                for k, (priority, region) in enumerate(
-                    zip(drawn.priorities, drawn.regions, strict=True)
-                )
+    def scenario(self, name: str) -> Scenario:
+        """Return the scene as a `Scenario` of the given name."""
+        walls = (("left wall", -1.0), ("right wall", 1.0))
+        ranked = enumerate(zip(self.priorities, self.regions, strict=True))
+        return Scenario(
+            name=name,
+            barriers=(
+                *(HalfPlane(wall, 1, (0.0, side), -self.half_width) for wall, side in walls),
+                *(_barrier(f"region {k + 1}", rank, region) for k, (rank, region) in ranked),
             ),
-        ),
-        reference=PointReference(tuple(drawn.goal)),
-        task="reach",
-        v_max=V_MAX,
-    )
+            reference=PointReference(tuple(self.goal)),
+            start=self.start,
+            task="reach",
+            v_max=V_MAX,
+        )
+
+    def write(self, kind: NDArray[np.int64], parameters: Array) -> None:
+        """Write the barriers (m,), (m, 19) as a `BarrierSet` holds them, without a `Scenario`."""
+        write(self.half_width, self.regions, kind, parameters)
 
 
 def _barrier(name: str, priority: int, region: Array) -> Barrier:
@@ -78,6 +80,29 @@ def hide(regions: Array, length: float, half_width: float) -> None:
         regions[k] = 0.0
         regions[k, X], regions[k, Y] = 0.5 * length, side * (half_width + 2.0)
         regions[k, RADIUS], regions[k, ASPECT] = 0.5, 1.0
+
+
+@njit(cache=True)
+def room_beside(way: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
+    """Return the greatest circumradius that a region at (x, y) may have beside a way [m].
+
+    Args:
+        way: (k, 2) the points that it joins [m].
+        x: of the region [m].
+        y: of the region [m].
+        clear: what stays free on both sides of the way [m].
+        clear_ends: what stays free around its first and its last point [m].
+    """
+    last = way.shape[0] - 1
+    from_start = np.hypot(x - way[0, 0], y - way[0, 1])
+    from_goal = np.hypot(x - way[last, 0], y - way[last, 1])
+    room = min(from_start, from_goal) - clear_ends
+    for k in range(last):
+        ex, ey = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
+        ox, oy = x - way[k, 0], y - way[k, 1]
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        room = min(room, np.hypot(ox - along * ex, oy - along * ey) - clear)
+    return room
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from hcbf_gym import barriers, records
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
@@ -69,7 +71,8 @@ class Scenario:
 
     Args:
         name: what tables and figures call it.
-        barriers: m ranked safety conditions; priorities 1, 2, … without a gap.
+        barriers: ranked safety conditions; with those of the map, the priorities are 1, 2, …
+            without a gap.
         reference: where the nominal policy wants to be; the last point is the goal.
         start: (2,) where the robot starts [m].
         input_set: U of the reduced-order model.
@@ -77,6 +80,7 @@ class Scenario:
         goal_radius: within which the goal counts as reached [m].
         v_max: strict cap on the speed that the environments add [m/s]; None for none.
         obstacles: boxes of the full-physics scene.
+        map: whose classes are conditions, too, after the barriers; None for none.
 
     Raises:
         InvalidInputError: if the barriers are none, share a name or skip a priority, if boxes share
@@ -92,16 +96,19 @@ class Scenario:
     goal_radius: float = 0.25
     v_max: float | None = None
     obstacles: tuple[BoxObstacle, ...] = ()
+    map: RankedMap | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InvalidInputError(f"scenario name: got {self.name!r}, expected text")
-        names = [barrier.name for barrier in self.barriers]
+        if not (self.map is None or isinstance(self.map, RankedMap)):
+            raise InvalidInputError(f"{self.name}: map: got {self.map!r}, expected a RankedMap")
+        names = [barrier.name for barrier in self.conditions]
         if not names or len(set(names)) != len(names):
             raise InvalidInputError(
                 f"{self.name}: barriers: got the names {names}, expected one or more, all different"
             )
-        ranks = sorted({barrier.priority for barrier in self.barriers})
+        ranks = sorted({barrier.priority for barrier in self.conditions})
         if ranks != list(range(1, len(ranks) + 1)):
             raise InvalidInputError(
                 f"{self.name}: priorities: got {ranks}, expected 1, 2, … without a gap"
@@ -125,6 +132,11 @@ class Scenario:
         """(2,) where the reference ends [m]."""
         return self.reference(self.reference.duration)[0]
 
+    @cached_property
+    def conditions(self) -> tuple[Barrier, ...]:
+        """The barriers, then one for each class of the map, in the order of infos."""
+        return self.barriers + (() if self.map is None else self.map.conditions)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as a plain dict that `from_dict` reads and JSON can hold."""
         return {
@@ -140,7 +152,7 @@ class Scenario:
                 {f.name: records.plain(getattr(o, f.name)) for f in fields(o)}
                 for o in self.obstacles
             ],
-        }
+        } | ({} if self.map is None else {"map": self.map.to_dict()})
 
 
 def from_dict(data: Mapping[str, Any]) -> Scenario:
@@ -158,6 +170,8 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
         values["barriers"] = tuple(
             barriers.from_dict(item) for item in _items("scenario: barriers", values["barriers"])
         )
+    if values.get("map") is not None:
+        values["map"] = RankedMap.from_dict(values["map"])
     if "reference" in values:
         values["reference"] = records.from_dict("reference", values["reference"], references.KINDS)
     if "input_set" in values:
@@ -171,7 +185,7 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
 
 
 def load(path: str | Path) -> Scenario:
-    """Read a scenario from a JSON file.
+    """Read a scenario from a JSON file; its map lies beside it unless its path is absolute.
 
     Raises:
         InvalidInputError: if the file cannot be read, is not JSON or is no scenario.
@@ -182,6 +196,9 @@ def load(path: str | Path) -> Scenario:
         raise InvalidInputError(
             f"scenario file: got {str(path)!r} ({error}), expected a readable JSON file"
         ) from error
+    if isinstance(data, Mapping) and isinstance(data.get("map"), Mapping) and "file" in data["map"]:
+        beside = Path(path).parent / str(data["map"]["file"])
+        data = {**data, "map": {**data["map"], "file": str(beside)}}
     return from_dict(data)
 
 

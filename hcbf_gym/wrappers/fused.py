@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout, margins, row_kernels
+from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH, CbfRows
 from hcbf_gym.compilation import borrowed
@@ -18,6 +19,8 @@ from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.wrappers import at_hand
+from hcbf_gym.wrappers.report import ROW
 from hcbf_gym.wrappers.senses import look, watch
 
 Array = NDArray[np.float64]
@@ -93,8 +96,9 @@ class Plants(NamedTuple):
         parameters: (N, m, WIDTH) likewise.
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
+        atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
         sensed: (N,) `senses.PLANT`, written to.
-        own: (N, m) `OWN_ROW` where the rows were made beforehand, else (0, 0).
+        own: (N, m) `OWN_ROW` where users' own rows were made beforehand, else (0, 0).
         told: (N,) `report.PLANT`, with u*; the rest is written.
         rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.
     """
@@ -103,6 +107,7 @@ class Plants(NamedTuple):
     parameters: Array
     priority: Integers
     own_margin: Array
+    atlas: Array
     sensed: Records
     own: Records
     told: Records
@@ -135,7 +140,7 @@ class Work(NamedTuple):
 def filter_plants(
     constants: Records,
     program: Array,
-    scene: tuple[Integers, Array, Integers, Array],
+    scene: tuple[Integers, Array, Integers, Array, Array],
     sensed: Records,
     own: Records,
     told: Records,
@@ -146,7 +151,7 @@ def filter_plants(
     Args:
         constants: (1,) `CONSTANTS`.
         program: the corners of U and the weights, see `constants`.
-        scene: kind, parameters, priority and own margin.
+        scene: kind, parameters, priority, own margin and atlas.
         sensed: what is not believed is replaced.
         own: where there are such rows, the states have been looked at, too.
         told: with u*; with own rows, the reasons stand there already.
@@ -168,8 +173,15 @@ def filter_plants(
             return NOT_FINITE
     if not _fits(plants):
         return MISSHAPED
-    work = _make_work(_settings(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
+    if plants.own.size == 0:
+        for i in range(count):
+            plants.told[i].reason = look(plants.sensed[i], c.period)
     asks = False
+    if plants.atlas.size > 1:
+        for i in range(count):
+            asks |= _filter_mapped(c, _settings(c, numbers, i, i + 1), plants, i)
+        return ASKS if asks else DONE
+    work = _make_work(_settings(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
         settings = _settings(c, numbers, first, end)
@@ -247,6 +259,7 @@ def _some(p: Plants, first: int, end: int) -> Plants:
         p.parameters[first:end],
         p.priority[first:end],
         p.own_margin[first:end],
+        p.atlas,
         p.sensed[first:end],
         p.own[first:end],
         p.told[first:end],
@@ -260,12 +273,7 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count = p.kind.shape[0]
     asks = False
-    if p.own.size > 0:
-        _take_rows(p, w)
-    else:
-        for i in range(count):
-            p.told[i].reason = look(p.sensed[i], c.period)
-        _make_rows(c, p, w)
+    _make_rows(c, p, w)
     for i in range(count):
         _ask(c, settings, p, w, i)
     rows = CbfRows(w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI])
@@ -276,20 +284,34 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     return asks
 
 
-@njit(cache=True, inline="always")
-def _take_rows(p: Plants, w: Work) -> None:
-    """Copy the rows that were made beforehand."""
-    for i in range(p.kind.shape[0]):
-        for k in range(p.kind.shape[1]):
-            row = p.own[i, k]
-            w.a[i, k, 0], w.a[i, k, 1] = row.a_x, row.a_y
-            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = (
-                row.b,
-                row.h,
-                row.alpha2_psi,
-            )
-            w.margin[0, i, k] = row.margin
-            w.priority[i, k] = p.priority[i, k]
+@njit(cache=True)
+def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
+    """Filter plant `i` with what is at hand of its map, and tell whether there is one to speak."""
+    m = p.kind.shape[1]
+    scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
+    hand = at_hand.of_plant(c, scene, p.atlas, p.sensed[i])
+    count = hand.kind.size
+    total = count + p.rows.shape[1] - m
+    own = p.own[:0]
+    if p.own.size > 0:
+        own = np.empty((1, count), dtype=OWN_ROW)
+        for r in range(count):
+            own[0, r] = p.own[i, hand.source[r]]
+    rows = np.empty((1, total), dtype=ROW)
+    part = Plants(
+        hand.kind.reshape(1, count),
+        hand.parameters.reshape(1, count, layout.WIDTH),
+        hand.priority.reshape(1, count),
+        hand.own_margin.reshape(1, count),
+        p.atlas[:1],
+        p.sensed[i : i + 1],
+        own,
+        p.told[i : i + 1],
+        rows,
+    )
+    asks = _filter(c, settings, part, _make_work(settings, 1, count, total))
+    at_hand.tell(hand.source, rows[0], p.rows[i, :m])
+    return asks
 
 
 @njit(cache=True, inline="always")
@@ -315,6 +337,25 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
             w.margin[0, i, k] += p.own_margin[i, k]
             w.priority[i, k] = p.priority[i, k]
     row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
+    if p.own.size > 0:
+        _take_rows(p, w)
+
+
+@njit(cache=True, inline="always")
+def _take_rows(p: Plants, w: Work) -> None:
+    """Copy the rows of users' own barriers, which were made beforehand."""
+    for i in range(p.kind.shape[0]):
+        for k in range(p.kind.shape[1]):
+            if p.kind[i, k] != layout.CUSTOM:
+                continue
+            row = p.own[i, k]
+            w.a[i, k, 0], w.a[i, k, 1] = row.a_x, row.a_y
+            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = (
+                row.b,
+                row.h,
+                row.alpha2_psi,
+            )
+            w.margin[0, i, k] = row.margin
 
 
 @njit(cache=True, inline="always")
@@ -387,7 +428,7 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
         w.u[i, 0], w.u[i, 1] = guidance_row.shape(w.u[i, 0], w.u[i, 1], a_x, a_y, b)
         return
     rank = int(plant.reachable)
-    guidance_row.insert(w.priority[i, :last], rank, c.through, w.priority[i])
+    guidance_row.insert(w.priority[i, :last], rank, int(plant.zone), c.through, w.priority[i])
     w.a[i, last, 0], w.a[i, last, 1] = a_x, a_y
     w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = b, 0.0, 0.0
 
@@ -397,7 +438,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let the row of guidance, where there is one, ask for nothing."""
     last = p.kind.shape[1]
     if p.rows.shape[1] > last:
-        guidance_row.insert(w.priority[i, :last], 0, c.through, w.priority[i])
+        guidance_row.insert(w.priority[i, :last], 0, 0, c.through, w.priority[i])
         w.a[i, last, 0], w.a[i, last, 1] = 0.0, 0.0
         w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = -1.0, 0.0, 0.0
 
@@ -453,7 +494,7 @@ def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: floa
     """Tell whether a strict ``h − ρ‖∇h‖``, the whole body's where h is a distance, is below zero.
 
     Args:
-        kind: (m,) of the barriers; a speed limit has no place.
+        kind: (m,) of the barriers; a speed limit and a zone have no place.
         priority: (m,).
         a: (M, 2) of the rows, ∇h; M is m or more.
         h: (M,) of the body's centre.
@@ -461,7 +502,7 @@ def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: floa
     """
     for k in range(kind.size):
         reach = 0.0
-        if body > 0.0 and kind[k] != layout.SPEED_LIMIT:
+        if body > 0.0 and kind[k] != layout.SPEED_LIMIT and kind[k] != layout.ZONE:
             reach = body * np.sqrt(a[k, 0] * a[k, 0] + a[k, 1] * a[k, 1])
         if priority[k] == 1 and h[k] < reach:
             return True

@@ -22,7 +22,7 @@ from hcbf_gym.programs.program import check_rows
 from hcbf_gym.wrappers import report
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Integers, Mask
 from hcbf_gym.wrappers.fused import is_unsafe
 from hcbf_gym.wrappers.monitor import Monitor
 
@@ -35,12 +35,14 @@ class Conditions(NamedTuple):
         margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
         unsafe: whether a strict h is below zero, for the whole body where that is known.
+        source: (m,) which condition each row stands for; None where each stands for itself.
     """
 
     rows: CbfRows
     margin: Array
     conditioning: Array
     unsafe: bool
+    source: Integers | None = None
 
 
 class GeneralCore(FilterCore):
@@ -282,6 +284,12 @@ class GeneralCore(FilterCore):
         if isinstance(barriers, BarrierSet):
             lag = np.zeros(4) if sensed.lag is None else sensed.lag
             spread = np.zeros((4, 4)) if sensed.covariance is None else sensed.covariance
+            source = None
+            if barriers.atlas:
+                barriers, source = barriers.at_hand(
+                    self.row_settings, self.uncertainty, self.input_set.radius, x, sensed.model,
+                    lag, spread,
+                )  # fmt: skip
             now = x[None], np.array([time])
             margin, rate = derive_all(
                 self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
@@ -290,7 +298,7 @@ class GeneralCore(FilterCore):
             rows = CbfRows(*(field[0] for field in batch if field is not None))
             seen = barriers.kind[0], rows.priority, rows.a, rows.h
             unsafe = bool(is_unsafe(*seen, self.uncertainty.body))
-            return Conditions(rows, margin[0], np.ones(rows.b.size), unsafe)
+            return Conditions(rows, margin[0], np.ones(rows.b.size), unsafe, source)
         distance = self.uncertainty.distance + self.uncertainty.body
         margin = self._rows_of.prepare(barriers).margins(distance)
         rows = self._rows_of(barriers, x, time, margin)
@@ -316,6 +324,9 @@ class GeneralCore(FilterCore):
         """Return what ``info["safety_filter"]`` says of one call."""
         change = result.u - u_nominal
         rows = {"slack": result.slack, "delta": result.delta, "margin": found.margin}
+        rows |= {"conditioning": found.conditioning}
+        if found.source is not None:
+            rows = {name: self._by_class(values, found.source) for name, values in rows.items()}
         told = {
             "intervention": np.sqrt(change @ change),
             "fallbacks": result.fallbacks,
@@ -327,7 +338,13 @@ class GeneralCore(FilterCore):
             "covered": self._coverage[0],
         }
         inputs = {"u_nominal": u_nominal, "u_safe": result.u}
-        return report.of_one(inputs, rows | {"conditioning": found.conditioning}, told)
+        return report.of_one(inputs, rows, told)
+
+    def _by_class(self, values: Array, source: Integers) -> Array:
+        """Return (m,) the greatest of what is said of the rows of each condition, 0 for none."""
+        most = np.zeros(self._m)
+        np.maximum.at(most, source, values)
+        return most
 
 
 def _without_gaps(rows: CbfRows) -> CbfRows:

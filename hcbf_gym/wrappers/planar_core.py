@@ -120,7 +120,7 @@ class PlanarCore(FilterCore):
         said = fused.filter_plants(
             self._constants,
             self._program,
-            (scene.kind, scene.parameters, scene.priority, scene.own_margin),
+            (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
             intake.plants,
             self._own_rows if scene.own else self._no_rows,
             sheet.plants,

@@ -42,6 +42,7 @@ PLANT = np.dtype(
             # where guidance leads
             ("way", "f8", 3),  # a_x, a_y and b of its row
             ("reachable", "f8"),  # through which rank
+            ("zone", "f8"),  # the rank of the map's zone that it stands in, 0 for none
             # what is remembered from step to step
             *ACCOUNT,
             ("drift", "f8", 2),  # r [m]

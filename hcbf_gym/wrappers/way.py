@@ -1,6 +1,6 @@
 """Guidance as the filter of N planar double integrators asks for it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -40,9 +40,12 @@ class Way:
         if choice is not None:
             options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
             check_options("guidance", options, ("kind", "through"))
-            kinds = {"geodesic": Geodesic, "local": Local}
-            self._guide = choose("guidance", options.get("kind", "geodesic"), kinds)(count)
             self.through = int(options.get("through", 0))
+            kinds: dict[str, Callable[[], Geodesic | Local]] = {
+                "geodesic": lambda: Geodesic(count, through=self.through),
+                "local": lambda: Local(count),
+            }
+            self._guide = choose("guidance", options.get("kind", "geodesic"), kinds)()
 
     def begin(
         self, scenes: BarrierSet, x: Array, clearance: float, world: tuple[Any, Any], mask: Mask
@@ -71,6 +74,8 @@ class Way:
             a, b = guide.rows(intake.x, intake.time, u_nominal)
             plants["way"][:, :2], plants["way"][:, 2] = a, b
         elif guide is not None:
+            guide.follow(scenes, intake.time)
             guide.update(intake.time)
-            fields = guide.field, guide.through, guide.geometry, guide.goal
-            guidance_row.lead(*fields, intake.x, guide.pull, plants["way"], plants["reachable"])
+            fields = guide.field, guide.through, guide.zone, guide.geometry, guide.goal
+            told = plants["way"], plants["reachable"], plants["zone"]
+            guidance_row.lead(*fields, intake.x, guide.pull, *told)

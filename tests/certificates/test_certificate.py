@@ -3,6 +3,7 @@
 import json
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -169,6 +170,7 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
 
 
 def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family():
+    assert {"regions", "cart"} <= set(certificates.shipped())
     for name, one in certificates.shipped().items():
         assert one.name == name
         assert one.entered <= one.allowed
@@ -176,3 +178,9 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
         assert certificates.load(name) is one
     with pytest.raises(InvalidInputError, match="no-such"):
         certificates.load("no-such")
+
+
+def test_the_page_shows_the_shipped_certificates():
+    page = (Path(__file__).parents[2] / "docs" / "guarantees.md").read_text(encoding="utf-8")
+    begin, end = "<!-- certificates: certificates/shipped -->", "<!-- end of certificates -->"
+    assert page.split(begin)[1].split(end)[0].strip() == certificates.table()

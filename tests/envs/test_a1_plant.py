@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from hcbf_gym import scenarios, wrappers
-from hcbf_gym.barriers import Ellipse
+from hcbf_gym.barriers import Ellipse, braking
+from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import a1_plant
 from hcbf_gym.envs.randomization import Randomization
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, LoweredWarning
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.robots import a1
@@ -58,34 +59,72 @@ def test_the_filter_asks_for_no_more_than_a_slippery_floor_carries():
     assert np.abs(info["safety_filter"]["u_safe"]).max() <= 0.3 * GRAVITY
 
 
-def test_a_torque_that_comes_late_widens_the_speed_limits_margin():
-    def speed(delay):
-        declared = Randomization(delay=(0.0, delay))
-        known = a1_plant.uncertainty_of(declared, "flat", 0.0, Box.symmetric(5.0), 1.0)
-        return known.speed - a1_plant.UNCERTAINTY.speed - a1_plant.OFF_NOMINAL
-
-    assert speed(0.001) == pytest.approx(0.0)
-    assert speed(0.008) == pytest.approx(0.006 * np.hypot(5.0, 5.0))
+def margins(v_max=1.0, terrain="flat", body=0.0, **ranges):
+    declared = Randomization(**ranges)
+    return a1_plant.uncertainty_of(declared, terrain, body, Box.symmetric(5.0), v_max)
 
 
-def test_rough_ground_and_a_range_each_widen_the_margin_on_the_position():
-    def distance(declared, terrain):
-        known = a1_plant.uncertainty_of(declared, terrain, 0.46, Box.symmetric(5.0), 1.0)
-        assert known.body == 0.46
-        return known.distance - a1_plant.UNCERTAINTY.distance
+OFF_NOMINAL = {
+    "floor_friction": [(0.8, 0.8), (0.6, 0.8), (0.4, 0.8)],
+    "payload": [(0.0, 0.0), (0.0, 2.0), (0.0, 4.0)],
+    "motor_strength": [(1.0, 1.0), (0.9, 1.0), (0.8, 1.0)],
+    "delay": [(0.0, 0.002), (0.0, 0.005), (0.0, 0.008)],
+    "sensor_noise": [(0.0, 0.0), (0.0, 0.2), (0.0, 0.5)],
+}
 
-    assert distance(Randomization(start_distance=(0.0, 0.3)), "flat") == 0.0
-    assert distance(NOMINAL, "rough") > 0.01
-    assert distance(Randomization(payload=(0.0, 2.0)), "flat") > 0.01
+
+@pytest.mark.parametrize("name", OFF_NOMINAL)
+def test_margins_grow_with_the_range_and_with_the_cap_and_the_carried_cap_falls(name):
+    box = Box.symmetric(5.0)
+    for terrain in ("flat", "rough"):
+        ladder = [{name: ends} for ends in OFF_NOMINAL[name]]
+        known = [margins(terrain=terrain, **step) for step in ladder]
+        faster = [margins(1.7, terrain, **step) for step in ladder]
+        carried = [a1_plant.carried_speed(Randomization(**step), terrain, box) for step in ladder]
+        for told in (known, faster):
+            assert np.all(np.diff([one.distance for one in told]) > 0.0)
+            assert np.all(np.diff([one.speed for one in told]) > 0.0)
+        assert np.all(np.diff(carried) < 0.0)
+    assert margins(**ladder[0]) == a1_plant.UNCERTAINTY
+    assert known[-1].distance < faster[-1].distance
+    assert known[-1].speed < faster[-1].speed
+
+
+def test_the_start_and_a_better_plant_than_the_nominal_one_cost_nothing():
+    better = {"floor_friction": (1.0, 1.0), "delay": (0.0, 0.0), "motor_strength": (1.2, 1.2)}
+    assert margins(start_distance=(0.0, 0.3), **better) == a1_plant.UNCERTAINTY
+    assert margins(body=0.46).body == 0.46
+
+
+def test_a_torque_that_comes_late_leaves_the_velocity_that_u_changed_meanwhile():
+    late = margins(delay=(0.0, 0.008)).speed - a1_plant.UNCERTAINTY.speed
+    assert late > 0.006 * np.hypot(5.0, 5.0)
 
 
 def test_a_cap_above_the_usual_one_widens_the_margin_on_the_position_and_no_lower_one_does():
-    def distance(v_max):
-        known = a1_plant.uncertainty_of(NOMINAL, "flat", 0.0, Box.symmetric(5.0), v_max)
-        return known.distance - a1_plant.UNCERTAINTY.distance
+    assert margins(0.5) == margins(a1_plant.V_MAX) == a1_plant.UNCERTAINTY
+    wider = margins(a1_plant.FASTEST).distance - a1_plant.UNCERTAINTY.distance
+    assert wider == pytest.approx(0.02)
 
-    assert distance(0.5) == distance(a1_plant.V_MAX) == 0.0
-    assert distance(a1_plant.FASTEST) == pytest.approx(0.02)
+
+@pytest.mark.parametrize("friction", [0.4, 0.6, 0.8])
+def test_from_the_cap_that_is_carried_u_stops_the_robot(friction):
+    declared = Randomization(floor_friction=(friction, friction), delay=(0.0, 0.008))
+    believed = a1_plant.believed_friction(declared)
+    carried = a1_plant.carried_inputs(Box.symmetric(5.0), believed)
+    cap = a1_plant.carried_speed(declared, "rough", carried)
+    known = a1_plant.uncertainty_of(declared, "rough", 0.0, carried, cap)
+    stopped = braking.stoppable(LogClassK(), carried)
+    assert braking.speed_left(cap, known.speed) <= stopped
+    assert cap <= a1_plant.FASTEST
+
+
+def test_a_cap_that_the_plant_does_not_carry_is_lowered_and_the_environment_says_so():
+    with pytest.warns(LoweredWarning, match=r"1\.5 m/s is lowered to 1\.1\d* m/s"):
+        env = inner(scenario="paper-simulation", randomization={"floor_friction": 0.4})
+    assert 1.0 < env.barriers[-1].v_max < 1.2
+    with pytest.raises(InvalidInputError, match="no speed is left"), pytest.warns(LoweredWarning):
+        inner(randomization={"sensor_noise": 100.0})
 
 
 def test_the_body_s_circle_holds_what_is_fixed_to_the_trunk_and_the_stride(tmp_path):

@@ -243,14 +243,16 @@ def test_the_guidance_row_comes_last_unless_a_rank_may_give_way():
     priority = np.array([1, 3, 2, 2, 1])
     out = np.empty(6, dtype=np.int64)
 
-    def ranks(way, through):
-        guidance_row.insert(priority, way, through, out)
+    def ranks(way, through, zone=0):
+        guidance_row.insert(priority, way, zone, through, out)
         return out.tolist()
 
     last = [1, 3, 2, 2, 1, 4]
     assert ranks(2, 0) == ranks(0, 2) == ranks(1, 2) == ranks(2, 3) == last
     assert ranks(2, 2) == [1, 4, 3, 3, 1, 2]
     assert ranks(3, 2) == ranks(3, 3) == [1, 4, 2, 2, 1, 3]
+    assert ranks(3, 0, zone=3) == [1, 4, 2, 2, 1, 3]  # out of a zone of a map
+    assert ranks(2, 2, zone=3) == ranks(2, 0, zone=2) == [1, 4, 3, 3, 1, 2]
 
 
 def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
@@ -301,7 +303,7 @@ def test_before_a_reset_there_is_no_row():
 def test_the_grid_ends_behind_strict_walls_and_grows_coarser_with_the_scene():
     walls = [HalfPlane("left", 1, (0.0, -1.0), -2.0), HalfPlane("right", 1, (0.0, 1.0), -2.0)]
     way = way_of(walls, (8.0, 0.0), None)
-    _, y0, cell, _, _ = way.geometry[0]
+    _, y0, cell, *_ = way.geometry[0]
     assert cell == pytest.approx(0.1)
     assert y0 == pytest.approx(-1.5)  # PAD below start and goal comes before the wall
     large = way_of([*walls, Disc("far", 2, (300.0, 0.0), 1.0)], (8.0, 0.0), None)

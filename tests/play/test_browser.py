@@ -65,25 +65,27 @@ def playground(*arguments):
     assert "Traceback" not in "".join(said) + rest
 
 
-def pixel(point):
+def pixel(point, width=WIDTH, height=HEIGHT):
     """Where a point (3,) [m] of the scene is seen by the camera of a fresh tab."""
     ahead = (LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA)
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     ray = np.array(point) - CAMERA
-    focal = 0.5 * HEIGHT / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ ahead)
+    focal = 0.5 * height / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) / (ray @ ahead)
     across, up = focal * (ray @ right), focal * (ray @ np.cross(right, ahead))
-    return 0.5 * WIDTH + across, 0.5 * HEIGHT - up
+    return 0.5 * width + across, 0.5 * height - up
 
 
 class Visit:
     """A tab on the playground, with the readings that it shows."""
 
-    def __init__(self, browser, url):
-        self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    def __init__(self, browser, url, width=WIDTH, height=HEIGHT):
+        self.size = width, height
+        self.page = browser.new_page(viewport={"width": width, "height": height})
         self.page.set_default_timeout(1000 * PATIENCE)
         eye, target = (",".join(map(str, point)) for point in (CAMERA, LOOKS_AT))
-        self.page.goto(f"{url}?initialCameraPosition={eye}&initialCameraLookAt={target}")
+        mark = "&" if "?" in url else "?"
+        self.page.goto(f"{url}{mark}initialCameraPosition={eye}&initialCameraLookAt={target}")
         self.page.wait_for_selector('[data-reading="status"]')
 
     def readings(self):
@@ -169,6 +171,12 @@ class Visit:
         self.page.mouse.down()
         return middle
 
+    def click_on(self, point):
+        """Click on a point (2,) [m] of the floor."""
+        place = pixel((*point, 0.0), *self.size)
+        self.until(lambda: self.shows_the_scene(*place), "nothing to lie over the floor")
+        self.page.mouse.click(*place)
+
     def pull(self, start, end):
         """Move the mouse from above one point (3,) [m] to another, as a hand does."""
         for share in np.linspace(0.0, 1.0, 6)[1:]:
@@ -238,7 +246,8 @@ def push_into_rank_1(visit):
 def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
     file = tmp_path / "course.json"
     file.write_bytes(editing.to_json(SCENE))
-    with playground("--port", "0", "--scenario", str(file), "--policy", "human") as (url, _):
+    first = ("--scenario", str(file), "--policy", "human", "--program", "eh-cbf-qp")
+    with playground("--port", "0", *first) as (url, _):
         visit = Visit(browser, url)
         visit.until(lambda: visit.number("time") > 1.0, "the robot")
         assert visit.says("program") == "eh-cbf-qp"
@@ -337,3 +346,24 @@ def test_of_two_browsers_one_steers_and_a_closed_tab_hands_over(browser, album):
         first.until_said("steering", "nobody steers")
         first.choose("policy", "human")
         first.until_said("policy", "human")
+
+
+def test_a_phone_with_the_token_sees_a_robot_under_way_and_the_panel(browser, album):
+    with playground("--port", "0", "--model", "reduced", "--host", "0.0.0.0") as (url, _):
+        visit = Visit(browser, url, 390, 844)
+        assert visit.says("program") == "lex-cbf-qp"
+        visit.until(lambda: visit.number("time") > 1.0, "the robot")
+        assert visit.number("time") < 60.0  # it waited for somebody to watch
+        assert "derived" in visit.says("margin")
+        assert "token" not in visit.page.url
+        visit.click_on((0.5, 0.5))
+        visit.until_said("message", "The goal is at ")
+        sheet = visit.page.locator(".mantine-Paper-root", has=visit.page.locator("[data-reading]"))
+        place = sheet.bounding_box()
+        assert place["width"] == 390
+        assert place["y"] > 0.5 * 844
+        visit.until(lambda: visit.shows_the_scene(195, 300), "the scene above the panel")
+        album(visit, "phone")
+        stranger = browser.new_page(storage_state=None)
+        stranger.goto(url.partition("?")[0])
+        assert "open the address with the token" in stranger.content()

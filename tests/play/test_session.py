@@ -9,6 +9,7 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing
+from hcbf_gym.play.drawing import stacked
 from hcbf_gym.play.report import sentence
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
@@ -190,6 +191,46 @@ def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
     assert do(session, session.change, seed=3).scenario.barriers == first
 
 
+def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(session):
+    ticks(session, 50)
+    said = do(session, session.go_to, (0.5, -2.0))
+    assert said.time == pytest.approx(1.02)
+    assert "0.50, -2.00" in said.message
+    assert np.allclose(ticks(session, 1500).position, (0.5, -2.0), atol=0.3)
+    said = do(session, session.go_to, (2.0, 0.0))  # inside the strict region
+    assert "goal" in said.message
+    assert np.allclose(said.scenario.goal, (0.5, -2.0))
+    do(session, session.choose_scene, "paper-simulation")
+    assert "course" in do(session, session.go_to, (0.0, 1.0)).message
+
+
+def test_time_passes_while_somebody_watches_and_who_comes_first_sees_a_robot_under_way(session):
+    do(session, session.attend, False)
+    assert ticks(session, 5).time == pytest.approx(0.0)
+    do(session, session.attend, True)
+    under_way = ticks(session, 50).time
+    assert under_way > 0.9
+    do(session, session.attend, False)
+    assert do(session, session.attend, True).time == pytest.approx(under_way + 0.02)
+    assert np.allclose(ticks(session, 2000).position, GATE.goal, atol=0.3)
+    do(session, session.attend, False)
+    assert do(session, session.attend, True).time == pytest.approx(0.02)
+
+
+def test_regions_that_overlap_lie_at_heights_of_their_own_a_higher_rank_above():
+    placed = stacked(scenarios.make("random-clutter"))
+    heights = [height for _, height in placed]
+    ranks = [region.priority for region, _ in placed]
+    assert min(np.diff(heights)) > 5e-4
+    assert ranks == sorted(ranks, reverse=True)
+
+
+def test_guidance_leaves_the_way_to_a_human(session):
+    do(session, session.change, policy="human", guidance=True)
+    do(session, session.lead_to, (-1.0, -1.0))
+    assert np.allclose(ticks(session, 400).position, (-1.0, -1.0), atol=0.05)
+
+
 def test_the_clock_sets_the_pace_and_commands_come_from_any_thread(session):
     stop = threading.Event()
     thread = threading.Thread(target=session.run, args=(stop,), daemon=True)
@@ -214,7 +255,7 @@ def test_a_sentence_says_why_the_filter_brakes():
 @pytest.mark.parametrize(
     ("status", "slack", "expected"),
     [
-        ("NOMINAL", {}, "The policy has its way: no region minds."),
+        ("NOMINAL", {}, "The policy has its way: no region is near enough to matter."),
         ("SAFE", {1: 0.0}, "Every rank holds: the filter changes the input by 0.5 m/s²."),
         ("RELAXED", {1: 0.0, 3: 0.42}, "Rank 3 pays 0.4 m/s² so that ranks 1 and 2 hold."),
         ("RELAXED", {2: 0.1, 3: 0.42}, "Ranks 2 and 3 pay 0.4 m/s² so that rank 1 holds."),

@@ -11,7 +11,7 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
-from hcbf_gym.scenarios import clutter, hall, random_scenes, traps
+from hcbf_gym.scenarios import clutter, hall, random_scenes, rooms, traps
 
 NAMES = list(scenarios.RANDOM)
 HALLS = {"random": False, "random-moving": True, "random-wide": False}
@@ -41,8 +41,9 @@ def test_the_compiled_scene_is_the_readable_one(name):
     batch = RegionsBatch([scene(0, name)])
     for seed in SEEDS:
         layout = scenarios.RANDOM[name](np.random.default_rng(seed))
-        batch.set_layout(0, layout)
-        readable = RegionsBatch([hall.scenario(name, layout)])
+        batch.set_drawn(0, layout)
+        batch.restart(np.ones(1, dtype=np.bool_))
+        readable = RegionsBatch([layout.scenario(name)])
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
@@ -91,7 +92,9 @@ def test_several_regions_of_several_priorities_stand_in_the_hall():
     assert counts == {2, 3, 4, 5}
 
 
-@pytest.mark.parametrize("name", ["random", "random-wide", "random-clutter", "random-traps"])
+@pytest.mark.parametrize(
+    "name", ["random", "random-wide", "random-clutter", "random-traps", "random-map"]
+)
 @pytest.mark.parametrize("seed", range(15))
 def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
     scenario = scene(seed, name)
@@ -99,9 +102,10 @@ def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
         "random": random_scenes.GAP,
         "random-wide": random_scenes.WIDE_GAP,
         "random-clutter": 2.0 * clutter.CLEAR,
+        "random-map": 2.0 * rooms.CLEAR,
     }
     clearance = 0.5 * passage.get(name, traps.PASSAGE) - CELL
-    x, y = np.meshgrid(np.arange(-2.0, 12.0, CELL), np.arange(-3.5, 3.5, CELL), indexing="ij")
+    x, y = np.meshgrid(np.arange(-2.0, 13.0, CELL), np.arange(-4.5, 4.5, CELL), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros((x.size, 2))])
     strict = [b for b in scenario.barriers if b.priority == 1]
     relaxed = [b for b in scenario.barriers if b.priority > 1]
@@ -110,9 +114,10 @@ def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
         h = BarrierSet([barriers] * len(points)).values(points, np.zeros(len(points)))
         return h.min(axis=1).reshape(x.shape)
 
-    start = np.unravel_index(np.argmin(points[:, 0] ** 2 + points[:, 1] ** 2), x.shape)
-    away = (points[:, :2] - scenario.goal) ** 2
-    goal = np.unravel_index(np.argmin(away.sum(axis=1)), x.shape)
+    start, goal = (
+        np.unravel_index(np.argmin(((points[:, :2] - end) ** 2).sum(axis=1)), x.shape)
+        for end in (scenario.start, scenario.goal)
+    )
     free = least(strict) > 0.5 * clearance  # an ellipse's h is below its distance
     assert reachable(free, start, goal)
     # regions of lower priority are left by the shortest way, then avoided as well
@@ -158,7 +163,7 @@ def test_only_relaxed_regions_move_and_only_where_asked():
 def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
     counts, overlaps = set(), 0
     for seed in SEEDS:
-        half_width, _, regions, priorities = clutter.draw(np.random.default_rng(seed))
+        half_width, _, regions, priorities, _ = clutter.draw(np.random.default_rng(seed))
         inside = np.abs(regions[:, 1]) < half_width + 1.0
         counts.add(int(inside.sum()))
         assert {1, 2, 3} == set(np.array(priorities)[inside].tolist())
@@ -204,3 +209,19 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
         strict = within & (np.array(random_scenes.PRIORITIES) == 1)
         reach = np.abs(wide.regions[:, hall.Y]) + wide.regions[:, hall.RADIUS]
         assert (reach[strict] <= clear).all()
+
+
+def test_a_floor_has_doors_open_and_shut_and_differs_in_every_episode():
+    shut, starts = set(), set()
+    for seed in SEEDS:
+        layout = rooms.draw(np.random.default_rng(seed))
+        walls = layout.regions[2 : 2 + rooms.INNER]
+        lengths = 2.0 * walls[: 2 * rooms.COLUMNS, hall.RADIUS].reshape(rooms.COLUMNS, 2)
+        apart = np.diff(walls[: 2 * rooms.COLUMNS, hall.X].reshape(rooms.COLUMNS, 2))[:, 0]
+        gaps = apart - lengths.mean(axis=1)
+        assert ((np.abs(gaps) < 1e-9) | (gaps > 2.0 * rooms.CLEAR - 1e-9)).all()
+        shut.add(int((gaps < 1e-9).sum()))
+        starts.add(layout.start)
+        assert np.linalg.norm(layout.goal - layout.start) > rooms.CLEAR
+    assert {0, 1, 2} <= shut
+    assert len(starts) == len(SEEDS)

@@ -19,7 +19,7 @@ __all__ = ["Capsule", "ConvexPolygon", "Disc", "Ellipse", "HalfPlane"]
 
 SHAPES: tuple[type[Shape], ...] = (HalfPlane, Disc, Ellipse, ConvexPolygon, Capsule)
 
-IS_DISTANCE = np.zeros(layout.CUSTOM + 1, dtype=np.bool_)
+IS_DISTANCE = np.zeros(layout.ZONE + 1, dtype=np.bool_)
 """By kind: whether ‖∇h‖ = 1 everywhere."""
 IS_DISTANCE[[shape.compiled.code for shape in SHAPES if shape.compiled.is_distance]] = True
 

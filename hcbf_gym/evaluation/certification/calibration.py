@@ -7,9 +7,10 @@ x_k, and s the mean by which the larger ones exceed it,
 .. math:: q = x_k + s \ln \frac{k}{n p},
 
 the quantile of a tail that is exponential beyond x_k (I. Weissman, "Estimation of parameters and
-large quantiles based on the k largest observations", JASA 73, 1978). Distances and the speed limit
-are reserved for apart, each with needs of its own. What goes with a velocity error (k_v, k_p) stays
-as the plant declares it: it is how the robot follows, and d is what that leaves.
+large quantiles based on the k largest observations", JASA 73, 1978), within `BEYOND` of the
+greatest need. Distances and the speed limit are reserved for apart, each with needs of its own.
+What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is how the robot
+follows, and d is what that leaves.
 """
 
 from collections import Counter
@@ -30,8 +31,9 @@ TAIL = 0.05
 """Share of the needs from which the tail is read."""
 LEAST_TAIL = 5
 """And at least so many."""
-BEYOND = 1.1
-"""What is reserved at least, of the greatest need that was seen."""
+BEYOND = (1.1, 1.25)
+"""What is reserved at least and at most, of the greatest need that was seen: a tail that is read
+from few episodes says too much."""
 CONSTANTS = ("distance", "speed")
 """Of `Uncertainty`, what is calibrated."""
 GENERATIONS, POPULATION = 4, 12
@@ -115,7 +117,7 @@ def calibrate(
         seen = run(margins, range(seed, seed + episodes), f"calibration, round {number}")
         rounds.append(told("round", margins, seed, seen))
         seed += episodes
-        _check_alarms(seen)
+        _check_standing(seen)
         settled = number > 0 or all(getattr(margins, name) == 0.0 for name in constants)
         if settled and not rounds[-1].entered and attack is not None:
             tried = search(margins, attack, seed)
@@ -173,7 +175,7 @@ def quantile(needs: ArrayLike, share: float) -> float:
         return 0.0
     k = min(len(x) - 1, max(LEAST_TAIL, round(TAIL * len(x))))
     beyond = 0.0 if k < 1 else float((x[:k] - x[k]).mean()) * np.log(k / (len(x) * share))
-    return float(max(BEYOND * x[0], x[k] + beyond))
+    return float(np.clip(x[k] + beyond, BEYOND[0] * x[0], BEYOND[1] * x[0]))
 
 
 def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
@@ -209,12 +211,18 @@ def told(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -> Ro
     )  # fmt: skip
 
 
-def _check_alarms(seen: Sequence[Seen]) -> None:
-    """Refuse a plant of which the filter's own monitor says that it is another one.
+def _check_standing(seen: Sequence[Seen]) -> None:
+    """Refuse a plant that falls, or of which the filter's own monitor says that it is another one.
 
     Raises:
-        RefusedError: if it does in more than half of the episodes.
+        RefusedError: if that is so in more than half of the episodes.
     """
+    falls = sum(s.fell for s in seen)
+    if 2 * falls > len(seen):
+        raise RefusedError(
+            f"calibration: the robot fell in {falls} of {len(seen)} episodes: it cannot do what U "
+            "asks for; look at U and at the cap on the speed"
+        )
     alarms = Counter(Reason(s.alarm).name for s in seen if s.alarm)
     if 2 * alarms.total() > len(seen):
         told = ", ".join(f"{name} in {count}" for name, count in alarms.most_common())

@@ -36,13 +36,13 @@ class Runs:
     """How episodes run.
 
     Args:
-        folder: where finished chunks are kept.
+        folder: where finished chunks are kept; None to keep none.
         workers: chunks that run at once; None for as many as the backend has CPUs.
         backend: "processes" or "ray".
         quiet: show no bar.
     """
 
-    folder: Path
+    folder: Path | None
     workers: int | None = None
     backend: Backend = "processes"
     quiet: bool = False
@@ -80,7 +80,13 @@ def _env_of(episode: AttackedEpisode) -> gym.Env:
 
 
 def calibrated(
-    family: Any, start: Uncertainty, runs: Runs, episodes: int, share: float, seed: int
+    family: Any,
+    start: Uncertainty,
+    runs: Runs,
+    episodes: int,
+    share: float,
+    seed: int,
+    constants: Sequence[str] = calibration.CONSTANTS,
 ) -> calibration.Calibrated:
     """Return margins for a family's plant, from episodes of it and from a search.
 
@@ -91,6 +97,7 @@ def calibrated(
         episodes: of each round.
         share: of episodes that may need more than is reserved.
         seed: decides the seeds, which no certificate of the same seed draws.
+        constants: which margins are set.
 
     Raises:
         RefusedError: if no margins do.
@@ -114,6 +121,7 @@ def calibrated(
         episodes,
         share,
         CALIBRATION_SEEDS * seed,
+        constants,
         v_max=np.inf if caps is None else caps[0],
     )
 
@@ -206,6 +214,31 @@ def certify(frozen: Frozen, runs: Runs) -> Certificate:
         RefusedError: as soon as more have entered than were allowed.
     """
     fields = frozen.fields()
+    seen = draw(frozen, runs)
+    least = np.array([(one.least_h, one.least_speed_h) for one in seen])
+    entered = sum(one.entered for one in seen)
+    return Certificate(
+        **fields,
+        entered=entered,
+        bound=upper_bound(entered, frozen.episodes, frozen.confidence),
+        least_h=float(least[:, 0].min()),
+        falls=sum(one.fell for one in seen),
+        alarms=sum(one.alarm > 0 for one in seen),
+        strata=strata(seen),
+        blocks=block_digests(least),
+    )
+
+
+def draw(frozen: Frozen, runs: Runs) -> list[Seen]:
+    """Return what the fresh episodes of a certificate showed, no more of them than allowed entered.
+
+    Args:
+        frozen: as `certify` takes it.
+        runs: how they run.
+
+    Raises:
+        RefusedError: as soon as more have entered than were allowed.
+    """
     seeds = range(frozen.first_seed, frozen.first_seed + frozen.episodes)
     job = functools.partial(see, frozen.family, frozen.margins)
     seen: dict[int, Seen] = {}
@@ -215,18 +248,7 @@ def certify(frozen: Frozen, runs: Runs) -> Certificate:
         entered += one.entered
         if entered > frozen.allowed:
             raise RefusedError(_refusal(frozen, list(seen.values())))
-    ordered = [seen[k] for k in range(frozen.episodes)]
-    least = np.array([(one.least_h, one.least_speed_h) for one in ordered])
-    return Certificate(
-        **fields,
-        entered=entered,
-        bound=upper_bound(entered, frozen.episodes, frozen.confidence),
-        least_h=float(least[:, 0].min()),
-        falls=sum(one.fell for one in ordered),
-        alarms=sum(one.alarm > 0 for one in ordered),
-        strata=strata(ordered),
-        blocks=block_digests(least),
-    )
+    return [seen[k] for k in range(frozen.episodes)]
 
 
 def strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:

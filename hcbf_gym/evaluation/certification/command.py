@@ -20,6 +20,7 @@ from hcbf_gym.certificates import Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation.certification import calibration, certify, families, page
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
+from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
 from hcbf_gym.evaluation.statistics import CONFIDENCE
 from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
@@ -128,6 +129,10 @@ def family_of(args: Args) -> Any:
     if args.plant in PLANTS:
         if args.v_max is not None:
             raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
+        if args.plant == "a1-mixture" and (args.scenes or args.policies):
+            raise InvalidInputError(
+                "certify: got scenes or policies with a1-mixture, which has its own"
+            )
         return replace(PLANTS[args.plant], **asked)
     if args.plant not in NAMES and not args.plant.endswith(".json"):
         raise InvalidInputError(
@@ -142,12 +147,15 @@ def family_of(args: Args) -> Any:
 PLANTS: dict[str, Any] = {
     "regions": SceneFamily("HCBF-Regions-v0"),
     "a1": SceneFamily("HCBF-A1Regions-v0"),
+    "a1-mixture": A1Mixture(),
 }
 """name → family of episodes of the package's own plants, walkers apart."""
 
 
 def _margins(args: Args, family: Any, runs: certify.Runs, bound: float, console: Console) -> Any:
-    """Return margins and how they were found: calibrated, or the plant's own."""
+    """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
+    if isinstance(family, A1Mixture):
+        return None, ()
     plant, _ = certify.plant_of(family)
     if finite_float("calibration", args.calibration, minimum=0.0) == 0.0:
         return plant.uncertainty, ()

@@ -8,7 +8,7 @@ The environment is HCBF-A1Regions-v0, with a plant, a cap and a scene of its own
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,8 @@ from hcbf_gym.evaluation.attacks import ATTACKS
 STREAM = 23
 """Sets the mixture's draws apart from those that the environment makes with the same seed."""
 
-FRIENDLY: dict[str, dict[str, Any]] = {
-    "pd": {"policy": "pd", "filter_options": None},
-    "pd guided": {"policy": "pd", "filter_options": {"guidance": "geodesic"}},
-}
-"""name → policy that wants to arrive, and arguments of its filter."""
+FRIENDLY: dict[str, dict[str, Any]] = {"pd": {}, "pd guided": {"guidance": "geodesic"}}
+"""PD with different arguments of the filter."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,8 @@ class A1Mixture:
         rough: chance of rough ground, of plants that are not at the extremes.
         estimated: chance that the robot knows no more than an estimate, of a preset of sensors.
         footprint: chance that the whole robot must stay outside, not the trunk's centre alone.
+        steps: the most that an episode takes.
+        program: of the filter.
 
     Raises:
         InvalidInputError: if a chance is not in [0, 1], or the two shares are more than all.
@@ -62,10 +61,14 @@ class A1Mixture:
     rough: float = 0.4
     estimated: float = 0.4
     footprint: float = 0.4
+    steps: int = 1000
+    program: str = "lex-cbf-qp"
 
     def __post_init__(self) -> None:
-        for name, chance in vars(self).items():
-            finite_float(f"mixture: {name}", chance, minimum=0.0, maximum=1.0)
+        for field in fields(self):
+            if field.type is float:
+                chance = getattr(self, field.name)
+                finite_float(f"mixture: {field.name}", chance, minimum=0.0, maximum=1.0)
         if self.extremes + self.ranges > 1.0:
             raise InvalidInputError(
                 f"mixture: got the shares {self.extremes} and {self.ranges}, expected at most 1"
@@ -78,13 +81,12 @@ class A1Mixture:
         scene = scenarios.make(_one(rng, coverage.SCENES), rng)
         low, high = coverage.CAPS
         cap = _one(rng, (high, V_MAX, float(rng.uniform(low, high))))
-        friendly = FRIENDLY.get(name, {"policy": name, "filter_options": None})
         return AttackedEpisode(
-            friendly["policy"],
+            "pd" if name in FRIENDLY else name,
             replace(scene, v_max=cap).to_dict(),
             seed,
-            env_options=self._declared(rng),
-            filter_options=friendly["filter_options"],
+            env_options={"max_episode_steps": self.steps} | self._declared(rng),
+            filter_options={"program": self.program} | FRIENDLY.get(name, {}),
         )
 
     def _declared(self, rng: np.random.Generator) -> dict[str, Any]:
@@ -152,8 +154,8 @@ class A1Mixture:
             f"Body: the trunk's centre, or in {self.footprint:.0%} the whole robot.",
             f"Scenes: {', '.join(coverage.SCENES)}, alike; each seed draws another one.",
             f"Policies: {', '.join((*ATTACKS, *FRIENDLY))}, alike.",
-            "The filter runs lex-cbf-qp on its default rows, the margins are the plant's own law, "
-            "at most 1000 steps.",
+            f"The filter runs {self.program} on its default rows, with the margins of the plant's "
+            f"own law, at most {self.steps} steps.",
             "Entered is what the truth shows at every physics step, of every condition of rank 1, "
             "the speed limit included.",
         )
@@ -171,4 +173,4 @@ def _far_end(name: str) -> float:
 
 
 def _one(rng: np.random.Generator, things: Sequence[Any]) -> Any:
-    return things[rng.integers(len(things))]
+    return things[int(rng.integers(len(things)))]

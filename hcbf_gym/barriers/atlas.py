@@ -1,0 +1,82 @@
+"""The pieces of all maps in a set of scenes, one behind another in one array."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.mapped import Mapped
+
+Array = NDArray[np.float64]
+Place = tuple[int, int]
+
+
+class Atlas:
+    """Pieces that compiled code finds by where they begin.
+
+    What several scenes share stands there once. What no scene holds any more is cleared away when
+    room is short.
+
+    Attributes:
+        numbers: (L,) `Pieces.packed` of all of them.
+        held: (scene, place) → the class of a map that stands there.
+    """
+
+    def __init__(self) -> None:
+        self.numbers: Array = np.zeros(1)
+        self.held: dict[Place, Mapped] = {}
+        self._begins: dict[int, int] = {}  # of pieces by their identity; they are alive in `_kept`
+        self._kept: list[object] = []
+        self._end = 0
+
+    def __bool__(self) -> bool:
+        """Tell whether there is any map."""
+        return bool(self.held)
+
+    def forget(self, place: Place) -> None:
+        """Let go of what stands at (scene, place)."""
+        self.held.pop(place, None)
+
+    def hold(self, place: Place, barrier: Mapped, parameters: Array) -> None:
+        """Put a class of a map at (scene, place).
+
+        Args:
+            place: in the set.
+            barrier: the class.
+            parameters: (N, m, WIDTH) of the set, written to; of every class where others move.
+        """
+        self.held[place] = barrier
+        pieces = barrier.pieces
+        if id(pieces) not in self._begins:
+            if self._end + pieces.packed.size > self.numbers.size:
+                self._clear_away()
+                for other, one in self.held.items():
+                    one.write(parameters[other], self._begins[id(one.pieces)])
+                return
+            self._append(barrier)
+        barrier.write(parameters[place], self._begins[id(pieces)])
+
+    def of(self, places: dict[int, int]) -> "Atlas":
+        """Return what some scenes hold, and the same numbers; to be read only.
+
+        Args:
+            places: number of each scene → its number in the new set.
+        """
+        chosen = Atlas()
+        chosen.numbers = self.numbers
+        chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
+        return chosen
+
+    def _append(self, barrier: Mapped) -> None:
+        pieces = barrier.pieces
+        begin, self._end = self._end, self._end + pieces.packed.size
+        self.numbers[begin : self._end] = pieces.packed
+        self._begins[id(pieces)] = begin
+        self._kept.append(pieces)
+
+    def _clear_away(self) -> None:
+        """Keep what is held alone, with as much room again."""
+        alive = {id(one.pieces): one for one in self.held.values()}
+        size = sum(one.pieces.packed.size for one in alive.values())
+        self.numbers = np.zeros(2 * size)
+        self._begins, self._kept, self._end = {}, [], 0
+        for one in alive.values():
+            self._append(one)

@@ -1,0 +1,333 @@
+"""Classes of a map as barriers, and the pieces of them that a filter takes at one state.
+
+A class is one condition, h its least over all pieces. A filter gives each piece within the braking
+horizon a row of its own. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
+of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
+from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.layout import MAPPED, ZONE, ZONES
+from hcbf_gym.barriers.pieces import Pieces
+from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
+from hcbf_gym.barriers.shapes import convex_polygon
+from hcbf_gym.errors import finite_float
+from hcbf_gym.models.constants import FARTHEST
+
+if TYPE_CHECKING:
+    from hcbf_gym.maps import Grid
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LONGEST_HOLD = 0.2
+"""Within which rows that know no period look ahead [s]: no held row allows a longer one."""
+
+AT_HAND = 256
+"""Pieces for which there is room at first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped(Barrier):
+    """What classes of a map share: pieces, and what is reserved around them.
+
+    For two-input filters of the planar double integrator.
+
+    Args:
+        name: what tables and figures call it.
+        priority: 1 is the highest and strict.
+        pieces: what covers the cells.
+        margin: reserved around the pieces besides the robot's own margins [m].
+        grid: of the map, for guidance.
+        cells: (rows, columns) of the class in that grid, row 0 the lowest.
+    """
+
+    pieces: Pieces = field(kw_only=True)
+    margin: float = 0.0
+    grid: "Grid" = field(kw_only=True)
+    cells: NDArray[np.bool_] = field(kw_only=True, repr=False)
+    code: ClassVar[int]
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether they are the same object: to compare all cells would take too long."""
+        return self is other
+
+    __hash__ = object.__hash__
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0, maximum=FARTHEST)
+        object.__setattr__(self, "margin", margin)
+
+    def write(self, c: Array, at: int) -> int:
+        """Write the block c (WIDTH,) of pieces that begin at `at` in the atlas; return the kind."""
+        c[:] = 0.0
+        c[layout.PIECES] = at
+        return self.code
+
+    def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
+        """Return what lies about as near as the nearest piece: (k,) distances, nearest first.
+
+        Args:
+            x: position first [m].
+            beyond: how much farther than the nearest the others may be [m].
+
+        Returns:
+            The signed distances [m], and their gradients (k, 2).
+        """
+        packed, at = self.pieces.packed, (float(x[0]), float(x[1]))
+        reach = max(0.0, pieces.nearest(packed, 0, *at).distance) + beyond
+        found = np.empty(len(self.pieces), dtype=np.int64)
+        found = found[: pieces.near(packed, 0, *at, min(reach, FARTHEST), found)]
+        jets = [convex_polygon.jet(packed[b : b + layout.WIDTH], *at)[:3] for b in found]
+        seen = np.array(sorted(jets)).reshape(-1, 3)
+        return seen[:, 0], seen[:, 1:]
+
+    def _nearest(self, x: Array) -> tuple[float, Array]:
+        """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
+        packed = self.pieces.packed
+        found = pieces.nearest(packed, 0, float(x[0]), float(x[1]))
+        if found.block < 0:
+            return FARTHEST, np.zeros(2)
+        block = packed[found.block : found.block + layout.WIDTH]
+        h, gx, gy, *_ = convex_polygon.jet(block, float(x[0]), float(x[1]))
+        return h, np.array([gx, gy])
+
+
+@dataclass(frozen=True, eq=False)
+class MappedRegion(Mapped):
+    """The outside of the cells of a class: h is the signed distance to the nearest piece."""
+
+    code: ClassVar[int] = MAPPED
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its gradient, whose turn at corners is left out."""
+        n = len(x)
+        h, normal = self._nearest(x)
+        gradient = np.zeros(n)
+        gradient[:2] = normal
+        return Jet(h, gradient, np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class MappedZone(Mapped):
+    """A speed limit inside the cells of a class, before which the robot brakes; see `zone`.
+
+    Args:
+        limit: of the speed inside [m/s], positive.
+    """
+
+    limit: float = field(kw_only=True)
+    reads_position: ClassVar[bool] = False
+    code: ClassVar[int] = ZONES
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        limit = finite_float(
+            f"{self.name}: limit", self.limit, minimum=0.0, maximum=FARTHEST, exclusive=True
+        )
+        object.__setattr__(self, "limit", limit)
+
+    def write(self, c: Array, at: int) -> int:
+        """Write the block c (WIDTH,) of pieces that begin at `at` in the atlas; return the kind."""
+        super().write(c, at)
+        c[layout.V_MAX], c[layout.KEPT] = self.limit, self.margin
+        return self.code
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives, but for those of the way's own turn."""
+        n = len(x)
+        distance, normal = self._nearest(x)
+        away = max(0.0, distance - self.margin)
+        gradient, hessian = np.zeros(n), np.zeros((n, n))
+        gradient[:2] = zone.BRAKING / self.limit * normal * (away > 0.0)
+        gradient[2:4] = -x[2:4] / self.limit
+        hessian[2:4, 2:4] = -np.eye(2) / self.limit
+        h = zone.value(self.limit, away, float(x[2]), float(x[3]))
+        return Jet(h, gradient, hessian, 0.0, np.zeros(n), 0.0)
+
+
+class Scene(NamedTuple):
+    """m conditions of one plant as `BarrierSet` holds them; of a map, or what is at hand of it.
+
+    Attributes:
+        kind: (m,) which kernel evaluates each.
+        parameters: (m, WIDTH) what it reads.
+        priority: (m,).
+        own_margin: (m,) what each reserves by itself.
+        source: (m,) which condition of the scene each stands for.
+    """
+
+    kind: Integers
+    parameters: Array
+    priority: Integers
+    own_margin: Array
+    source: Integers
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def is_mapped(kind: int) -> bool:
+    """Tell whether a condition is a class of a map."""
+    return MAPPED <= kind <= ZONES
+
+
+@njit(cache=True, error_model="numpy")
+def at_hand(
+    settings: Any,
+    rows: Array,
+    radius: float,
+    scene: Scene,
+    atlas: Array,
+    x: Array,
+    model: Array,
+    lag: Array,
+    covariance: Array,
+) -> Scene:
+    """Return the conditions of a state, classes of a map replaced by their pieces at hand.
+
+    Args:
+        settings: what the rows reserve, as `margins.derive` takes it.
+        rows: (11,) `RowSettings.packed`.
+        radius: the largest norm of an input [m/s²].
+        scene: the conditions; `source` is not read.
+        atlas: where the pieces stand.
+        x: (4,) position [m] and velocity [m/s].
+        model: (4,) the reduced-order model's own state.
+        lag: (4,) the body's state minus the reduced-order model's.
+        covariance: (4, 4) of x.
+    """
+    m = scene.kind.size
+    most = margins.most(settings, x, model, lag, covariance)
+    fastest = margins.fastest_drift(settings, covariance)
+    over = margins.of_speed(settings, lag, covariance)
+    held = rows[HELD] != 0.0
+    period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)
+    speed = np.sqrt(x[2] * x[2] + x[3] * x[3])
+    later = speed + u_max * period
+    way = speed * period + u_max * period * period  # with the rounding of a polygon's corner
+    stopping = class_k.inverse(rows[ALPHA1 : ALPHA1 + 4], later + fastest)
+    found = np.empty(m + AT_HAND, dtype=np.int64)
+    ends = np.zeros(m + 1, dtype=np.int64)
+    total = 0
+    for k in range(m):
+        which, c = scene.kind[k], scene.parameters[k]
+        ends[k] = total
+        if not is_mapped(which):
+            total += 1
+            continue
+        reach = most + way
+        if which == MAPPED:
+            reach += stopping + scene.own_margin[k]
+        else:
+            kept = over + scene.own_margin[k]
+            reach += c[layout.KEPT] + zone.reach(c[layout.V_MAX], kept, later)
+        at = int(c[layout.PIECES])
+        while True:
+            got = pieces.near(atlas, at, x[0], x[1], reach, found[total:])
+            if total + got <= found.size:
+                break
+            more = np.empty(2 * (total + got), dtype=np.int64)
+            more[:total] = found[:total]
+            found = more
+        total += got
+    ends[m] = total
+    out = Scene(
+        np.empty(total, dtype=np.int64),
+        np.empty((total, layout.WIDTH)),
+        np.empty(total, dtype=np.int64),
+        np.empty(total),
+        np.empty(total, dtype=np.int64),
+    )
+    for k in range(m):
+        which, c = scene.kind[k], scene.parameters[k]
+        for r in range(ends[k], ends[k + 1]):
+            out.priority[r], out.own_margin[r] = scene.priority[k], scene.own_margin[k]
+            out.source[r] = k
+            block = out.parameters[r]
+            if which == MAPPED:
+                out.kind[r] = convex_polygon.CODE
+                block[:] = atlas[found[r] : found[r] + layout.WIDTH]
+            elif which == ZONES:
+                out.kind[r] = ZONE
+                _see_zone(atlas, found[r], x, c[layout.V_MAX], c[layout.KEPT] + most, block)
+            else:
+                out.kind[r] = which
+                block[:] = c
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, block: Array) -> None:
+    """Write the block (WIDTH,) of one zone: its limit, the way to it, and the way's gradient."""
+    distance, gx, gy, _, _, _ = convex_polygon.jet(atlas[piece : piece + layout.WIDTH], x[0], x[1])
+    block[:] = 0.0
+    block[layout.V_MAX] = limit
+    if distance > kept:
+        block[layout.AWAY] = distance - kept
+        block[layout.AWAY_X], block[layout.AWAY_Y] = gx, gy
+
+
+@njit(cache=True, error_model="numpy")
+def write_values(kind: Integers, parameters: Array, atlas: Array, x: Array, h: Array) -> None:
+    """Write into h (N, m) the values of classes of maps at N states x (N, 4)."""
+    for i in range(x.shape[0]):
+        for k in range(kind.shape[1]):
+            if is_mapped(kind[i, k]):
+                h[i, k] = value(kind[i, k], parameters[i, k], atlas, x[i])
+
+
+@njit(cache=True, error_model="numpy")
+def value(kind: int, c: Array, atlas: Array, x: Array) -> float:
+    """Return h of a class of a map at the state x (4,)."""
+    distance = pieces.nearest(atlas, int(c[layout.PIECES]), x[0], x[1]).distance
+    distance = min(distance, FARTHEST)  # where there is no piece at all
+    if kind == MAPPED:
+        return distance
+    return zone.value(c[layout.V_MAX], max(0.0, distance - c[layout.KEPT]), x[2], x[3])
+
+
+@njit(cache=True, error_model="numpy")
+def write_sensed(
+    kind: Integers, parameters: Array, atlas: Array, x: Array, h: Array, seen: Array
+) -> None:
+    """Write h (N, m) of classes of maps, and what a policy sees of them, (N, m, 4).
+
+    That is h, unit gradient, ∂h/∂t; three zeros follow h of a zone.
+    """
+    for i in range(x.shape[0]):
+        for k in range(kind.shape[1]):
+            if not is_mapped(kind[i, k]):
+                continue
+            c = parameters[i, k]
+            seen[i, k, :] = 0.0
+            if kind[i, k] == ZONES:
+                h[i, k] = seen[i, k, 0] = value(ZONES, c, atlas, x[i])
+                continue
+            found = pieces.nearest(atlas, int(c[layout.PIECES]), x[i, 0], x[i, 1])
+            h[i, k] = seen[i, k, 0] = min(found.distance, FARTHEST)
+            if found.block >= 0:
+                block = atlas[found.block : found.block + layout.WIDTH]
+                _, seen[i, k, 1], seen[i, k, 2], _, _, _ = convex_polygon.jet(
+                    block, x[i, 0], x[i, 1]
+                )
+
+
+@njit(cache=True, error_model="numpy")
+def least_on_way(kind: int, c: Array, atlas: Array, way: Array) -> float:
+    """Return the least h of a class of a map over states `way` (k, 4) close to one another."""
+    distance = np.empty(len(way))
+    pieces.along(atlas, int(c[layout.PIECES]), way, distance)
+    least = np.inf
+    for s in range(len(way)):
+        h = min(distance[s], FARTHEST)
+        if kind == ZONES:
+            h = zone.value(c[layout.V_MAX], max(0.0, h - c[layout.KEPT]), way[s, 2], way[s, 3])
+        least = min(least, h)
+    return least

@@ -1,0 +1,305 @@
+"""Many convex polygons in one array of numbers, with buckets that find those near a point.
+
+The array is what compiled code reads; several stand behind one another in an *atlas*, and `at` is
+where one of them begins. Buckets are squares in the frame of the map's grid, so that pieces along
+its axes lie in few of them. A piece stands in all buckets that its box meets, and is reported from
+the first of those that a search visits.
+"""
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.shapes import convex_polygon
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BOXES, BLOCKS = range(13)
+"""Where the head of the array holds how many pieces there are, the buckets' side [m], columns and
+rows, the frame's origin and turn, and where the lists begin, counted from the head."""
+
+BOX = 8
+"""Numbers of a piece's box: least and greatest u and v in the frame [m], and its buckets."""
+
+LEAST_SIDE, MOST_BUCKETS = 0.5, 4096
+"""Of a bucket [m], and of the buckets of a map."""
+
+Frame = tuple[float, float, float]
+
+
+class Pieces:
+    """P convex polygons.
+
+    Args:
+        corners: (P, 8, 2) of each piece, counter-clockwise [m]; what lies beyond `count` counts
+            not.
+        count: (P,) corners of each, 3 to 8.
+        frame: x [m], y [m] and yaw [rad] of the grid's origin.
+
+    Attributes:
+        packed: (L,) the numbers that compiled code reads.
+    """
+
+    def __init__(self, corners: Array, count: Integers, frame: Frame):
+        blocks = np.zeros((len(count), layout.WIDTH))
+        blocks[:, convex_polygon.COUNT] = count
+        inner = np.arange(corners.shape[1]) < count[:, None]
+        kept = np.where(inner[..., None], corners, 0.0).reshape(len(count), 2 * corners.shape[1])
+        blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
+        self.packed = _packed(blocks, *map(float, frame))
+        self.packed.flags.writeable = False
+
+    def __len__(self) -> int:
+        """Return P."""
+        return int(self.packed[COUNT])
+
+    @cached_property
+    def polygons(self) -> list[Array]:
+        """The corners (k, 2) of each piece [m]."""
+        first = int(self.packed[BLOCKS])
+        blocks = self.packed[first:].reshape(len(self), layout.WIDTH)
+        ends = convex_polygon.FIRST + 2 * blocks[:, convex_polygon.COUNT].astype(np.int64)
+        return [
+            block[convex_polygon.FIRST : end].reshape(-1, 2)
+            for block, end in zip(blocks, ends, strict=True)
+        ]
+
+
+class Nearest(NamedTuple):
+    """The piece nearest a point.
+
+    Attributes:
+        distance: signed [m]; infinite where there is no piece.
+        block: where its block begins in the atlas; −1 where there is none.
+    """
+
+    distance: float
+    block: int
+
+
+@njit(cache=True)
+def _packed(blocks: Array, x: float, y: float, yaw: float) -> Array:
+    """Return the array of polygons with the blocks (P, WIDTH)."""
+    count = len(blocks)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    boxes = np.empty((count, BOX))
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for p in range(count):
+        boxes[p, :2], boxes[p, 2:4] = np.inf, -np.inf
+        for i in range(int(blocks[p, convex_polygon.COUNT])):
+            at = convex_polygon.FIRST + 2 * i
+            dx, dy = blocks[p, at] - x, blocks[p, at + 1] - y
+            u, v = cos * dx + sin * dy, cos * dy - sin * dx
+            boxes[p, 0], boxes[p, 1] = min(boxes[p, 0], u), min(boxes[p, 1], v)
+            boxes[p, 2], boxes[p, 3] = max(boxes[p, 2], u), max(boxes[p, 3], v)
+        for k in range(2):
+            low[k], high[k] = min(low[k], boxes[p, k]), max(high[k], boxes[p, 2 + k])
+    if count == 0:
+        low[:], high[:] = 0.0, 0.0
+    side = max(LEAST_SIDE, np.sqrt((high[0] - low[0]) * (high[1] - low[1]) / MOST_BUCKETS))
+    side = max(side, (high[0] - low[0]) / MOST_BUCKETS, (high[1] - low[1]) / MOST_BUCKETS)
+    columns = int((high[0] - low[0]) / side) + 1
+    rows = int((high[1] - low[1]) / side) + 1
+    held = np.zeros(columns * rows + 1, dtype=np.int64)
+    for p in range(count):
+        for k in range(4):
+            most = columns - 1 if k % 2 == 0 else rows - 1
+            bucket = int((boxes[p, k] - low[k % 2]) / side)
+            boxes[p, 4 + k] = min(max(bucket, 0), most)
+        for r in range(int(boxes[p, 5]), int(boxes[p, 7]) + 1):
+            for c in range(int(boxes[p, 4]), int(boxes[p, 6]) + 1):
+                held[r * columns + c + 1] += 1
+    starts = np.cumsum(held)
+    items = np.zeros(starts[-1])
+    filled = starts.copy()
+    for p in range(count):
+        for r in range(int(boxes[p, 5]), int(boxes[p, 7]) + 1):
+            for c in range(int(boxes[p, 4]), int(boxes[p, 6]) + 1):
+                items[filled[r * columns + c]] = p
+                filled[r * columns + c] += 1
+    rings = _rings(held[1:].reshape(rows, columns))
+    for p in range(count):  # boxes are measured from the world's frame, not from the first bucket
+        for k in range(4):
+            boxes[p, k] -= low[k % 2]
+    head = np.zeros(BLOCKS + 1)
+    head[COUNT], head[SIDE], head[COLUMNS], head[ROWS] = count, side, columns, rows
+    head[X], head[Y] = x + cos * low[0] - sin * low[1], y + sin * low[0] + cos * low[1]
+    head[COS], head[SIN] = cos, sin
+    head[STARTS] = head.size
+    head[ITEMS] = head[STARTS] + starts.size
+    head[RINGS] = head[ITEMS] + items.size
+    head[BOXES] = head[RINGS] + rings.size
+    head[BLOCKS] = head[BOXES] + boxes.size
+    lists = (starts.astype(np.float64), items, rings.ravel(), boxes.ravel(), blocks.ravel())
+    packed = np.empty(int(head[BLOCKS]) + blocks.size)
+    packed[: head.size] = head
+    at = head.size
+    for part in lists:
+        packed[at : at + part.size] = part
+        at += part.size
+    return packed
+
+
+@njit(cache=True)
+def _rings(held: Integers) -> Array:
+    """Return (rows, columns) how many buckets away the nearest is that holds a piece.
+
+    Diagonal steps count as one. Two sweeps are exact for that distance.
+    """
+    rows, columns = held.shape
+    far = float(rows + columns)
+    rings = np.where(held > 0, 0.0, far)
+    for r in range(rows):
+        for c in range(columns):
+            for i, j in ((r - 1, c - 1), (r - 1, c), (r - 1, c + 1), (r, c - 1)):
+                if i >= 0 and 0 <= j < columns:
+                    rings[r, c] = min(rings[r, c], rings[i, j] + 1.0)
+    for r in range(rows - 1, -1, -1):
+        for c in range(columns - 1, -1, -1):
+            for i, j in ((r + 1, c - 1), (r + 1, c), (r + 1, c + 1), (r, c + 1)):
+                if i < rows and 0 <= j < columns:
+                    rings[r, c] = min(rings[r, c], rings[i, j] + 1.0)
+    return rings
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def in_frame(atlas: Array, at: int, x: float, y: float) -> tuple[float, float]:
+    """Return a point of the world in the frame of the buckets [m]."""
+    dx, dy = x - atlas[at + X], y - atlas[at + Y]
+    cos, sin = atlas[at + COS], atlas[at + SIN]
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def bucket_of(atlas: Array, at: int, place: float, most: int) -> int:
+    """Return the bucket of a coordinate of the frame, the nearest for one beyond the last."""
+    return int(min(max(place / atlas[at + SIDE], 0.0), most - 1.0))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def height(atlas: Array, block: int, x: float, y: float) -> float:
+    """Return the signed distance from the piece with the block at `block` [m]."""
+    return convex_polygon.jet(atlas[block : block + layout.WIDTH], x, y)[0]
+
+
+@njit(cache=True, error_model="numpy")
+def box_distance(atlas: Array, box: int, u: float, v: float) -> float:
+    """Return the distance of a point of the frame from a piece's box [m]."""
+    du = max(atlas[box] - u, u - atlas[box + 2], 0.0)
+    dv = max(atlas[box + 1] - v, v - atlas[box + 3], 0.0)
+    return np.sqrt(du * du + dv * dv)
+
+
+@njit(cache=True, error_model="numpy")
+def near(atlas: Array, at: int, x: float, y: float, reach: float, found: Integers) -> int:
+    """Write the blocks of the pieces no farther than `reach` [m], and return how many there are.
+
+    Where there are more than `found` (k,) has room for, only their number is of use.
+    """
+    columns, rows = int(atlas[at + COLUMNS]), int(atlas[at + ROWS])
+    u, v = in_frame(atlas, at, x, y)
+    c0, c1 = (
+        bucket_of(atlas, at, u - reach, columns),
+        bucket_of(atlas, at, u + reach, columns),
+    )
+    r0, r1 = bucket_of(atlas, at, v - reach, rows), bucket_of(atlas, at, v + reach, rows)
+    starts, items = at + int(atlas[at + STARTS]), at + int(atlas[at + ITEMS])
+    boxes, blocks = at + int(atlas[at + BOXES]), at + int(atlas[at + BLOCKS])
+    total = 0
+    for r in range(r0, r1 + 1):
+        for c in range(c0, c1 + 1):
+            bucket = starts + r * columns + c
+            for i in range(items + int(atlas[bucket]), items + int(atlas[bucket + 1])):
+                piece = int(atlas[i])
+                box = boxes + BOX * piece
+                if max(int(atlas[box + 4]), c0) != c or max(int(atlas[box + 5]), r0) != r:
+                    continue  # an earlier bucket has it
+                if box_distance(atlas, box, u, v) > reach:
+                    continue
+                block = blocks + layout.WIDTH * piece
+                if height(atlas, block, x, y) <= reach:
+                    if total < found.size:
+                        found[total] = block
+                    total += 1
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
+    """Return the piece nearest a point: the one with the least signed distance.
+
+    Buckets are searched in rings. A piece that no ring up to the k-th holds is no nearer than k
+    sides and the way from the point to the edge of its own bucket. For a point beyond all buckets
+    that holds of the nearest point of them, and no piece is nearer to the one than to the other.
+    """
+    best = Nearest(np.inf, -1)
+    if atlas[at + COUNT] == 0.0:
+        return best
+    columns, rows, side = int(atlas[at + COLUMNS]), int(atlas[at + ROWS]), atlas[at + SIDE]
+    u, v = in_frame(atlas, at, x, y)
+    c, r = bucket_of(atlas, at, u, columns), bucket_of(atlas, at, v, rows)
+    starts, items = at + int(atlas[at + STARTS]), at + int(atlas[at + ITEMS])
+    boxes, blocks = at + int(atlas[at + BOXES]), at + int(atlas[at + BLOCKS])
+    inside_u = min(max(u - c * side, 0.0), side)
+    inside_v = min(max(v - r * side, 0.0), side)
+    edge = min(inside_u, side - inside_u, inside_v, side - inside_v)
+    ring = int(atlas[at + int(atlas[at + RINGS]) + r * columns + c])
+    while ring <= columns + rows:
+        for i in range(max(r - ring, 0), min(r + ring, rows - 1) + 1):
+            step = 1 if abs(i - r) == ring or ring == 0 else 2 * ring
+            for j in range(c - ring, c + ring + 1, step):
+                if not 0 <= j < columns:
+                    continue
+                bucket = starts + i * columns + j
+                for k in range(items + int(atlas[bucket]), items + int(atlas[bucket + 1])):
+                    piece = int(atlas[k])
+                    if box_distance(atlas, boxes + BOX * piece, u, v) > max(best.distance, 0.0):
+                        continue
+                    block = blocks + layout.WIDTH * piece
+                    distance = height(atlas, block, x, y)
+                    if distance < best.distance:
+                        best = Nearest(distance, block)
+        if best.distance <= ring * side + edge:
+            break
+        ring += 1
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def distances(atlas: Array, at: int, points: Array) -> Array:
+    """Return (N,) signed distances of points (N, 2) from the nearest piece [m]."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        out[i] = nearest(atlas, at, points[i, 0], points[i, 1]).distance
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def along(atlas: Array, at: int, way: Array, distance: Array) -> None:
+    """Write the signed distances (k,) of points, the first columns of `way` (k, …), from pieces.
+
+    The points lie close to one another: what is near the first is looked up once.
+    """
+    x, y = way[0, 0], way[0, 1]
+    first = nearest(atlas, at, x, y)
+    distance[:] = first.distance
+    if first.block < 0:
+        return
+    far = 0.0
+    for s in range(1, len(way)):
+        far = max(far, np.hypot(way[s, 0] - x, way[s, 1] - y))
+    found = np.empty(64, dtype=np.int64)
+    reach = max(first.distance, 0.0) + 2.0 * far
+    total = near(atlas, at, x, y, reach, found)
+    if total > found.size:
+        found = np.empty(total, dtype=np.int64)
+        near(atlas, at, x, y, reach, found)
+    for s in range(1, len(way)):
+        distance[s] = np.inf
+        for k in range(total):
+            distance[s] = min(distance[s], height(atlas, found[k], way[s, 0], way[s, 1]))

@@ -1,0 +1,84 @@
+r"""Speed limits by place: the robot brakes before it enters a zone.
+
+With d⁺ the way to the nearest cell of the zone, 0 inside, L the limit there and β a deceleration
+that every robot here can do,
+
+.. math:: h = (L² + 2 β d^+ - ‖v‖²) / (2 L),
+
+in m/s as a speed limit's. Its zero is the speed from which braking by β reaches L at the edge.
+`docs/rows.md` derives the row of an input that is held.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.rows import HELD, PERIOD, U_MAX
+
+Array = NDArray[np.float64]
+
+BRAKING = 1.0
+"""β, with which a robot slows down before a zone [m/s²]."""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def value(limit: float, away: float, vx: float, vy: float) -> float:
+    """Return h at the distance d⁺ = `away` [m] and the velocity (vx, vy)."""
+    return (limit * limit + 2.0 * BRAKING * away - vx * vx - vy * vy) / (2.0 * limit)
+
+
+@njit(cache=True, error_model="numpy")
+def row(
+    kept: float,
+    margin_rate: float,
+    closing: float,
+    vx: float,
+    vy: float,
+    limit: float,
+    alpha2: Array,
+    s: Array,
+) -> tuple[float, float, float]:
+    """Return b, α₂(ψ) and ψ = h − m of a zone's row, whose gradient is −v/L.
+
+    Args:
+        kept: h − m [m/s].
+        margin_rate: ṁ [m/s²].
+        closing: d/dt of d⁺, not positive while the robot comes nearer [m/s].
+        vx: velocity [m/s].
+        vy: likewise.
+        limit: L [m/s].
+        alpha2: (4,) α₂.
+        s: (11,) `RowSettings.packed`.
+    """
+    alpha2_psi = class_k.value(alpha2, kept)
+    b = -alpha2_psi
+    drift = BRAKING * closing / limit
+    if s[HELD] == 0.0:
+        return b - drift + margin_rate, alpha2_psi, kept
+    period = s[PERIOD]
+    cost = (s[U_MAX] + BRAKING) * s[U_MAX] * period / (2.0 * limit)
+    b = max(b, cost - kept / period) if kept >= 0.0 else b + cost
+    stop = (vx * vx + vy * vy) / (limit * period)  # a full stop gives no more
+    return min(b - drift, stop) + margin_rate, alpha2_psi, kept
+
+
+@njit(cache=True, error_model="numpy")
+def reach(limit: float, margin: float, fastest: float) -> float:
+    """Return the distance from which a robot has to brake for a zone [m].
+
+    Args:
+        limit: L [m/s].
+        margin: m [m/s].
+        fastest: its greatest speed meanwhile [m/s].
+    """
+    return max(0.0, fastest * fastest - limit * (limit - 2.0 * margin)) / (2.0 * BRAKING)
+
+
+def least_limit(period: float, u_max: float, margin: float) -> float:
+    """Return the lowest limit that a held input can satisfy after its margin [m/s].
+
+    It solves ``L² − 2 m L = (β² + β u + u²) T²``; see `docs/rows.md`.
+    """
+    gained = period * np.sqrt(BRAKING**2 + BRAKING * u_max + u_max**2)
+    return float(margin + np.hypot(margin, gained))

@@ -1,0 +1,133 @@
+"""The ground of a map: painted once, and repainted where its cells change."""
+
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers.mapped import MappedRegion
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
+from hcbf_gym.maps import Grid
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Window = tuple[int, int, int, int]
+
+
+class MapGround:
+    """What a field walks on where a map lies.
+
+    Classes of one rank and one clearance are painted together. Speed zones are open ground.
+
+    Args:
+        regions: the classes of one map.
+        clearance: what edges keep besides the margins of their classes [m].
+        opened: ranks from it on may be crossed at their price, above 1; 0 for none.
+
+    Raises:
+        InvalidInputError: if the classes lie in different grids.
+
+    Attributes:
+        ground: of the map alone, without barriers beside it.
+        geometry: (7,) of its grid, see `guidance.field`.
+    """
+
+    def __init__(self, regions: tuple[MappedRegion, ...], clearance: float, opened: int):
+        self.clearance, self.opened = clearance, opened
+        self.grid = _grid_of(regions)
+        self.geometry = geometry_of(self.grid)
+        self.ground = open_ground(*self.grid.shape, self.grid.resolution)
+        self.regions = regions
+        self._layers = self._layers_of(regions)
+        self._paint((0, self.grid.shape[0], 0, self.grid.shape[1]))
+
+    def with_regions(self, regions: tuple[MappedRegion, ...]) -> "MapGround":
+        """Return the ground of a map of the same grid, repainted where its cells are others.
+
+        Raises:
+            InvalidInputError: if the grid is another one.
+        """
+        if _grid_of(regions) != self.grid:
+            raise InvalidInputError(
+                f"guidance: got a map of {_grid_of(regions)} in an episode on {self.grid}, "
+                "expected the same grid until the next reset"
+            )
+        other = copy(self)
+        other.regions, other._layers = regions, self._layers_of(regions)
+        keys = self._layers.keys() | other._layers.keys()
+        empty = np.zeros(self.grid.shape, dtype=np.bool_)
+        changed = empty.copy()
+        for key in keys:
+            was, now = self._layers.get(key, empty), other._layers.get(key, empty)
+            if was is not now:
+                changed |= was != now
+        if not changed.any():
+            return other
+        rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+        farthest = max(clearance for _, clearance in keys)
+        reach = int((farthest + HALO) / self.grid.resolution) + 2
+        window = (
+            max(0, int(rows[0]) - reach),
+            min(changed.shape[0], int(rows[-1]) + 1 + reach),
+            max(0, int(columns[0]) - reach),
+            min(changed.shape[1], int(columns[-1]) + 1 + reach),
+        )
+        other.ground = Ground(self.ground.cost.copy(), self.ground.rank.copy())
+        other._paint(window)
+        return other
+
+    def name_at(self, j: int, i: int, rank: int) -> str:
+        """Return what a message calls a region of a rank at a cell: its class's name if it has one.
+
+        Args:
+            j: row.
+            i: column.
+            rank: of the region.
+        """
+        nearest, name = np.inf, "a barrier"
+        for one in self.regions:
+            if one.priority == rank and one.cells.any():
+                apart = np.abs(np.argwhere(one.cells) - (j, i)).max(axis=1).min()
+                within = (one.margin + self.clearance) / self.grid.resolution + 1.0
+                if apart < nearest and apart <= within:
+                    nearest, name = apart, repr(one.name)
+        return name
+
+    def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
+        """Return rank and clearance → (rows, columns) the cells that have both."""
+        layers: dict[tuple[int, float], Mask] = {}
+        for one in regions:
+            key = one.priority, one.margin + self.clearance
+            layers[key] = layers[key] | one.cells if key in layers else one.cells
+        return layers
+
+    def _paint(self, window: Window) -> None:
+        """Paint a window anew."""
+        side = float(self.geometry[2])
+        inner = slice(window[0] + 1, window[1] + 1), slice(window[2] + 1, window[3] + 1)
+        self.ground.cost[inner] = side
+        self.ground.rank[inner] = 0
+        for (rank, kept), cells in self._layers.items():
+            paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
+
+
+def geometry_of(grid: Grid) -> Array:
+    """Return (7,) x and y of the first cell's centre, side [m], ny, nx, cos and sin of the yaw."""
+    first = grid.to_world([[0.5, 0.5]])[0]
+    return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])
+
+
+def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
+    """Return the grid in which classes lie.
+
+    Raises:
+        InvalidInputError: if there are several.
+    """
+    grid = regions[0].grid
+    for one in regions:
+        if one.grid != grid:
+            raise InvalidInputError(
+                f"guidance: got classes of {grid} and of {one.grid} in one scene, expected one map"
+            )
+    return grid

@@ -1,0 +1,159 @@
+"""Where the cells of a map lie, and what a class of them means."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+KINDS = ("keepout", "speed", "unknown")
+"""What a class of cells is: not to be entered, to be crossed slowly, or not known."""
+
+LARGEST = 25_000_000
+"""Most cells of a map: a building of 250 m at 5 cm."""
+
+FINEST, COARSEST = 1e-3, 100.0
+"""The smallest and the largest side of a cell [m]."""
+
+LOWEST_RANK = 64
+"""The largest number that a rank may be, as a barrier's priority."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells in the plane, ``p = origin + R(yaw) · resolution · (column, row)``.
+
+    Row 0 is the lowest one: rows run up the grid's own y axis. Cell (r, c) covers
+    [c, c + 1) × [r, r + 1).
+
+    Args:
+        resolution: side of a cell [m].
+        origin: of the lower left corner of cell (0, 0): x [m], y [m] and yaw [rad].
+        shape: rows and columns.
+
+    Raises:
+        InvalidInputError: if a number is not finite or out of range, or there are no or too many
+            cells.
+    """
+
+    resolution: float
+    origin: tuple[float, float, float]
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        side = finite_float("map: resolution", self.resolution, minimum=FINEST, maximum=COARSEST)
+        origin = finite_array("map: origin", self.origin, (3,), largest=FARTHEST)
+        object.__setattr__(self, "resolution", side)
+        object.__setattr__(self, "origin", tuple(origin.tolist()))
+        object.__setattr__(self, "shape", checked_shape(self.shape))
+
+    @cached_property
+    def axes(self) -> Array:
+        """(2, 2) whose columns are the grid's own x and y axes in the world."""
+        cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
+        return np.array([[cos, -sin], [sin, cos]])
+
+    def to_cells(self, points: ArrayLike) -> Array:
+        """Return (N, 2) fractional column and row of points (N, 2) [m]."""
+        points = np.asarray(points, dtype=np.float64)
+        return (points - self.origin[:2]) @ self.axes / self.resolution
+
+    def to_world(self, cells: ArrayLike) -> Array:
+        """Return (N, 2) points [m] of fractional columns and rows (N, 2)."""
+        cells = np.asarray(cells, dtype=np.float64)
+        return self.origin[:2] + (self.resolution * cells) @ self.axes.T
+
+    @cached_property
+    def corners(self) -> Array:
+        """(4, 2) corners of the whole grid, counter-clockwise [m]."""
+        rows, columns = self.shape
+        return self.to_world([[0, 0], [columns, 0], [columns, rows], [0, rows]])
+
+
+@dataclass(frozen=True, eq=False)
+class MapClass:
+    """Cells of one meaning and one rank.
+
+    Args:
+        name: what messages, infos and figures call them.
+        rank: 1 is the highest and strict.
+        kind: "keepout", "speed" or "unknown", see `KINDS`.
+        cells: (rows, columns) truth values, row 0 the lowest; copied, read-only.
+        limit: of the speed inside [m/s], for the kind "speed" alone.
+        margin: what is reserved around these cells besides the robot's own margins [m].
+
+    Raises:
+        InvalidInputError: if one of them is none of these.
+    """
+
+    name: str
+    rank: int
+    kind: str
+    cells: Mask
+    limit: float | None = None
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"map class: name: got {self.name!r}, expected non-empty text")
+        label = f"map class {self.name!r}"
+        choose(f"{label}: kind", self.kind, dict.fromkeys(KINDS))
+        integer = isinstance(self.rank, int | np.integer) and not isinstance(self.rank, bool)
+        if not integer or not 1 <= self.rank <= LOWEST_RANK:
+            raise InvalidInputError(
+                f"{label}: rank: got {self.rank!r}, expected an integer from 1 to {LOWEST_RANK}"
+            )
+        if (self.kind == "speed") != (self.limit is not None):
+            raise InvalidInputError(
+                f"{label}: limit: got {self.limit!r} for the kind {self.kind!r}, "
+                "expected a speed [m/s] for the kind 'speed' and None for the others"
+            )
+        cells = np.asarray(self.cells)
+        if cells.ndim != 2 or cells.dtype != np.bool_:
+            raise InvalidInputError(
+                f"{label}: cells: got {cells.dtype} of the shape {cells.shape}, "
+                "expected truth values (rows, columns)"
+            )
+        cells = cells.copy()
+        cells.flags.writeable = False
+        object.__setattr__(self, "cells", cells)
+        object.__setattr__(self, "rank", int(self.rank))
+        if self.limit is not None:
+            limit = finite_float(
+                f"{label}: limit", self.limit, minimum=0.0, maximum=FARTHEST, exclusive=True
+            )
+            object.__setattr__(self, "limit", limit)
+        margin = finite_float(f"{label}: margin", self.margin, minimum=0.0, maximum=100.0)
+        object.__setattr__(self, "margin", margin)
+
+    @property
+    def is_strict(self) -> bool:
+        """Whether no robot may enter these cells."""
+        return self.rank == 1 and self.kind != "speed"
+
+
+def checked_shape(shape: Any) -> tuple[int, int]:
+    """Return rows and columns of a map.
+
+    Raises:
+        InvalidInputError: if they are no two positive integers, or make too many cells.
+    """
+    numbers = tuple(shape) if isinstance(shape, tuple | list) else ()
+    if len(numbers) != 2 or any(
+        isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in numbers
+    ):
+        raise InvalidInputError(f"map: shape: got {shape!r}, expected two positive integers")
+    rows, columns = map(int, numbers)
+    if rows * columns > LARGEST:
+        raise InvalidInputError(
+            f"map: got {rows} x {columns} cells, expected at most {LARGEST}: "
+            "crop the map or take larger cells"
+        )
+    return rows, columns

@@ -1,0 +1,201 @@
+"""Reads the maps of Nav2's map server unchanged: a YAML file that names a PGM or PNG image."""
+
+import math
+import re
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
+from hcbf_gym.maps.grid import Grid, checked_shape
+from hcbf_gym.models.constants import FARTHEST
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
+
+NEEDED = ("image", "resolution", "origin")
+OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
+MODES = ("trinary", "scale", "raw")
+
+LONGEST_TEXT = 65_536
+"""Bytes of a YAML file that describes a map."""
+
+_KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
+_IMAGES = {"PPM": "PGM", "PNG": "PNG"}
+_NO_IMAGE = (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError)
+_PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
+
+
+class Raster(NamedTuple):
+    """A map as it stands in its files.
+
+    Attributes:
+        grid: where its cells lie.
+        occupancy: (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest.
+        pixels: (rows, columns) the image's own numbers, 0 to 255.
+    """
+
+    grid: Grid
+    occupancy: NDArray[np.int16]
+    pixels: NDArray[np.uint8]
+
+
+def read(path: str | Path) -> Raster:
+    """Read a map.
+
+    Modes are the map server's: "trinary" knows free, occupied and unknown; "scale" the shares
+    between both thresholds; "raw" takes a pixel from 0 to 100 for the occupancy itself.
+
+    Args:
+        path: of the YAML file; its image lies beside it unless the path in it is absolute.
+
+    Raises:
+        InvalidInputError: if a file cannot be read or is too large, a key is missing, unknown or
+            out of range, or the image is no PGM or PNG of 8 bits.
+    """
+    path = Path(path)
+    keys = parse(_text(path), str(path))
+    check_options(f"map {path}", keys, (*NEEDED, *OPTIONAL))
+    missing = [key for key in NEEDED if key not in keys]
+    if missing:
+        raise InvalidInputError(f"map {path}: {missing} is missing, expected {list(NEEDED)}")
+    mode = keys.get("mode", "trinary")
+    choose(f"mode of map {path}", mode, dict.fromkeys(MODES))
+    low = finite_float(f"map {path}: free_thresh", keys.get("free_thresh", 0.25), minimum=0.0)
+    high = finite_float(
+        f"map {path}: occupied_thresh", keys.get("occupied_thresh", 0.65), minimum=0.0, maximum=1.0
+    )
+    if low >= high:
+        raise InvalidInputError(
+            f"map {path}: free_thresh: got {low}, expected below occupied_thresh, {high}"
+        )
+    negate = keys.get("negate", 0)
+    if negate not in (0, 1):
+        raise InvalidInputError(f"map {path}: negate: got {negate!r}, expected 0 or 1")
+    if not isinstance(keys["image"], str):
+        raise InvalidInputError(
+            f"map {path}: image: got {keys['image']!r}, expected the path of a PGM or PNG"
+        )
+    shade, clear, pixels = _shade(path.parent / keys["image"], mode)
+    origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=FARTHEST)
+    grid = Grid(keys["resolution"], tuple(origin.tolist()), shade.shape)
+    occupied = shade if negate else 1.0 - shade
+    if mode == "raw":
+        values = np.rint(255.0 * shade)
+        values[values > OCCUPIED] = UNKNOWN
+    else:
+        values = np.full(shade.shape, float(UNKNOWN))
+        if mode == "scale":
+            values = np.rint(OCCUPIED * (occupied - low) / (high - low))
+        values[occupied < low] = FREE
+        values[occupied > high] = OCCUPIED
+        values[clear] = UNKNOWN
+    return Raster(grid, values.astype(np.int16)[::-1], pixels[::-1])
+
+
+def _text(path: Path) -> str:
+    """Return a short text file's content.
+
+    Raises:
+        InvalidInputError: if it cannot be read, is too long or is no text.
+    """
+    try:
+        size = path.stat().st_size
+        text = path.read_text(encoding="utf-8") if size <= LONGEST_TEXT else ""
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(
+            f"map {path}: got {error}, expected a readable YAML file of Nav2's map server"
+        ) from error
+    if size > LONGEST_TEXT:
+        raise InvalidInputError(
+            f"map {path}: got a file of {size} bytes, expected at most {LONGEST_TEXT}"
+        )
+    return text
+
+
+def parse(text: str, name: str) -> dict[str, Any]:
+    """Return the keys of a YAML file with one level: numbers, texts, and lists of numbers.
+
+    Args:
+        text: of the file.
+        name: what messages call it.
+
+    Raises:
+        InvalidInputError: on anything else, and on a key that stands there twice.
+    """
+    keys: dict[str, Any] = {}
+    listed: list[Any] | None = None
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+        bare = re.sub(r"(^|\s)#.*$", "", line).rstrip()
+        if not bare.strip() or bare in ("---", "..."):
+            continue
+        if listed is not None and re.match(r"\s*-\s", bare):
+            listed.append(_value(bare.strip()[1:].strip()))
+            continue
+        found = _KEY.match(bare)
+        if found is None or found[1] in keys:
+            problem = "twice the key" if found else "the line"
+            raise InvalidInputError(
+                f"map {name}: got {problem} {bare!r} (line {number}), expected lines 'key: value' "
+                f"with keys among {[*NEEDED, *OPTIONAL]}"
+            )
+        rest = (found[2] or "").strip()
+        listed = None if rest else []
+        keys[found[1]] = _value(rest) if rest else listed
+    return keys
+
+
+def _value(text: str) -> Any:
+    """Return a number, a truth value, a text, or a list of them."""
+    if text.startswith("[") and text.endswith("]"):
+        inner = text[1:-1].strip().rstrip(",")
+        return [_value(item.strip()) for item in inner.split(",")] if inner else []
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
+        return text[1:-1]
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return math.inf if text.lower() in (".inf", "+.inf") else text
+
+
+def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
+    """Return an image's brightness from 0 to 1, where it is transparent, and its grey pixels.
+
+    In trinary mode the opacity counts as a colour, as the map server has it; in the others a
+    transparent pixel is not known.
+
+    Raises:
+        InvalidInputError: if there is no such image, or it is too large or of another kind.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # refused here if large
+            image = Image.open(path, formats=list(_IMAGES))
+        with image:
+            width, height = image.size
+            checked_shape((height, width))  # before anything is decoded
+            if image.mode not in _PLAIN:
+                raise InvalidInputError(
+                    f"map image {path}: got the mode {image.mode!r}, expected 8 bits a channel"
+                )
+            colours = np.asarray(image.convert("RGBA"))
+            pixels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
+    except InvalidInputError:
+        raise
+    except _NO_IMAGE as error:
+        raise InvalidInputError(
+            f"map image {path}: got {error}, expected a readable {' or '.join(_IMAGES.values())}"
+        ) from error
+    has_opacity = bool((colours[..., 3] < 255).any())
+    channels = 4 if has_opacity and mode == "trinary" else 3
+    shade = colours[..., :channels].astype(np.float64).mean(axis=2) / 255.0
+    clear = (colours[..., 3] < 255) & (mode == "scale")
+    return shade, clear, pixels.copy()

@@ -1,0 +1,249 @@
+"""A map with ranks: what a robot may not enter, and what it may cross if it must."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym import records
+from hcbf_gym.barriers import pieces
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.many import Several
+from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
+from hcbf_gym.barriers.pieces import Pieces
+from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array
+from hcbf_gym.maps import packing, reading
+from hcbf_gym.maps.cover import Cover
+from hcbf_gym.maps.grid import Grid, MapClass
+from hcbf_gym.models.constants import FARTHEST
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class RankedMap(Several):
+    """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
+
+    In a list of barriers it stands for one condition a class, in the order of the classes. What
+    lies outside the grid is free.
+
+    Args:
+        grid: where the cells lie.
+        classes: what cells mean; a cell may be of several classes.
+        source: the files that it was read from, as `from_dict` takes them; None for arrays.
+
+    Raises:
+        InvalidInputError: if two classes share a name, or cells are not of the grid's shape.
+
+    Examples:
+        >>> import numpy as np
+        >>> cells = np.zeros((20, 40), dtype=bool)
+        >>> cells[:, 0] = True
+        >>> walls = MapClass("walls", 1, "keepout", cells)
+        >>> room = RankedMap(Grid(0.1, (0.0, 0.0, 0.0), (20, 40)), (walls,))
+        >>> room.distance([[1.0, 1.0]], 1).round(3)
+        array([0.9])
+    """
+
+    grid: Grid
+    classes: tuple[MapClass, ...]
+    source: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "classes", tuple(self.classes))
+        names = [one.name for one in self.classes]
+        if not names or len(set(names)) < len(names):
+            raise InvalidInputError(
+                f"map: got classes named {names}, expected one or more, all different"
+            )
+        if not isinstance(self.grid, Grid):
+            raise InvalidInputError(f"map: grid: got {self.grid!r}, expected a Grid")
+        for one in self.classes:
+            if one.cells.shape != self.grid.shape:
+                raise InvalidInputError(
+                    f"map class {one.name!r}: got cells of the shape {one.cells.shape}, "
+                    f"expected {self.grid.shape} as the grid's"
+                )
+
+    @classmethod
+    def load(
+        cls,
+        file: str | Path,
+        masks: Mapping[str, int | Mapping[str, Any]] | None = None,
+        *,
+        rank: int = 1,
+        unknown: int | None = 1,
+        margin: float = 0.0,
+        table: Mapping[Any, Mapping[str, Any]] | None = None,
+    ) -> Self:
+        """Read a map of Nav2, and masks over the same cells.
+
+        Args:
+            file: YAML of the map server.
+            masks: YAML of a mask → its rank as a keepout, or its fields: "rank", "kind", "name",
+                "margin", and for the kind "speed" either "limit" [m/s], or "base" and "multiplier"
+                [m/s]: as in Nav2, a cell's limit is base + multiplier · occupancy, and none where
+                that is not positive. Paths are those beside the map unless they are absolute.
+            rank: of the map's occupied cells, the class "occupied".
+            unknown: rank of the cells of which nothing is known, the class "unknown"; None makes
+                them free.
+            margin: reserved around both [m].
+            table: of a label image: a pixel's value → "name", "rank", and "kind", "limit",
+                "margin" where they are not the usual ones; then `rank` and `unknown` are not used,
+                and other values are free.
+
+        Raises:
+            InvalidInputError: if a file cannot be read, a mask has other cells than the map, a
+                field is missing, unknown or out of range, or every cell is strict.
+        """
+        grid, classes = reading.read(file, masks or {}, rank, unknown, margin, table)
+        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin, table))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the map that `to_dict` described, or that `load` reads from {"file": …, …}.
+
+        Raises:
+            InvalidInputError: if it describes none.
+        """
+        records.check_mapping("map", data)
+        if "file" in data:
+            check_options("map", data, ("file", "masks", *reading.USUAL))
+            return cls.load(**data)
+        return cls(*packing.unpacked(data))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the map as a plain dict that `from_dict` reads and JSON can hold."""
+        if self.source is not None:
+            return records.plain(self.source)
+        return packing.packed(self.grid, self.classes)
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether two maps are described alike."""
+        if not isinstance(other, RankedMap):
+            return NotImplemented
+        return self is other or self.to_dict() == other.to_dict()
+
+    __hash__ = object.__hash__
+
+    @cached_property
+    def covers(self) -> tuple[Cover, ...]:
+        """What covers each class, in the order of the classes."""
+        return tuple(Cover.of(one.cells) for one in self.classes)
+
+    @property
+    def conditions(self) -> tuple[Barrier, ...]:
+        """A barrier for each class, in the order of the classes."""
+        return self._conditions
+
+    @cached_property
+    def _conditions(self) -> tuple[MappedRegion | MappedZone, ...]:
+        return tuple(
+            self._condition(one, cover)
+            for one, cover in zip(self.classes, self.covers, strict=True)
+        )
+
+    def polygons(self, name: str) -> list[Array]:
+        """Return the corners (k, 2) of the convex pieces that cover a class [m]."""
+        return self._condition_of(name).pieces.polygons
+
+    def mask(self, rank: int) -> Mask:
+        """Return (rows, columns) whether a cell is keepout or unknown of a rank."""
+        found = np.zeros(self.grid.shape, dtype=np.bool_)
+        for one in self.classes:
+            if one.rank == rank and one.kind != "speed":
+                found |= one.cells
+        return found
+
+    def distance(self, points: ArrayLike, rank: int | None = None) -> Array:
+        """Return (N,) the covered distance of points from keepout and unknown cells [m].
+
+        It never exceeds the true distance; inside a piece it is negative.
+
+        Args:
+            points: (N, 2) [m].
+            rank: of the classes that count; None for all.
+
+        Raises:
+            InvalidInputError: if the points are not finite.
+        """
+        at = finite_array("points", points, (None, 2), largest=FARTHEST)
+        least = np.full(len(at), np.inf)
+        for one, barrier in zip(self.classes, self._conditions, strict=True):
+            if one.kind != "speed" and rank in (None, one.rank):
+                np.minimum(least, pieces.distances(barrier.pieces.packed, 0, at), out=least)
+        return least
+
+    def update(self, corner: tuple[int, int], cells: Mapping[str, ArrayLike]) -> "RankedMap":
+        """Return the map with a window of cells replaced; only what is near it is covered anew.
+
+        Args:
+            corner: lowest row and column of the window.
+            cells: class name → (h, w) truth values; the other classes stay.
+
+        Raises:
+            InvalidInputError: if there is no such class, or the window leaves the grid.
+        """
+        known = {one.name: k for k, one in enumerate(self.classes)}
+        check_options("map update: classes", cells, known)
+        classes, covers = list(self.classes), list(self.covers)
+        conditions = list(self._conditions)
+        for name, values in cells.items():
+            k = known[name]
+            window = np.asarray(values)
+            r, c = _corner(corner, window, self.grid)
+            h, w = window.shape
+            now = classes[k].cells.copy()
+            if np.array_equal(now[r : r + h, c : c + w], window):
+                continue
+            now[r : r + h, c : c + w] = window
+            classes[k] = replace(classes[k], cells=now)
+            covers[k] = covers[k].after(now, (r, c, r + h, c + w))
+            conditions[k] = self._condition(classes[k], covers[k])
+        changed = RankedMap(self.grid, tuple(classes))
+        vars(changed).update(covers=tuple(covers), _conditions=tuple(conditions))
+        return changed
+
+    def _condition(self, one: MapClass, cover: Cover) -> MappedRegion | MappedZone:
+        """Return the barrier of a class."""
+        corners = self.grid.to_world(cover.grown().reshape(-1, 2)).reshape(-1, 8, 2)
+        found = Pieces(corners, cover.sizes, self.grid.origin)
+        fields: dict[str, Any] = {"pieces": found, "margin": one.margin}
+        fields |= {"grid": self.grid, "cells": one.cells}
+        if one.limit is not None:
+            return MappedZone(one.name, one.rank, limit=one.limit, **fields)
+        return MappedRegion(one.name, one.rank, **fields)
+
+    def _condition_of(self, name: str) -> MappedRegion | MappedZone:
+        """Return the barrier of the class of a name."""
+        return choose("map class", name, {one.name: one for one in self._conditions})
+
+
+def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
+    """Return the lowest row and column of a window that lies in the grid.
+
+    Raises:
+        InvalidInputError: if it does not, or holds no truth values.
+    """
+    sound = isinstance(corner, tuple | list) and len(corner) == 2
+    sound = sound and all(
+        isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 0 for n in corner
+    )
+    if not sound or window.ndim != 2 or window.dtype != np.bool_:
+        raise InvalidInputError(
+            f"map update: got {window.dtype} of the shape {window.shape} at {corner!r}, expected "
+            "truth values (h, w) at a row and a column"
+        )
+    r, c = int(corner[0]), int(corner[1])
+    rows, columns = grid.shape
+    if r + window.shape[0] > rows or c + window.shape[1] > columns:
+        raise InvalidInputError(
+            f"map update: got a window of {window.shape} cells at {(r, c)}, expected it within "
+            f"the {grid.shape} cells of the map"
+        )
+    return r, c

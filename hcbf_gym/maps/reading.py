@@ -1,0 +1,163 @@
+"""Classes of a map from its files: the map itself, masks over it, or an image of labels."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym import records
+from hcbf_gym.errors import InvalidInputError, check_options, finite_float
+from hcbf_gym.maps import nav2
+from hcbf_gym.maps.grid import Grid, MapClass
+from hcbf_gym.maps.nav2 import Raster
+
+Mask = NDArray[np.bool_]
+Classes = tuple[MapClass, ...]
+
+USUAL: dict[str, Any] = {"rank": 1, "unknown": 1, "margin": 0.0, "table": None}
+"""Arguments of `RankedMap.load` that need not be given."""
+
+KNOWN_FREE = 25
+"""A cell whose occupancy is lower is free, in the graded modes, too."""
+SURELY_OCCUPIED = 65
+"""A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
+
+OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
+OF_LABEL = ("name", "rank", "kind", "limit", "margin")
+
+MOST_LIMITS = 16
+"""Speed limits in one mask, each of which becomes a class."""
+
+
+def source(
+    file: str | Path,
+    masks: Mapping[str, Any] | None,
+    rank: int,
+    unknown: int | None,
+    margin: float,
+    table: Mapping[Any, Any] | None,
+) -> dict[str, Any]:
+    """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
+    given = {"rank": rank, "unknown": unknown, "margin": margin, "table": table}
+    told: dict[str, Any] = {"file": str(file)}
+    if masks:
+        told["masks"] = records.plain(masks)
+    told |= {name: value for name, value in given.items() if value != USUAL[name]}
+    if table is not None:
+        told["table"] = {str(value): records.plain(entry) for value, entry in table.items()}
+    return told
+
+
+def read(
+    file: str | Path,
+    masks: Mapping[str, Any],
+    rank: int,
+    unknown: int | None,
+    margin: float,
+    table: Mapping[Any, Any] | None,
+) -> tuple[Grid, Classes]:
+    """Read a map and its masks; see `RankedMap.load`."""
+    if not isinstance(file, str | Path) or not str(file):
+        raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
+    raster = nav2.read(file)
+    found = _of_map(raster, rank, unknown, margin) if table is None else _labels(raster, table)
+    records.check_mapping("map: masks", masks)
+    for name, entry in masks.items():
+        found += _of_mask(Path(file).parent / name, name, entry, raster.grid)
+    strict = np.zeros(raster.grid.shape, dtype=np.bool_)
+    for one in found:
+        strict |= one.cells & one.is_strict
+    if strict.all():
+        raise InvalidInputError(
+            f"map {file}: got no cell that a robot may be in, expected some that are not strict: "
+            "see negate and the thresholds, or unknown=None"
+        )
+    return raster.grid, tuple(found)
+
+
+def _of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
+    """Return the classes "occupied" and, where it has a rank, "unknown"."""
+    occupied = raster.occupancy > SURELY_OCCUPIED
+    doubtful = (raster.occupancy < 0) | (~occupied & (raster.occupancy >= KNOWN_FREE))
+    found = [MapClass("occupied", rank, "keepout", occupied, margin=margin)]
+    if unknown is not None:
+        found.append(MapClass("unknown", unknown, "unknown", doubtful, margin=margin))
+    return found
+
+
+def _labels(raster: Raster, table: Mapping[Any, Any]) -> list[MapClass]:
+    """Return the classes of an image of labels.
+
+    Raises:
+        InvalidInputError: if the table is none, or a value in it is no pixel's.
+    """
+    if not isinstance(table, Mapping) or not table:
+        raise InvalidInputError(
+            f"map: table: got {table!r}, expected pixel values with what they mean"
+        )
+    found = []
+    for value, entry in table.items():
+        number = _pixel(value)
+        label = f"map: table: {value!r}"
+        records.check_mapping(label, entry)
+        check_options(label, entry, OF_LABEL)
+        for key in ("name", "rank"):
+            if key not in entry:
+                raise InvalidInputError(f"{label}: {key!r} is missing, expected a name and a rank")
+        fields: dict[str, Any] = {"kind": "keepout"} | dict(entry)
+        found.append(MapClass(cells=raster.pixels == number, **fields))
+    return found
+
+
+def _pixel(value: Any) -> int:
+    """Return a pixel's value, which is a key of JSON, too.
+
+    Raises:
+        InvalidInputError: if it is none from 0 to 255.
+    """
+    number = int(value) if isinstance(value, str) and value.isdecimal() else value
+    if isinstance(number, bool) or not isinstance(number, int | np.integer):
+        number = -1
+    if not 0 <= number <= 255:
+        raise InvalidInputError(f"map: table: got the value {value!r}, expected 0 to 255")
+    return int(number)
+
+
+def _of_mask(path: Path, name: str, entry: Any, grid: Grid) -> list[MapClass]:
+    """Return the classes of a mask: one keepout, or one for each speed limit in it.
+
+    Raises:
+        InvalidInputError: if it lies over other cells than the map, or a field is not right.
+    """
+    label = f"map: mask {name!r}"
+    fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
+    records.check_mapping(label, fields)
+    check_options(label, fields, OF_MASK)
+    if "rank" not in fields:
+        raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
+    raster = nav2.read(path)
+    if raster.grid != grid:
+        raise InvalidInputError(f"{label}: got the cells {raster.grid}, expected the map's, {grid}")
+    base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
+    fields = {"name": Path(name).stem, "kind": "keepout"} | fields
+    if base is None and multiplier is None:
+        return [MapClass(cells=raster.occupancy >= KNOWN_FREE, **fields)]
+    if fields["kind"] != "speed" or "limit" in fields:
+        raise InvalidInputError(
+            f"{label}: got base and multiplier for the kind {fields['kind']!r}, expected them for "
+            "the kind 'speed' alone, and no limit beside them"
+        )
+    base = finite_float(f"{label}: base", base)
+    slope = finite_float(f"{label}: multiplier", multiplier)
+    levels = [int(n) for n in np.unique(raster.occupancy) if n > 0 and base + slope * n > 0.0]
+    if len(levels) > MOST_LIMITS:
+        raise InvalidInputError(
+            f"{label}: got {len(levels)} speed limits, expected at most {MOST_LIMITS}"
+        )
+    stem = fields.pop("name")
+    return [
+        MapClass(f"{stem} {n}", cells=raster.occupancy == n, limit=base + slope * n, **fields)
+        for n in levels
+    ]

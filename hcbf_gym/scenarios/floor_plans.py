@@ -1,0 +1,159 @@
+"""Floor plans: a flat, an office and a warehouse with zones, and ways through maps drawn at random.
+
+The plans are map files of Nav2, which `scripts/floor_plans.py` draws. A way joins two places that a
+body of radius `CLEAR` can reach from each other without entering a strict cell; both lie outside
+every zone that should not be entered.
+"""
+
+import json
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from hcbf_gym import records
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.maps import RankedMap
+from hcbf_gym.scenarios.hall import V_MAX
+from hcbf_gym.scenarios.references import PointReference
+from hcbf_gym.scenarios.scenario import Scenario
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+NAMES = ("flat", "office", "warehouse")
+FOLDER = Path(__file__).parent / "plans"
+
+SLOW = 0.5
+"""Speed limit in the zones of the plans [m/s]."""
+CLEAR = 0.55
+"""What the way from start to goal leaves to strict cells, and both to every zone [m]."""
+APART = 3.0
+"""Least distance between start and goal, where the map has such places [m]."""
+_TRIES = 16
+
+
+class Route(NamedTuple):
+    """A start and a goal on a map.
+
+    Attributes:
+        map: the floor.
+        start: (x, y) [m].
+        goal: (2,) [m].
+    """
+
+    map: RankedMap
+    start: Pair
+    goal: Array
+
+    def scenario(self, name: str) -> Scenario:
+        """Return the scene as a `Scenario` of the given name."""
+        return Scenario(
+            name=name,
+            barriers=(),
+            reference=PointReference(tuple(self.goal)),
+            start=self.start,
+            task="reach",
+            v_max=V_MAX,
+            map=self.map,
+        )
+
+    def write(self, kind: NDArray[np.int64], parameters: Array) -> None:
+        """Leave the barriers as they are: those of the map, which stays."""
+
+
+def draw(plan: str, rng: np.random.Generator) -> Route:
+    """Return another way through a plan, one of `NAMES`."""
+    return through(load(plan), rng)
+
+
+def through(floor: RankedMap, rng: np.random.Generator) -> Route:
+    """Return another way through a map.
+
+    Args:
+        floor: the map.
+        rng: gives as many numbers for every way.
+
+    Raises:
+        InvalidInputError: if there is no place for a body.
+    """
+    found = places(floor)
+    first, *others = found[rng.integers(len(found), size=1 + _TRIES)]
+    apart = np.linalg.norm(np.array(others) - first, axis=1)
+    far = np.flatnonzero(apart >= APART)
+    last = others[far[0] if far.size else int(np.argmax(apart))]
+    return Route(floor, (float(first[0]), float(first[1])), last.copy())
+
+
+@cache
+def load(plan: str) -> RankedMap:
+    """Return a plan: occupied cells and what lies beyond the walls are strict, zones are not."""
+    slow: dict[str, Any] = {"rank": 2, "kind": "speed", "limit": SLOW, "name": "slow"}
+    masks: dict[str, Any] = {
+        f"{plan}_keepout.yaml": {"rank": 2, "name": "keepout"},
+        f"{plan}_avoid.yaml": {"rank": 3, "name": "avoid"},
+        f"{plan}_slow.yaml": slow,
+    }
+    read = RankedMap.load(FOLDER / f"{plan}.yaml", masks)
+    return RankedMap(read.grid, read.classes)  # a scene that is saved holds cells, no paths
+
+
+def described(data: Any) -> RankedMap:
+    """Return the map that a plain dict describes, read and covered once.
+
+    Raises:
+        InvalidInputError: if it describes none.
+    """
+    records.check_mapping("map", data)
+    return _described(json.dumps(records.plain(data), sort_keys=True))
+
+
+@lru_cache(maxsize=8)
+def _described(text: str) -> RankedMap:
+    return RankedMap.from_dict(json.loads(text))
+
+
+def name_of(data: Any) -> str:
+    """Return what a scene in a described map is called: its file's name without the ending."""
+    return Path(str(data.get("file", "map"))).stem
+
+
+@lru_cache(maxsize=8)
+def places(floor: RankedMap) -> Array:
+    """Return (K, 2) the middles of cells where a body can be, all joined by ways [m].
+
+    Raises:
+        InvalidInputError: if there is none.
+    """
+    strict, zones = (np.zeros(floor.grid.shape, dtype=np.bool_) for _ in range(2))
+    for one in floor.classes:
+        if one.kind != "speed":
+            zones |= one.cells
+            strict |= one.cells & one.is_strict
+    resolution = floor.grid.resolution
+    joined: Any = np.zeros(strict.shape, dtype=np.int64)
+    ndimage.label(_clearance(strict, resolution) > CLEAR, output=joined)
+    if joined.any():
+        sizes = np.bincount(joined.ravel())[1:]
+        free = (joined == 1 + np.argmax(sizes)) & (_clearance(zones, resolution) > CLEAR)
+        rows, columns = np.nonzero(free)
+        if len(rows):
+            found = floor.grid.to_world(np.column_stack([columns, rows]) + 0.5)
+            found.flags.writeable = False
+            return found
+    raise InvalidInputError(
+        f"map: got no cell that is {CLEAR} m from everything, expected room for start and goal"
+    )
+
+
+def _clearance(cells: NDArray[np.bool_], resolution: float) -> Array:
+    """Return (rows, columns) how far the middle of each cell is from occupied squares at least [m].
+
+    Beyond the map everything counts as occupied.
+    """
+    framed = np.pad(~cells, 1)
+    steps: Any = ndimage.distance_transform_edt(framed)
+    return resolution * (steps[1:-1, 1:-1] - np.sqrt(0.5))

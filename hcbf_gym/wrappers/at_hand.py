@@ -1,0 +1,49 @@
+"""What is at hand of a map, in the filter of N planar double integrators: taken, and told of."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.barriers import mapped
+from hcbf_gym.barriers.mapped import Scene
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Records = NDArray[Any]
+
+
+@njit(cache=True)
+def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
+    """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
+
+    Args:
+        c: `fused.CONSTANTS`.
+        scene: the plant's conditions.
+        atlas: where the pieces stand.
+        plant: `senses.PLANT`, looked at.
+    """
+    state = plant.x, plant.model, plant.lag, plant.covariance
+    return mapped.at_hand(c, c.rows, c.radius, scene, atlas, *state)
+
+
+@njit(cache=True)
+def tell(source: Integers, part: Records, rows: Records) -> None:
+    """Write what is said of the pieces at hand into the rows of their classes.
+
+    A class is told the most that one of its pieces pays, and what the one reserves that reserves
+    most; a class of which nothing is at hand pays and reserves nothing.
+
+    Args:
+        source: (M,) which condition each row stands for.
+        part: (M,) `report.ROW`.
+        rows: (m,) `report.ROW`, written to.
+    """
+    slack, delta, margin = rows["slack"], rows["delta"], rows["margin"]
+    slack[:], delta[:], margin[:] = 0.0, 0.0, 0.0
+    for r in range(source.size):
+        k = source[r]
+        slack[k] = max(slack[k], part["slack"][r])
+        delta[k] = max(delta[k], part["delta"][r])
+        margin[k] = max(margin[k], part["margin"][r])

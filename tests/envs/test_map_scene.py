@@ -1,0 +1,226 @@
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import Plant, scenarios, wrappers
+from hcbf_gym.barriers import SpeedLimit
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation import attacks
+from hcbf_gym.maps import MapClass
+from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import FilterStatus
+from tests.maps.floors import cells, room, true_distance
+
+BODY = 0.1
+
+
+def scene(ranked, start):
+    return {
+        "name": "room",
+        "barriers": [],
+        "reference": {"kind": "point", "goal": [2.0, 1.5]},
+        "start": list(start),
+        "map": ranked.to_dict(),
+        "task": "reach",
+        "v_max": 1.5,
+    }
+
+
+def free(ranked, seed, clearance=BODY + 0.05):
+    rng = np.random.default_rng(seed)
+    points = ranked.grid.to_world(rng.uniform([0, 0], [80, 60], (2000, 2)))
+    return points[ranked.distance(points, 1) > clearance]
+
+
+@pytest.mark.parametrize("attack", attacks.ATTACKS)
+def test_no_attack_enters_the_exact_squares_of_a_strict_class(attack):
+    ranked = room(len(attack), (1.0, -2.0, 0.4))
+    start = free(ranked, 0)[3]
+    env = gym.make("HCBF-Regions-v0", scenario=scene(ranked, start), max_episode_steps=150)
+    env = wrappers.SafetyFilter(env, margin=BODY)
+    _, info = env.reset(seed=1)
+    assert info["h"].shape == info["safety_filter"]["margin"].shape == (2,)
+    wants = attacks.make(attack, 1)
+    places, least, truncated = [], np.inf, False
+    while not truncated:
+        _, _, terminated, truncated, info = env.step(wants.wants(attacks.look(env)))
+        truncated = truncated or terminated
+        assert info["safety_filter"]["status"] <= FilterStatus.RELAXED
+        least = min(least, info["min_h"][0])
+        places.append(env.unwrapped.rom_state[:2])
+    assert least >= BODY
+    assert true_distance(ranked, ranked.classes[0].cells, np.array(places)).min() >= BODY
+
+
+def test_the_vector_environment_equals_single_ones_on_maps():
+    zone = MapClass("zone", 2, "speed", cells(4), limit=0.5)
+    ranked = room(2, (0.0, 0.0, 0.2), zone=zone)
+    start = free(ranked, 1)[0]
+    given = {"scenario": scene(ranked, start)}
+    many = gym.make_vec("HCBF-Regions-v0", num_envs=2, **given)
+    ones = [gym.make("HCBF-Regions-v0", **given) for _ in range(2)]
+    many = wrappers.VectorSafetyFilter(many, margin=BODY)
+    ones = [wrappers.SafetyFilter(env, margin=BODY) for env in ones]
+    seen, _ = many.reset(seed=0)
+    alone = [env.reset(seed=k)[0] for k, env in enumerate(ones)]
+    assert np.array_equal(seen, alone)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        u = rng.uniform(-5.0, 5.0, (2, 2)).astype(np.float32)
+        seen, _, _, _, infos = many.step(u)
+        for k, env in enumerate(ones):
+            observation, _, _, _, info = env.step(u[k])
+            assert np.array_equal(seen[k], observation)
+            assert np.array_equal(infos["min_h"][k], info["min_h"])
+            for key in ("u_safe", "slack", "margin", "status"):
+                assert np.array_equal(infos["safety_filter"][key][k], info["safety_filter"][key])
+
+
+def test_a_named_solver_finds_the_input_of_the_compiled_path():
+    zone = MapClass("zone", 2, "speed", cells(4), limit=0.5)
+    ranked = room(3, zone=zone)
+    given = {"scenario": scene(ranked, free(ranked, 2)[1])}
+    envs = [
+        wrappers.SafetyFilter(gym.make("HCBF-Regions-v0", **given), margin=BODY, solver=solver)
+        for solver in (None, "daqp")
+    ]
+    for env in envs:
+        env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(25):
+        u = rng.uniform(-5.0, 5.0, 2)
+        told = [env.step(u)[-1]["safety_filter"] for env in envs]
+        assert told[0]["u_safe"] == pytest.approx(told[1]["u_safe"], abs=1e-6)
+        assert told[0]["margin"] == pytest.approx(told[1]["margin"])
+
+
+def test_a_scene_with_a_map_travels_through_json_and_through_a_spec():
+    ranked = room(0)
+    made = scenarios.from_dict(scene(ranked, free(ranked, 0)[0]))
+    again = scenarios.from_dict(json.loads(json.dumps(made.to_dict())))
+    assert again.to_dict() == made.to_dict()
+    env = gym.make("HCBF-Regions-v0", scenario=made.to_dict())
+    spec = type(env.spec).from_json(env.spec.to_json())
+    assert spec.kwargs == env.spec.kwargs
+
+
+def test_no_robot_enters_a_zone_faster_than_its_limit():
+    strip = np.zeros((60, 80), dtype=np.bool_)
+    strip[:, 40:55] = True
+    ranked = room(0)
+    walls = MapClass("walls", 1, "keepout", np.zeros_like(strip))
+    zone = MapClass("zone", 1, "speed", strip, limit=0.4)
+    ranked = type(ranked)(ranked.grid, (walls, zone))
+    env = gym.make("HCBF-Regions-v0", scenario=scene(ranked, (0.5, 1.5)), max_episode_steps=200)
+    env = wrappers.SafetyFilter(env)
+    env.reset(seed=0)
+    fastest, outside = 0.0, 0.0
+    for _ in range(200):
+        _, _, _, _, info = env.step(np.array([5.0, 0.0]))
+        x = env.unwrapped.rom_state
+        inside = 2.0 <= x[0] <= 2.75
+        speed = np.hypot(*x[2:])
+        fastest = max(fastest, speed if inside else 0.0)
+        outside = max(outside, 0.0 if inside else speed)
+        assert info["min_h"][1] >= 0.0
+    assert x[0] > 2.75
+    assert 0.3 < fastest <= 0.4
+    assert outside > 1.0
+
+
+def plant(ranked, start, body=BODY):
+    state = np.array([*start, 0.0, 0.0])
+    return Plant(
+        DoubleIntegrator(),
+        [ranked, SpeedLimit("speed", 1, 1.5)],
+        lambda env, observation, info: state,
+        period=0.02,
+        uncertainty=Uncertainty(body=body),
+    )
+
+
+class Still(gym.Env):
+    action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action):
+        return np.zeros(1, dtype=np.float32), 0.0, False, False, {}
+
+
+def test_a_users_own_plant_takes_a_map_among_its_barriers_and_says_when_it_stands_too_near():
+    ranked = room(0)
+    points = free(ranked, 0, 0.0)
+    distance = ranked.distance(points, 1)
+    near, far = points[distance.argmin()], points[distance.argmax()]
+    for start, status in ((near, FilterStatus.UNSAFE), (far, FilterStatus.NOMINAL)):
+        env = wrappers.SafetyFilter(Still(), plant=plant(ranked, start))
+        _, info = env.reset()
+        assert info["safety_filter"]["status"] == status
+        assert info["safety_filter"]["slack"].shape == (2,)
+
+
+def test_a_cell_that_appears_under_the_body_is_told_at_once():
+    ranked = room(0)
+    start = free(ranked, 0)[0]
+    barriers = [ranked]
+    given = plant(ranked, start)
+    env = wrappers.SafetyFilter(
+        Still(),
+        plant=Plant(
+            given.model, lambda *_: barriers, given.state, period=0.02,
+            uncertainty=given.uncertainty,
+        ),
+    )  # fmt: skip
+    env.reset()
+    assert env.step(np.zeros(2))[-1]["safety_filter"]["status"] < FilterStatus.UNSAFE
+    c, r = ranked.grid.to_cells([start])[0].astype(int)
+    barriers = [ranked.update((int(r), int(c)), {"walls": np.ones((1, 1), dtype=np.bool_)})]
+    assert env.step(np.zeros(2))[-1]["safety_filter"]["status"] == FilterStatus.UNSAFE
+
+
+def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
+    zone = MapClass("zone", 1, "speed", cells(4), limit=0.05)
+    scenes = BarrierSet([[room(0, zone=zone)]])
+    with pytest.raises(InvalidInputError, match="speed zone"):
+        scenes.check(RowSettings(period=0.02, u_max=7.1))
+
+
+def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():
+    ranked = room(1)
+    settings = RowSettings(period=0.02, u_max=7.1)
+    whole = BarrierSet([[ranked]])
+    rng = np.random.default_rng(0)
+    points = free(ranked, 3, 0.0)[:60]
+    for point in points:
+        velocity = rng.normal(size=2)
+        x = np.array([*point, *velocity])
+        nothing = np.zeros((4, 4))
+        hand, _ = whole.at_hand(settings, Uncertainty(body=BODY), 7.1, x, x, np.zeros(4), nothing)
+        taken = {tuple(block.round(12)) for block in hand.parameters[0]}
+        for angle in np.linspace(0.0, 2.0 * np.pi, 9):
+            u = 7.1 * np.array([np.cos(angle), np.sin(angle)])
+            later = np.array([*(point + 0.02 * velocity + 0.0002 * u), *(velocity + 0.02 * u)])
+            everything = np.zeros((4, 4))
+            all_of_it, _ = whole.at_hand(
+                settings, Uncertainty(distance=50.0), 7.1, x, x, np.zeros(4), everything
+            )
+            rest = [b for b in all_of_it.parameters[0] if tuple(b.round(12)) not in taken]
+            if not rest:
+                continue
+            kind = np.full((1, len(rest)), 3)
+            part = BarrierSet([()])
+            part.kind, part.parameters = kind, np.array(rest)[None]
+            part.own_margin = part.keeps_margin = np.zeros(kind.shape)
+            part.priority = np.ones(kind.shape, dtype=np.int64)
+            h, seen = part.sense(later[None], np.zeros(1))
+            closing = (seen[0, :, 1:3] * later[2:]).sum(axis=1)
+            assert (closing + settings.alpha1.values(h[0] - BODY) >= 0.0).all()
+            assert (h >= BODY).all()

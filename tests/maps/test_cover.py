@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.maps.cover import Cover
+from tests.maps.floors import ORIGINS, cells, room, true_distance
+
+CELL = 0.05
+
+
+@pytest.mark.parametrize("origin", ORIGINS)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_covered_distance_never_exceeds_the_true_one_and_is_hardly_short_of_it(seed, origin):
+    ranked = room(seed, origin)
+    rng = np.random.default_rng(seed)
+    points = ranked.grid.to_world(rng.uniform([-10, -10], [90, 70], (4000, 2)))
+    true = true_distance(ranked, ranked.classes[0].cells, points)
+    covered = ranked.distance(points, 1)
+    assert (covered <= true).all()
+    near = true < 1.0
+    assert np.quantile((true - np.maximum(covered, 0.0))[near], 0.95) <= 1.5 * CELL
+
+
+def test_a_piece_holds_nothing_farther_than_a_cell_from_an_occupied_square():
+    ranked = room(1)
+    rng = np.random.default_rng(0)
+    points = rng.uniform([0.0, 0.0], [4.0, 3.0], (20_000, 2))
+    inside = points[ranked.distance(points, 1) <= 0.0]
+    assert true_distance(ranked, ranked.classes[0].cells, inside).max() <= CELL + 1e-6
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 4])
+def test_a_door_narrows_by_two_cells_at_most(turn):
+    rows, columns = np.indices((200, 200))
+    along = np.cos(turn) * (columns - 100) + np.sin(turn) * (rows - 100)
+    across = np.cos(turn) * (rows - 100) - np.sin(turn) * (columns - 100)
+    wall = (np.abs(across) < 3.0) & (np.abs(along) > 10.0)
+    ranked = RankedMap(Grid(CELL, (0, 0, 0), wall.shape), (MapClass("w", 1, "keepout", wall),))
+    steps = np.linspace(-9.0, 9.0, 50)[:, None]
+    way = (100.5 + steps * np.array([[-np.sin(turn), np.cos(turn)]])) * CELL  # through the middle
+    true = true_distance(ranked, wall, way)
+    assert (true - ranked.distance(way, 1) <= CELL + 1e-6).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 50), st.integers(0, 60))
+def test_a_cover_after_a_change_covers_what_is_there_now(seed, r, c):
+    rng = np.random.default_rng(seed)
+    before = cells(seed)
+    now = before.copy()
+    window = now[r : r + 12, c : c + 17]
+    window ^= rng.random(window.shape) < 0.2
+    cover = Cover.of(before).after(now, (r, c, r + window.shape[0], c + window.shape[1]))
+    assert ((cover.owner >= 0) == now).all()
+    for piece in np.unique(cover.owner[now]):
+        corners = cover.corners[piece, : cover.sizes[piece]]
+        edges = np.roll(corners, -1, axis=0) - corners
+        for low in np.argwhere(cover.owner == piece)[:, ::-1]:
+            for corner in low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]):
+                offset = corner - corners
+                assert (edges[:, 0] * offset[:, 1] - edges[:, 1] * offset[:, 0] >= 0).all()
+
+
+def test_a_change_far_from_a_piece_leaves_it_as_it_is():
+    ranked = room(0)
+    window = np.ones((2, 2), dtype=np.bool_)
+    changed = ranked.update((55, 75), {"walls": window})
+    assert not ranked.classes[0].cells[55:57, 75:77].all()
+    assert changed.classes[0].cells[55:57, 75:77].all()
+    old = {tuple(map(tuple, piece)) for piece in ranked.polygons("walls")}
+    new = {tuple(map(tuple, piece)) for piece in changed.polygons("walls")}
+    assert len(old - new) <= 3
+    anew = RankedMap(changed.grid, changed.classes)
+    points = np.random.default_rng(0).uniform(0.0, 4.0, (500, 2))
+    assert np.abs(changed.distance(points, 1) - anew.distance(points, 1)).max() <= 1.5 * CELL
