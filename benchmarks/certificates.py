@@ -187,10 +187,8 @@ def eager_humanoid(folder: Path) -> SceneFamily:
     walker = Walker.load(HUMANOID)
     assert walker.response is not None
     contract = json.loads(HUMANOID.read_text(encoding="utf-8"))
-    contract["mjcf"], contract["policy"] = (
-        str(walker.mjcf),
-        str(walker.source.parent / walker.policy),
-    )
+    contract["mjcf"] = str(walker.mjcf)
+    contract["policy"] = str(walker.source.parent / walker.policy)
     path = folder / "eager.json"
     path.write_text(json.dumps(contract), encoding="utf-8")
     replace(walker.response, braking=8.0).save(Walker.load(path).response_file)

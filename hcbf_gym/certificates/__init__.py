@@ -2,11 +2,12 @@
 
 from hcbf_gym.certificates.certificate import BLOCK, Certificate, Stratum, block_digests
 from hcbf_gym.certificates.declared import declared
-from hcbf_gym.certificates.library import load, nearest, shipped, table
+from hcbf_gym.certificates.library import Nearest, load, nearest, shipped, table
 
 __all__ = [
     "BLOCK",
     "Certificate",
+    "Nearest",
     "Stratum",
     "block_digests",
     "declared",

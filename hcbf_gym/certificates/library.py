@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hcbf_gym.certificates.certificate import Certificate
+from hcbf_gym.models.plant import Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
 """Where they lie, one JSON file each; its name is the certificate's."""
@@ -46,6 +47,11 @@ class Nearest(NamedTuple):
 
     certificate: Certificate | None
     differs: list[str]
+
+    @property
+    def margins(self) -> Uncertainty | None:
+        """What rows reserve by it; None where it speaks of another plant, or leaves it to a law."""
+        return None if self.certificate is None or self.differs else self.certificate.margins
 
 
 def nearest(declared: Mapping[str, Any]) -> Nearest:

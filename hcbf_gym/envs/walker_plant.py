@@ -60,14 +60,14 @@ class Declared(NamedTuple):
         return [name for name, differs in told.items() if differs]
 
 
-def outside(walker: Walker, declared: Declared) -> list[str]:
+def outside(found: certificates.Nearest, walker: Walker, declared: Declared) -> list[str]:
     """Return why no certificate that is shipped speaks of a plant; empty where one does.
 
     Args:
+        found: the certificate that fits best.
         walker: the robot.
         declared: what else is declared.
     """
-    found = certificates.nearest(declared.told(walker))
     if found.certificate is not None:
         return found.differs
     said = [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
@@ -90,12 +90,15 @@ def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
     return cap
 
 
-def uncertainty_of(walker: Walker, period: float, declared: Declared, body: float) -> Uncertainty:
+def uncertainty_of(
+    found: certificates.Nearest, walker: Walker, period: float, declared: Declared, body: float
+) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model.
 
     A shipped certificate says it; where none speaks of the plant, what `identify` measured does.
 
     Args:
+        found: the shipped certificate that fits best.
         walker: the robot.
         period: between two inputs [s].
         declared: what else is declared.
@@ -104,10 +107,8 @@ def uncertainty_of(walker: Walker, period: float, declared: Declared, body: floa
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
-    certificate, differs = certificates.nearest(declared.told(walker))
-    certified = None if certificate is None or differs else certificate.margins
-    if certified is not None:
-        known = certified._replace(body=body)
+    if found.margins is not None:
+        known = found.margins._replace(body=body)
     else:
         response = UNKNOWN if walker.response is None else walker.response
         more = OFF_NOMINAL if declared.departures else 0.0

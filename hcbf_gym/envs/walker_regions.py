@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import EzPickle
 
+from hcbf_gym import certificates
 from hcbf_gym.envs import task, walker_plant
 from hcbf_gym.envs.a1_walker import Walk
 from hcbf_gym.envs.body import Footprint
@@ -116,7 +117,8 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
             heading, terrain, randomization, disturbances, len(boxes), body, self._v_max
         )
         self._declared = declared.told(walker)
-        self._outside = walker_plant.outside(walker, declared)
+        found = certificates.nearest(self._declared)
+        self._outside = walker_plant.outside(found, walker, declared)
         response = UNKNOWN if walker.response is None else walker.response
         self._braked = braked(self.scenario.input_set, response)
         adapter = Adapter(walker.command, walker.response, heading)
@@ -125,7 +127,9 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
         if footprint is not None:
             at_home = footprint.radius(simulation.parts.home)
             reach = (walker.body.reach or at_home) + adapter.look_ahead
-        self._uncertainty = walker_plant.uncertainty_of(walker, task.CONTROL_DT, declared, reach)
+        self._uncertainty = walker_plant.uncertainty_of(
+            found, walker, task.CONTROL_DT, declared, reach
+        )
         self.walker: WalkerDrive = WalkerDrive(simulation, adapter, footprint)
         self._enter(terrain, "HCBF-WalkerRegions-v0")
 

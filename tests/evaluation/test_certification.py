@@ -3,13 +3,22 @@
 import json
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import tyro
 
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError
-from hcbf_gym.evaluation.certification import calibration, certify, command, families, own, page
+from hcbf_gym.evaluation.certification import (
+    calibration,
+    certify,
+    command,
+    families,
+    looking,
+    own,
+    page,
+)
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
 
@@ -212,3 +221,22 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
 def test_arguments_that_make_no_sense_are_refused(arguments, message, tmp_path):
     with pytest.raises(InvalidInputError, match=message):
         command.main(tyro.cli(command.Args, args=[*arguments, "--output", str(tmp_path / "a")]))
+
+
+def test_the_exact_way_is_no_deeper_than_a_finer_look_and_no_shallower_than_the_environments():
+    env = looking.EachMillisecond(gym.make("HCBF-Regions-v0", scenario="random-moving"))
+    inner = env.unwrapped
+    env.reset(seed=2)
+    for _ in range(30):
+        x, time = inner.truth, inner.time
+        u = env.action_space.sample()
+        *_, info = env.step(u)
+        fine = np.linspace(0.0, 0.02, 401)[1:, None]
+        held = np.asarray(u, dtype=np.float64)
+        way = np.hstack([x[:2] + x[2:] * fine + held * fine**2 / 2.0, x[2:] + held * fine])
+        h = inner.barrier_set.along(way, time + fine[:, 0]).min(axis=0)
+        assert (info["min_h"] >= h - 1e-9).all()
+        assert (
+            info["min_h"]
+            <= inner.barrier_set.values(inner.truth[None], np.array([inner.time]))[0] + 1e-9
+        ).all()

@@ -6,10 +6,11 @@ x_k, and s the mean by which the larger ones exceed it,
 
 .. math:: q = x_k + s \ln \frac{k}{n p},
 
-the quantile of a tail that is exponential beyond x_k, within `BEYOND` of the greatest need (I. Weissman, "Estimation of parameters and
-large quantiles based on the k largest observations", JASA 73, 1978). Distances and the speed limit
-are reserved for apart, each with needs of its own. What goes with a velocity error (k_v, k_p) stays
-as the plant declares it: it is how the robot follows, and d is what that leaves.
+the quantile of a tail that is exponential beyond x_k (I. Weissman, "Estimation of parameters and
+large quantiles based on the k largest observations", JASA 73, 1978), within `BEYOND` of the
+greatest need. Distances and the speed limit are reserved for apart, each with needs of its own.
+What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is how the robot
+follows, and d is what that leaves.
 """
 
 from collections import Counter

@@ -14,6 +14,7 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.certification import own
+from hcbf_gym.evaluation.certification.looking import EachMillisecond
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
@@ -167,8 +168,13 @@ class SceneFamily:
         guidance = {"guidance": "geodesic"} if policy.endswith(GUIDED) else {}
         return AttackedEpisode(
             policy.removesuffix(GUIDED), scene, seed, self.env, options,
-            {"program": self.program} | guidance,
+            {"program": self.program} | guidance, inside=EachMillisecond if self._exact else None,
         )  # fmt: skip
+
+    @property
+    def _exact(self) -> bool:
+        """Whether the robot is its model, so that its way between two samples is known."""
+        return self.env == "HCBF-Regions-v0"
 
     def searched(self, seed: int, parameters: tuple[float, ...]) -> AttackedEpisode:
         """Return the episode of a seed with the attacker that a search tries."""
@@ -189,6 +195,7 @@ class SceneFamily:
     def words(self) -> tuple[str, ...]:
         """What it is, in sentences."""
         options = ", ".join(f"{k}={v!r}" for k, v in self.options.items())
+        looks = "millisecond" if self._exact else "physics step"
         cap = "each scene's own cap on the speed"
         if self.caps is not None:
             low, high = self.caps
@@ -198,8 +205,8 @@ class SceneFamily:
             f"Scenes: {_told(self.scenes)}; each seed draws another one.",
             f"Policies: {_told(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
-            "Entered is what the truth shows at every physics step, of every condition of rank 1, "
-            "the speed limit included.",
+            f"Entered is what the truth shows at every {looks}, of every condition of rank 1, the "
+            "speed limit included.",
         )
 
     @property
