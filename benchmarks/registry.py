@@ -141,6 +141,14 @@ SUITES = {
         extra="walkers",
         needs=("onnxruntime",),
     ),
+    "maps": Suite(
+        "maps",
+        "maps: exact covers, attacks, speed zones, scans, walkers, costs",
+        90,
+        (*ROM, *A1, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/scenarios/plans/*"),
+        extra="walkers",
+        needs=("onnxruntime",),
+    ),
     "play": Suite(
         "suites.playground",
         "the playground's pace, updates and memory over ten minutes",
