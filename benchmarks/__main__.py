@@ -9,6 +9,7 @@ PICTURES = {
     "gallery": "benchmarks.pictures.gallery",
     "guidance": "benchmarks.pictures.guidance",
     "input-plane": "benchmarks.pictures.input_plane",
+    "maps": "benchmarks.pictures.maps",
 }
 """name → module with `Args` and `main(args)`."""
 

@@ -53,7 +53,7 @@ class Mapped(Barrier):
     margin: float = 0.0
     grid: "Grid" = field(kw_only=True)
     cells: NDArray[np.bool_] = field(kw_only=True, repr=False)
-    code: ClassVar[int]
+    code: ClassVar[int] = MAPPED
 
     def __eq__(self, other: object) -> bool:
         """Tell whether they are the same object: to compare all cells would take too long."""
@@ -90,7 +90,15 @@ class Mapped(Barrier):
         seen = np.array(sorted(jets)).reshape(-1, 3)
         return seen[:, 0], seen[:, 1:]
 
-    def _nearest(self, x: Array) -> tuple[float, Array]:
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its gradient, whose turn at corners is left out."""
+        n = len(x)
+        h, normal = self.nearest(x)
+        gradient = np.zeros(n)
+        gradient[:2] = normal
+        return Jet(h, gradient, np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
+
+    def nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
         packed = self.pieces.packed
         found = pieces.nearest(packed, 0, float(x[0]), float(x[1]))
@@ -105,15 +113,10 @@ class Mapped(Barrier):
 class MappedRegion(Mapped):
     """The outside of the cells of a class: h is the signed distance to the nearest piece."""
 
-    code: ClassVar[int] = MAPPED
 
-    def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its gradient, whose turn at corners is left out."""
-        n = len(x)
-        h, normal = self._nearest(x)
-        gradient = np.zeros(n)
-        gradient[:2] = normal
-        return Jet(h, gradient, np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
+@dataclass(frozen=True, eq=False)
+class SeenRegion(Mapped):
+    """The outside of what a scan shows, for the moment: guidance plans no way round it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,7 @@ class MappedZone(Mapped):
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives, but for those of the way's own turn."""
         n = len(x)
-        distance, normal = self._nearest(x)
+        distance, normal = self.nearest(x)
         away = max(0.0, distance - self.margin)
         gradient, hessian = np.zeros(n), np.zeros((n, n))
         gradient[:2] = zone.BRAKING / self.limit * normal * (away > 0.0)
@@ -211,7 +214,7 @@ def at_hand(
     period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)
     speed = np.sqrt(x[2] * x[2] + x[3] * x[3])
     later = speed + u_max * period
-    way = speed * period + u_max * period * period  # with the rounding of a polygon's corner
+    way = (speed + fastest) * period + u_max * period * period  # with a corner's rounding
     stopping = class_k.inverse(rows[ALPHA1 : ALPHA1 + 4], later + fastest)
     found = np.empty(m + AT_HAND, dtype=np.int64)
     ends = np.zeros(m + 1, dtype=np.int64)

@@ -4,7 +4,7 @@
 >>> certificate = Certificate(
 ...     name="boat", plant={"period": 0.02}, family={"kind": "own"}, words=("One boat.",),
 ...     margins=None, calibration=(), episodes=688, allowed=0, confidence=0.999, first_seed=7,
-...     versions={}, sources="", entered=0, bound=0.00999, least_h=0.012, falls=0, alarms=0,
+...     versions={}, sources="", entered=0, bound=0.01, least_h=0.012, falls=0, alarms=0,
 ...     strata=(stratum,), blocks=block_digests(np.full((688, 2), 0.012)),
 ... )  # fmt: skip
 >>> certificate.differs({"period": 0.05})

@@ -196,8 +196,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
         h = self.barrier_set.along(walk.path, walk.times)
-        self._distance = self._error(self.walker.truth[:2].tolist())
-        self._estimate = self.walker.estimate(0.0)
+        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
+        self._estimate, self._fallen = self.walker.estimate(0.0), self.simulation.fallen
         info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
         return self._observe(), info | self._info_of(walk)
 
@@ -210,30 +210,27 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._scenes.check({"scenario": scenario})
         self._scene_covered, self._family = Coverage.SCENE, None
         self._set_scene(scenario)
-        self._distance = self._error(self.walker.truth[:2].tolist())
+        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         low, high = self._bounds
         u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
         task.check_started(self._started)
-        walk = self.walker.hold(u, self.barrier_set, self.time)
+        walker, scene = self.walker, self.barrier_set
+        walk = walker.hold(u, scene, self.time)
         self._steps += 1
-        self._estimate = self.walker.estimate(self.time)
-        position = self.walker.truth[:2].tolist()
+        self._estimate = walker.estimate(self.time)
+        self._fallen = walker.simulation.fallen
+        reference, position = self._reference(), walker.truth[:2].tolist()
         self.artist.walk(position)
-        before, self._distance = self._distance, self._error(position)
+
+        before = self._distance
+        distance = self._distance = _distance(reference, position)
         at_end = self._steps >= len(self._references) - 1
-        arrived = at_end and self._distance <= self.scenario.goal_radius
-        success = arrived and not self.simulation.fallen
+        success = at_end and distance <= self.scenario.goal_radius and not self._fallen
         counted = self._tally.count(
-            self.barrier_set,
-            walk,
-            self._estimate,
-            self._reference(),
-            u,
-            (before, self._distance),
-            success,
+            scene, walk, self._estimate, reference, u, (before, distance), success
         )
         info = counted.info
         info |= self._info_of(walk)
@@ -295,14 +292,10 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._steps = 0
         self.walker.rest(np.array(scenario.start))
         self._estimate = self.walker.estimate(0.0)
-        self._distance = self._error(self.walker.truth[:2].tolist())
+        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
 
     def _reference(self) -> Array:
         return self._references[min(self._steps, len(self._references) - 1)]
-
-    def _error(self, position: list[float]) -> float:
-        """Return the distance of a position (2,) from the reference's [m]."""
-        return math.dist(self._reference()[:2].tolist(), position)
 
     def _observe(self) -> Array:
         x, reference = self._estimate.x[None], self._reference()[None]
@@ -311,17 +304,22 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
 
     def _stopped(self) -> bool:
         """Tell whether the robot cannot go on."""
-        return self.simulation.fallen
+        return self._fallen
 
     def _info_of(self, walk: Walk) -> dict[str, Any]:
         """Return what infos say of the robot besides."""
         info: dict[str, Any] = {
-            "fallen": np.float64(self.simulation.fallen),
+            "fallen": np.float64(self._fallen),
             "obstacle_force": walk.obstacle_force,
         }
         if walk.body_h is not None and walk.least_body_h is not None:
             info["body_h"], info["min_body_h"] = walk.body_h, walk.least_body_h.copy()
         return info
+
+
+def _distance(reference: Array, position: list[float]) -> float:
+    """Return how far a position (2,) is from the reference's [m]."""
+    return math.dist(reference[:2].tolist(), position)
 
 
 def _initial_yaw(scenario: Scenario) -> float:

@@ -117,6 +117,7 @@ class WalkerDrive:
         """Tell the robot a velocity (2,) in the world [m/s] for one control step."""
         simulation, base, bodies = self.simulation, self._base, []
         force = np.zeros(simulation.obstacle_forces().shape)
+        touches, footprint = len(force) > 0, self._footprint is not None
         vx, vy = velocity.tolist()
         for k, row in enumerate(self._rows):
             if self._since % self._per_action == 0:
@@ -125,9 +126,9 @@ class WalkerDrive:
             self._since += 1
             simulation.step(self.ctrl)
             simulation.base(row)
-            if self._footprint is not None:
+            if footprint:
                 bodies.append(self._body_h(barriers, time + self._ticks[k]))
-            if len(force):
+            if touches:
                 force = np.maximum(force, simulation.obstacle_forces())
         simulation.look()
         walked = tracked(base, self.adapter.look_ahead)

@@ -1,6 +1,8 @@
 """Maps: occupancy grids, masks and scans, and the ranked shapes that cover them."""
 
 from hcbf_gym.maps.grid import KINDS, Grid, MapClass
+from hcbf_gym.maps.paying import Paying, paying
 from hcbf_gym.maps.ranked_map import RankedMap
+from hcbf_gym.maps.scan import Scan
 
-__all__ = ["KINDS", "Grid", "MapClass", "RankedMap"]
+__all__ = ["KINDS", "Grid", "MapClass", "Paying", "RankedMap", "Scan", "paying"]

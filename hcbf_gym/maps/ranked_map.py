@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import records
 from hcbf_gym.barriers import pieces
-from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
@@ -137,7 +136,7 @@ class RankedMap(Several):
         return tuple(Cover.of(one.cells) for one in self.classes)
 
     @property
-    def conditions(self) -> tuple[Barrier, ...]:
+    def conditions(self) -> tuple[MappedRegion | MappedZone, ...]:
         """A barrier for each class, in the order of the classes."""
         return self._conditions
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hcbf_gym import guidance
 from hcbf_gym.barriers import Oval, Shape, Wall
 from hcbf_gym.drawing.palette import PATH, REFERENCE, SPEED_ZONE, paler, priority_color
-from hcbf_gym.guidance.field import grid
+from hcbf_gym.guidance.field import grid, to_world
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
@@ -142,8 +142,8 @@ class Stage:
         if scenario is None:
             return
         way = guidance.Geodesic()
-        way.reset(scenario.barriers, scenario.goal, start=scenario.start)
-        x0, y0, cell, *_ = geometry = way.geometry[0]
+        way.reset(scenario.conditions, scenario.goal, start=scenario.start)
+        geometry = way.geometry[0]
         values = np.array(grid(way.field[0], geometry), dtype=np.float64)
         stride = max(1, max(values.shape) // ARROWS)
         down: Any = np.gradient(-values)
@@ -153,9 +153,11 @@ class Stage:
         way_y, way_x = (part[rows, columns].ravel() for part in down)
         length = np.hypot(way_x, way_y)
         goes = np.isfinite(length) & (length > 0.0)
-        reach = 0.7 * stride * cell
-        starts = np.stack([x0 + cell * columns.ravel(), y0 + cell * rows.ravel()], axis=1)[goes]
-        ends = starts + reach * np.stack([way_x[goes], way_y[goes]], axis=1) / length[goes, None]
+        far = 0.7 * stride / length[goes]
+        tails = rows.ravel()[goes], columns.ravel()[goes]
+        heads = tails[0] + far * way_y[goes], tails[1] + far * way_x[goes]
+        starts, ends = (np.column_stack(to_world(*at, geometry)) for at in (tails, heads))
+        reach = 0.7 * stride * geometry[2]
         height = np.full((len(starts), 1), HIGHEST + 0.01)
         arrows = np.stack([np.hstack([starts, height]), np.hstack([ends, height])], axis=1)
         self._field.append(

@@ -1,8 +1,7 @@
 """Floor plans: a flat, an office and a warehouse with zones, and ways through maps drawn at random.
 
-The plans are map files of Nav2, which `scripts/floor_plans.py` draws. A way joins two places that a
-body of radius `CLEAR` can reach from each other without entering a strict cell; both lie outside
-every zone that should not be entered.
+The plans are map files of Nav2, which `scripts/floor_plans.py` draws. A body of radius `CLEAR` gets
+from start to goal without entering anything: zones, too, leave a way.
 """
 
 import json
@@ -30,7 +29,7 @@ FOLDER = Path(__file__).parent / "plans"
 SLOW = 0.5
 """Speed limit in the zones of the plans [m/s]."""
 CLEAR = 0.55
-"""What the way from start to goal leaves to strict cells, and both to every zone [m]."""
+"""What the way from start to goal leaves to everything but speed zones [m]."""
 APART = 3.0
 """Least distance between start and goal, where the map has such places [m]."""
 _TRIES = 16
@@ -128,22 +127,16 @@ def places(floor: RankedMap) -> Array:
     Raises:
         InvalidInputError: if there is none.
     """
-    strict, zones = (np.zeros(floor.grid.shape, dtype=np.bool_) for _ in range(2))
+    shut = np.zeros(floor.grid.shape, dtype=np.bool_)
     for one in floor.classes:
-        if one.kind != "speed":
-            zones |= one.cells
-            strict |= one.cells & one.is_strict
-    resolution = floor.grid.resolution
-    joined: Any = np.zeros(strict.shape, dtype=np.int64)
-    ndimage.label(_clearance(strict, resolution) > CLEAR, output=joined)
+        shut |= one.cells & (one.kind != "speed")
+    joined: Any = np.zeros(shut.shape, dtype=np.int64)
+    ndimage.label(_clearance(shut, floor.grid.resolution) > CLEAR, output=joined)
     if joined.any():
-        sizes = np.bincount(joined.ravel())[1:]
-        free = (joined == 1 + np.argmax(sizes)) & (_clearance(zones, resolution) > CLEAR)
-        rows, columns = np.nonzero(free)
-        if len(rows):
-            found = floor.grid.to_world(np.column_stack([columns, rows]) + 0.5)
-            found.flags.writeable = False
-            return found
+        rows, columns = np.nonzero(joined == 1 + np.argmax(np.bincount(joined.ravel())[1:]))
+        found = floor.grid.to_world(np.column_stack([columns, rows]) + 0.5)
+        found.flags.writeable = False
+        return found
     raise InvalidInputError(
         f"map: got no cell that is {CLEAR} m from everything, expected room for start and goal"
     )

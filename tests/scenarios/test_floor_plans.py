@@ -45,7 +45,7 @@ def test_start_and_goal_leave_room_and_a_body_gets_from_one_to_the_other(plan):
     assert (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= APART).all()
     side = floor.grid.resolution
     middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in floor.grid.shape[::-1])), axis=-1)
-    away = floor.distance(floor.grid.to_world(middles.reshape(-1, 2)), 1)
+    away = floor.distance(floor.grid.to_world(middles.reshape(-1, 2)))
     joined, _ = ndimage.label(away.reshape(floor.grid.shape) > CLEAR - 2.0 * side)
     column, row = np.floor(floor.grid.to_cells(ends.reshape(-1, 2))).astype(int).T
     assert len(set(joined[row, column].tolist())) == 1
