@@ -107,6 +107,12 @@ SUITES = {
     "guidance": Suite(
         "suites.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
     ),
+    "map-guidance": Suite(
+        "map_guidance",
+        "guidance on maps: fields, who arrives, corridors, out of zones",
+        40,
+        (*ROM, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/robots/carts/*"),
+    ),
     "held-rows": Suite(
         "suites.held_rows",
         "held rows under friendly and hostile policies, without margin",

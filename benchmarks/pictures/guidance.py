@@ -52,6 +52,32 @@ def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004)
     plt.close(figure)
 
 
+def map_picture(path: Path, scene: str = "map-flat", seed: int = 3) -> None:
+    """Draw the field of a floor plan, its level lines, and a way down it."""
+    scenario = scenarios.make(scene, np.random.default_rng(seed))
+    floor = scenario.map
+    assert floor is not None
+    way = guidance.Geodesic()
+    way.reset(scenario.conditions, scenario.goal, clearance=0.3, start=scenario.start)
+    view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
+    points = [np.array(scenario.start)]
+    while np.linalg.norm(points[-1] - goal) > 1e-9:
+        x, y = points[-1]
+        points.append(np.array(descent(view, geometry, goal, x, y, geometry[2])))
+    cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in view.shape[::-1])), axis=-1)
+    x, y = floor.grid.to_world(cells.reshape(-1, 2)).T.reshape(2, *view.shape)
+    figure, axes = plt.subplots(figsize=(8.0, 6.0))
+    for one in sorted(floor.classes, key=lambda c: -c.rank):
+        if one.kind != "speed" and one.cells.any():
+            color = palette.paler(palette.priority_color(one.rank))
+            axes.contourf(x, y, one.cells, levels=[0.5, 1.5], colors=[color])
+    axes.contour(x, y, view, levels=np.arange(0.0, 40.0, 0.5), colors="0.35", linewidths=0.5)
+    axes.plot(*np.array(points).T, "k-", linewidth=2.0)
+    _finish(axes, scenario)
+    figure.savefig(path, dpi=80, bbox_inches="tight")
+    plt.close(figure)
+
+
 def escape_strip(path: Path, scene: str = "random-traps", seed: int = 10_001) -> None:
     """Draw PD under lex-cbf-qp at three times, without guidance above and with it below."""
     scenario = scenarios.make(scene, np.random.default_rng(seed))
@@ -115,11 +141,12 @@ class Args:
     """Where the pictures go."""
 
     output: Path = Path("docs/images")
-    """Folder for both files."""
+    """Folder for the files."""
 
 
 def main(args: Args) -> None:
-    """Draw both pictures."""
+    """Draw the pictures."""
     args.output.mkdir(parents=True, exist_ok=True)
+    map_picture(args.output / "map-guidance-field.png")
     field_picture(args.output / "guidance-field.png")
     escape_strip(args.output / "guidance-escape.png")
