@@ -25,11 +25,11 @@ from hcbf_gym.scenarios.hall import (
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CLEAR = 0.55
+CLEAR = 0.7
 """Least distance between the free way and anything [m], and half of the narrowest door."""
-CLEAR_ENDS = 0.75
+CLEAR_ENDS = 0.8
 """The same at the start and at the goal, walls included [m]."""
-WIDEST = 1.6
+WIDEST = 1.8
 """Of a door [m]."""
 THICKNESS = 0.15
 """Of walls [m]."""
@@ -44,9 +44,9 @@ ZONES = (2, 2, 3, 3)
 """Ranks of the zones."""
 PRIORITIES = (1,) * (2 + INNER + ROOMS) + ZONES
 
-_BEFORE = 0.7
+_BEFORE = 0.8
 """Where the way turns towards a door, in front of it and behind [m]."""
-_CORNER = 0.95
+_CORNER = 1.0
 """Least distance of a door's middle from the ends of its wall [m]."""
 _TRIES = 8
 """Places that are drawn for furniture or a zone; the roomiest is taken."""
@@ -81,8 +81,8 @@ def _lay_out(
     regions: Array,
 ) -> float:
     """Write start, goal and regions; return the building's half width."""
-    half_width = 3.3 + 0.9 * hall[_WIDTH]
-    length = 9.0 + 3.0 * hall[_LENGTH]
+    half_width = 3.6 + 0.9 * hall[_WIDTH]
+    length = 10.0 + 3.0 * hall[_LENGTH]
     hide(regions, length, half_width)
     across = np.empty(COLUMNS + 1)  # x of the walls between columns, and of both ends
     for k in range(COLUMNS + 1):

@@ -105,7 +105,7 @@ def test_a_way_to_the_goal_exists_that_keeps_clear_of_every_region(seed, name):
         "random-map": 2.0 * rooms.CLEAR,
     }
     clearance = 0.5 * passage.get(name, traps.PASSAGE) - CELL
-    x, y = np.meshgrid(np.arange(-2.0, 13.0, CELL), np.arange(-4.5, 4.5, CELL), indexing="ij")
+    x, y = np.meshgrid(np.arange(-2.0, 14.0, CELL), np.arange(-4.8, 4.8, CELL), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros((x.size, 2))])
     strict = [b for b in scenario.barriers if b.priority == 1]
     relaxed = [b for b in scenario.barriers if b.priority > 1]
