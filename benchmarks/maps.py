@@ -157,7 +157,7 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
     env.close()
     for zone in zones:
         at = np.floor(floor.grid.to_cells(passed[:, :2])).astype(np.int64)
-        inside = ((at >= 0) & (at < floor.grid.shape[::-1])).all(axis=1)
+        inside = np.all((at >= 0) & (at < floor.grid.shape[::-1]), axis=1)
         inside[inside] = zone.cells[at[inside, 1], at[inside, 0]]
         speed = np.hypot(passed[inside, 2], passed[inside, 3])
         over = max(over, float((speed - (zone.limit or 0.0)).max(initial=-np.inf)))
@@ -192,7 +192,7 @@ def _attacked(floors: dict[str, RankedMap], count: int, title: str) -> Table:
         found: Any = joblib.Parallel(n_jobs=-1)(job(floor, k, BODY) for k in range(count))
         seen: list[Hostile] = list(found)
         entered = sum(one.least < 0.0 for one in seen)
-        status = sum(one.status for one in seen)
+        status = np.sum([one.status for one in seen], axis=0)
         bad = [f"{s.name} {status[s]}" for s in FilterStatus if s >= FilterStatus.VIOLATED]
         over = max(one.fastest for one in seen)
         rows.append([

@@ -23,7 +23,7 @@ from benchmarks.strict.outcomes import OutcomeFile
 from benchmarks.strict.suite import summary
 from benchmarks.velocity_loops import LoopEpisode
 from benchmarks.walker_loops import fleet, speeds, tracking
-from hcbf_gym import certificates
+from hcbf_gym.certificates import library
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
@@ -156,7 +156,7 @@ def outcomes(part: str, robot: str, count: int) -> list[Outcome]:
     files = [*(ROOT / name for name in DEPENDS), walker.source, walker.mjcf]
     if walker.response is not None:
         files.append(walker.response_file)
-    files += sorted(certificates.library.FOLDER.glob("*.json"))  # they set margins
+    files += sorted(library.FOLDER.glob("*.json"))  # they set margins
     on_file = OutcomeFile(RESULTS / f"{robot}.jsonl", sources_hash(files))
     return on_file.of(Outcome, list(EPISODES[part](robot, count)), f"{robot}: {part}")
 

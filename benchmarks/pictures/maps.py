@@ -9,6 +9,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 
 from hcbf_gym import guidance, scenarios
 from hcbf_gym.drawing import palette
@@ -37,7 +38,7 @@ def picture(path: Path, scene: str = "map-flat", seed: int = 2) -> None:
     plt.close(figure)
 
 
-def _field(axes: plt.Axes, scenario: Scenario) -> None:
+def _field(axes: Axes, scenario: Scenario) -> None:
     """Draw the level lines of the field, and the way down from the start."""
     way = guidance.Geodesic()
     way.reset(scenario.conditions, scenario.goal, start=scenario.start, clearance=0.3)
@@ -49,7 +50,9 @@ def _field(axes: plt.Axes, scenario: Scenario) -> None:
     axes.contour(x, y, seen, levels=np.arange(0.0, 30.0, 0.5), colors="0.4", linewidths=0.5)
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9 and len(points) < values.size:
-        points.append(np.array(descent(values, geometry, goal, *points[-1], geometry[2])))
+        points.append(
+            np.array(descent(values, geometry, goal, points[-1][0], points[-1][1], geometry[2]))
+        )
     axes.plot(*np.array(points).T, color=palette.PATH, linewidth=2.0)
     axes.plot(*scenario.start, "o", color="white", markeredgecolor="black")
     axes.plot(*scenario.goal, "*", color="white", markeredgecolor="black", markersize=12)

@@ -4,7 +4,7 @@ A field is stored flat, row by row. Its geometry (7,) says where: x and y of the
 centre, side of a cell [m], ny, nx, and cos and sin of the angle by which the grid is turned.
 """
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -17,6 +17,7 @@ from hcbf_gym.guidance.march import Field, Mask, Ranks
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Number = TypeVar("Number", float, Array)
 
 
 @njit(cache=True, error_model="numpy")
@@ -35,8 +36,8 @@ def to_cells(x: float, y: float, geometry: Array) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def to_world(row: float, column: float, geometry: Array) -> tuple[float, float]:
-    """Return the point of a row and a column; see `to_cells`."""
+def to_world(row: Number, column: Number, geometry: Array) -> tuple[Number, Number]:
+    """Return the point of a row and a column, or those of many; see `to_cells`."""
     along, up = column * geometry[2], row * geometry[2]
     cos, sin = geometry[5], geometry[6]
     return geometry[0] + cos * along - sin * up, geometry[1] + sin * along + cos * up
