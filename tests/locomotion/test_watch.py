@@ -80,6 +80,7 @@ def test_the_declared_plant_shows_no_slip_no_lag_and_no_lift():
         (weak_motors, Fault.LIFT, {"motor_strength": 0.8}),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*is lowered:hcbf_gym.errors.LoweredWarning")  # floor of .3
 def test_a_plant_is_a_fault_unless_it_is_declared(change, fault, declared):
     assert fault in attacked("edge", 3.0, change)[1]
     assert fault not in attacked("edge", 1.5, randomization=declared)[1]
