@@ -37,6 +37,11 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
     }
 
 
+def robot_of(name: str, files: Iterable[Path]) -> str:
+    """Return what certificates call a robot: its name, and a hash of what its files hold."""
+    return f"{name} {files_hash(files)}"
+
+
 def files_hash(files: Iterable[Path]) -> str:
     """Return a hash of what files hold, whatever they are called."""
     digests = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}

@@ -68,6 +68,25 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
     return min(alike, key=lambda found: len(found.differs), default=Nearest(None, []))
 
 
+def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
+    """Return margins of a robot that are no smaller than what a certificate found that it needs.
+
+    A certificate does not speak of another door, floor or cap, but its calibration has seen more
+    episodes than whatever the margins come from.
+
+    Args:
+        margins: of the robot as it is used.
+        robot: what certificates call it, see `declared.robot_of`.
+    """
+    for one in shipped().values():
+        if one.margins is not None and one.plant.get("robot") == robot:
+            margins = margins._replace(
+                distance=max(margins.distance, one.margins.distance),
+                speed=max(margins.speed, one.margins.speed),
+            )
+    return margins
+
+
 def table() -> str:
     """Return the shipped certificates as the page shows them, a table in Markdown."""
     head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from hcbf_gym import certificates, records
-from hcbf_gym.certificates.declared import files_hash
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
@@ -40,7 +39,7 @@ class Declared(NamedTuple):
 
     def told(self, walker: Walker) -> dict[str, Any]:
         """Return what tells this plant from others, as certificates compare it."""
-        robot = f"{walker.name} {files_hash(walker.files)}"
+        robot = certificates.robot_of(walker.name, walker.files)
         said = {"environment": "HCBF-WalkerRegions-v0", "robot": robot, "v_max": self.v_max}
         return records.plain(said | {"body": self.body, "departures": self.departures})
 
@@ -95,7 +94,8 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model.
 
-    A shipped certificate says it; where none speaks of the plant, what `identify` measured does.
+    A shipped certificate says it; where none speaks of the plant, what `identify` measured does,
+    and no less than a certificate of the same robot on another plant.
 
     Args:
         found: the shipped certificate that fits best.
@@ -114,6 +114,7 @@ def uncertainty_of(
         more = OFF_NOMINAL if declared.departures else 0.0
         known = uncertainty(response, period)._replace(body=body)
         known = known._replace(distance=known.distance + more, speed=known.speed + more)
+        known = certificates.at_least(known, certificates.robot_of(walker.name, walker.files))
     v_max = declared.v_max
     if v_max <= 2.0 * known.speed:
         raise InvalidInputError(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym import certificates
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
@@ -42,11 +43,13 @@ class Robot:
         command: what it may be told.
         response: how it follows; None assumes a slow robot that sways.
         reach: radius of the circle around its centre that holds it [m].
+        known_as: what certificates call it; "" for a robot of which there is none.
     """
 
     command: Command
     response: Response | None = None
     reach: float = 0.0
+    known_as: str = ""
 
 
 class VelocityFilter:
@@ -105,9 +108,8 @@ class VelocityFilter:
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach + self._adapter.look_ahead if radius is None else radius
-        margins = uncertainty(response, self._period)._replace(
-            body=finite_float("radius", reach, minimum=0.0)
-        )
+        margins = certificates.at_least(uncertainty(response, self._period), known.known_as)
+        margins = margins._replace(body=finite_float("radius", reach, minimum=0.0))
         cap = known.command.forward if v_max is None else v_max
         self._cap = finite_float(
             "v_max", cap, minimum=2.0 * margins.speed, maximum=known.command.forward, exclusive=True
@@ -291,7 +293,8 @@ def _known(robot: Any) -> Robot:
         raise InvalidInputError(
             f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
         )
-    return Robot(robot.command, robot.response, robot.body.reach or 0.0)
+    known_as = certificates.robot_of(robot.name, robot.files)
+    return Robot(robot.command, robot.response, robot.body.reach or 0.0, known_as)
 
 
 def _numbers(values: Any) -> Array:

@@ -234,6 +234,14 @@ def test_a_shipped_certificate_covers_its_walker_and_gives_the_margins():
         gym.make(ENV, robot="cart", terrain="rough")
 
 
+@pytest.mark.parametrize("options", [{"body": "footprint"}, {"terrain": "rough"}, {"v_max": 0.5}])
+def test_elsewhere_a_robot_reserves_no_less_than_its_certificate(options):
+    found = certificates.shipped()["cart"].margins
+    reserved = gym.make(ENV, robot="cart", **options).unwrapped.plant.uncertainty
+    assert reserved.distance >= found.distance
+    assert reserved.speed >= found.speed
+
+
 class Broken:
     """A controller that gives NaN from its tenth action on."""
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import scenarios
+from hcbf_gym import certificates, scenarios
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.envs.walker_drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
@@ -210,3 +210,10 @@ def test_a_robot_without_a_contract_is_taken_for_slow():
 
 def test_it_is_a_public_name():
     assert hcbf_gym.VelocityFilter is VelocityFilter
+
+
+def test_a_robot_with_a_certificate_reserves_no_less_here():
+    found = certificates.shipped()["cart"].margins
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], radius=0.0)
+    _, report = door.step((0.0, 0.0), *AT_REST, 0.0)
+    assert report["margin"][0] >= found.distance
