@@ -91,8 +91,8 @@ class Scan(Several):
 
         Args:
             name: what infos and messages call it.
-            ranges: (k,) [m]; as ROS has it, +inf and NaN saw nothing, and −inf something nearer
-                than can be measured, which is taken for the sensor's own place.
+            ranges: (k,) [m]; as ROS has it, +inf saw nothing, and −inf something nearer than can
+                be measured, which is taken for the sensor's own place. NaN is a beam that failed.
             angles: (k,) of the beams in the sensor's axes [rad].
             pose: as the class takes it.
             age: likewise.
@@ -101,15 +101,15 @@ class Scan(Several):
             margin: likewise.
 
         Raises:
-            InvalidInputError: if there are not as many angles as ranges, or they are no numbers.
+            InvalidInputError: if there are not as many angles as ranges, or one is no number.
         """
         far = _numbers(f"{name}: ranges", ranges, 1)
         turn = finite_array(f"{name}: angles", angles, (far.size,))
         far = np.where(np.isneginf(far), 0.0, far)
         if (far < 0.0).any():
             raise InvalidInputError(f"{name}: ranges: got {far.min()} m, expected none below 0")
-        with np.errstate(invalid="ignore"):
-            points = far[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+        seen = np.isfinite(far)
+        points = far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
         return cls(name, points, pose, age, speed, rank, margin)
 
     def aged(self, age: float) -> Self:
@@ -123,15 +123,20 @@ class Scan(Several):
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
-    """Return an array of numbers, finite or not.
+    """Return an array of numbers, finite or infinite.
 
     Raises:
-        InvalidInputError: if it is none, or of another number of axes.
+        InvalidInputError: if it is none, of another number of axes, or has a NaN: what failed is
+            not what saw nothing.
     """
     given = as_array(name, values)
     given = given.reshape((0, 2)[:axes]) if given.size == 0 else given
     if given.dtype.kind not in "fiu" or given.ndim != axes:
         raise InvalidInputError(f"{name}: got {values!r}, expected {axes} axes of real numbers")
+    if np.isnan(given).any():
+        raise InvalidInputError(
+            f"{name}: got NaN, expected numbers, +inf where nothing is in sight"
+        )
     return given.astype(np.float64)
 
 

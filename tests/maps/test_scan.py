@@ -24,8 +24,8 @@ def test_every_point_lies_in_a_piece_and_pieces_are_few():
 
 
 def test_nothing_in_sight_is_free():
-    for ranges in (np.full(360, np.inf), np.full(360, np.nan)):
-        assert h(Scan.of_ranges("laser", ranges, ANGLES, POSE), np.zeros((1, 2)))[0] > 100.0
+    nothing = np.full(360, np.inf)
+    assert h(Scan.of_ranges("laser", nothing, ANGLES, POSE), np.zeros((1, 2)))[0] > 100.0
     assert h(Scan("tracker", [], POSE), np.zeros((1, 2)))[0] > 100.0
 
 
@@ -47,6 +47,7 @@ def test_age_times_speed_is_reserved():
     [
         {"points": [[1.0, 2.0, 3.0]]},
         {"points": ["a"]},
+        {"points": [[np.nan, 0.0]]},
         {"pose": (0.0, np.nan, 0.0)},
         {"age": -0.1},
         {"speed": np.inf},
@@ -55,6 +56,12 @@ def test_age_times_speed_is_reserved():
 def test_a_bent_scan_is_refused(bent):
     with pytest.raises(InvalidInputError, match="laser"):
         Scan(**({"name": "laser", "points": [[1.0, 0.0]], "pose": POSE} | bent))
+
+
+def test_a_beam_that_failed_is_not_one_that_saw_nothing():
+    ranges = np.where(np.arange(360) == 7, np.nan, np.inf)
+    with pytest.raises(InvalidInputError, match="got NaN"):
+        Scan.of_ranges("laser", ranges, ANGLES, POSE)
 
 
 def test_who_pays_is_named_with_the_place():
