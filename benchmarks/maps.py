@@ -75,10 +75,11 @@ def strict_cells(floor: RankedMap) -> Mask:
 
 
 def start_on(floor: RankedMap, clear: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Return a place that keeps `clear` from every strict cell of a map [m]."""
+    """Return a place that keeps `clear` from every strict cell of a map and from its edge [m]."""
     rows, columns = floor.grid.shape
+    edge = clear / floor.grid.resolution
     for _ in range(10_000):
-        at = floor.grid.to_world(rng.uniform([0.0, 0.0], [[columns, rows]]))
+        at = floor.grid.to_world(rng.uniform([edge, edge], [[columns - edge, rows - edge]]))
         if clear < floor.distance(at, 1)[0] < 3.0:
             return float(at[0, 0]), float(at[0, 1])
     raise RuntimeError(f"no place on the map that is {clear} m from every strict cell")

@@ -95,6 +95,24 @@ def plain(value: Any) -> Any:
     return value
 
 
+def expanded(what: str, path: str) -> str:
+    """Return a path with its environment variables and ``~`` put in.
+
+    Args:
+        what: names it in the message.
+        path: as it is written.
+
+    Raises:
+        InvalidInputError: if a variable is not set.
+    """
+    found = os.path.expanduser(os.path.expandvars(path))
+    if "$" in found:
+        raise InvalidInputError(
+            f"{what}: got {path!r}, expected its environment variables to be set"
+        )
+    return found
+
+
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
     """Give a path to write to, which becomes `path` at the end: whole or not at all.

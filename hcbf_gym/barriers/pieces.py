@@ -40,18 +40,21 @@ class Pieces:
             not.
         count: (P,) corners of each, 3 to 8.
         frame: x [m], y [m] and yaw [rad] of the grid's origin.
+        around: how many of them, the last, lie around the others and reach far beyond: buckets are
+            made for the others.
 
     Attributes:
         packed: (L,) the numbers that compiled code reads.
     """
 
-    def __init__(self, corners: Array, count: Integers, frame: Frame):
+    def __init__(self, corners: Array, count: Integers, frame: Frame, around: int = 0):
         blocks = np.zeros((len(count), layout.WIDTH))
         blocks[:, convex_polygon.COUNT] = count
         inner = np.arange(corners.shape[1]) < count[:, None]
         kept = np.where(inner[..., None], corners, 0.0).reshape(len(count), 2 * corners.shape[1])
         blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
-        self.packed = _packed(blocks, *map(float, frame))
+        x, y, yaw = frame
+        self.packed = _packed(blocks, float(x), float(y), float(yaw), len(count) - around)
         self.packed.flags.writeable = False
 
     def __len__(self) -> int:
@@ -83,8 +86,11 @@ class Nearest(NamedTuple):
 
 
 @njit(cache=True)
-def _packed(blocks: Array, x: float, y: float, yaw: float) -> Array:
-    """Return the array of polygons with the blocks (P, WIDTH)."""
+def _packed(blocks: Array, x: float, y: float, yaw: float, inner: int) -> Array:
+    """Return the array of polygons with the blocks (P, WIDTH), the first `inner` in buckets.
+
+    What lies beyond all buckets stands in the nearest.
+    """
     count = len(blocks)
     cos, sin = np.cos(yaw), np.sin(yaw)
     boxes = np.empty((count, BOX))
@@ -97,9 +103,9 @@ def _packed(blocks: Array, x: float, y: float, yaw: float) -> Array:
             u, v = cos * dx + sin * dy, cos * dy - sin * dx
             boxes[p, 0], boxes[p, 1] = min(boxes[p, 0], u), min(boxes[p, 1], v)
             boxes[p, 2], boxes[p, 3] = max(boxes[p, 2], u), max(boxes[p, 3], v)
-        for k in range(2):
+        for k in range(2 if p < inner else 0):
             low[k], high[k] = min(low[k], boxes[p, k]), max(high[k], boxes[p, 2 + k])
-    if count == 0:
+    if inner == 0:
         low[:], high[:] = 0.0, 0.0
     side = max(LEAST_SIDE, np.sqrt((high[0] - low[0]) * (high[1] - low[1]) / MOST_BUCKETS))
     side = max(side, (high[0] - low[0]) / MOST_BUCKETS, (high[1] - low[1]) / MOST_BUCKETS)

@@ -28,8 +28,9 @@ Mask = NDArray[np.bool_]
 class RankedMap(Several):
     """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
 
-    In a list of barriers it stands for one condition a class, in the order of the classes. What
-    lies outside the grid is free.
+    In a list of barriers it stands for one condition a class, in the order of the classes. Of what
+    lies outside the grid nothing is known: it belongs to a class of the kind "unknown", and is free
+    where there is none.
 
     Args:
         grid: where the cells lie.
@@ -89,8 +90,8 @@ class RankedMap(Several):
                 [m/s]: as in Nav2, a cell's limit is base + multiplier · occupancy, and none where
                 that is not positive. Paths are those beside the map unless they are absolute.
             rank: of the map's occupied cells, the class "occupied".
-            unknown: rank of the cells of which nothing is known, the class "unknown"; None makes
-                them free.
+            unknown: rank of the cells of which nothing is known and of all outside the grid, the
+                class "unknown"; None makes them free.
             margin: reserved around both [m].
             table: of a label image: a pixel's value → "name", "rank", and "kind", "limit",
                 "margin" where they are not the usual ones; then `rank` and `unknown` are not used,
@@ -147,9 +148,20 @@ class RankedMap(Several):
             for one, cover in zip(self.classes, self.covers, strict=True)
         )
 
+    @cached_property
+    def _cells(self) -> tuple[Pieces, ...]:
+        """What covers the cells of each class, and nothing outside the grid."""
+        found = []
+        for one, cover, barrier in zip(self.classes, self.covers, self._conditions, strict=True):
+            outside = one.kind == "unknown"
+            found.append(self._pieces(cover, outside=False) if outside else barrier.pieces)
+        return tuple(found)
+
     def polygons(self, name: str) -> list[Array]:
-        """Return the corners (k, 2) of the convex pieces that cover a class [m]."""
-        return self._condition_of(name).pieces.polygons
+        """Return the corners (k, 2) of the convex pieces that cover a class's cells [m]."""
+        found = self._condition_of(name).pieces.polygons
+        covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
+        return found[: len(covers[name].sizes)]
 
     def mask(self, rank: int) -> Mask:
         """Return (rows, columns) whether a cell is keepout or unknown of a rank."""
@@ -162,7 +174,8 @@ class RankedMap(Several):
     def distance(self, points: ArrayLike, rank: int | None = None) -> Array:
         """Return (N,) the covered distance of points from keepout and unknown cells [m].
 
-        It never exceeds the true distance; inside a piece it is negative.
+        It never exceeds the true distance; inside a piece it is negative. What lies outside the
+        grid does not count here.
 
         Args:
             points: (N, 2) [m].
@@ -173,9 +186,9 @@ class RankedMap(Several):
         """
         at = finite_array("points", points, (None, 2), largest=FARTHEST)
         least = np.full(len(at), np.inf)
-        for one, barrier in zip(self.classes, self._conditions, strict=True):
+        for one, cells in zip(self.classes, self._cells, strict=True):
             if one.kind != "speed" and rank in (None, one.rank):
-                np.minimum(least, pieces.distances(barrier.pieces.packed, 0, at), out=least)
+                np.minimum(least, pieces.distances(cells.packed, 0, at), out=least)
         return least
 
     def update(self, corner: tuple[int, int], cells: Mapping[str, ArrayLike]) -> "RankedMap":
@@ -210,13 +223,33 @@ class RankedMap(Several):
 
     def _condition(self, one: MapClass, cover: Cover) -> MappedRegion | MappedZone:
         """Return the barrier of a class."""
-        corners = self.grid.to_world(cover.grown().reshape(-1, 2)).reshape(-1, 8, 2)
-        found = Pieces(corners, cover.sizes, self.grid.origin)
+        found = self._pieces(cover, outside=one.kind == "unknown")
         fields: dict[str, Any] = {"pieces": found, "margin": one.margin}
         fields |= {"grid": self.grid, "cells": one.cells}
         if one.limit is not None:
             return MappedZone(one.name, one.rank, limit=one.limit, **fields)
         return MappedRegion(one.name, one.rank, **fields)
+
+    def _pieces(self, cover: Cover, *, outside: bool) -> Pieces:
+        """Return what covers a class, and with it all that lies outside the grid, if it does."""
+        corners, sizes = cover.grown(), cover.sizes
+        if outside:
+            corners = np.concatenate([corners, self._outside])
+            sizes = np.concatenate([sizes, np.full(4, 4)])
+        world = self.grid.to_world(corners.reshape(-1, 2)).reshape(corners.shape)
+        return Pieces(world, sizes, self.grid.origin, around=4 if outside else 0)
+
+    @property
+    def _outside(self) -> Array:
+        """(4, 8, 2) columns and rows of four rectangles around the grid, as far as anything is."""
+        (rows, columns), far = self.grid.shape, 4.0 * FARTHEST / self.grid.resolution
+        right, top = columns + far, rows + far
+        left_of, right_of = (-far, -far, 0.0, top), (columns, -far, right, top)
+        below, above = (-far, -far, right, 0.0), (-far, rows, right, top)
+        found = np.zeros((4, 8, 2))
+        for corners, (u0, v0, u1, v1) in zip(found, (left_of, right_of, below, above), strict=True):
+            corners[:4] = (u0, v0), (u1, v0), (u1, v1), (u0, v1)
+        return found
 
     def _condition_of(self, name: str) -> MappedRegion | MappedZone:
         """Return the barrier of the class of a name."""

@@ -61,6 +61,7 @@ def read(
     """Read a map and its masks; see `RankedMap.load`."""
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
+    file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
     found = _of_map(raster, rank, unknown, margin) if table is None else _labels(raster, table)
     records.check_mapping("map: masks", masks)

@@ -13,6 +13,7 @@ from hcbf_gym import certificates
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -298,9 +299,11 @@ def _known(robot: Any) -> Robot:
 
 
 def _numbers(values: Any) -> Array:
-    """Return (3,) numbers of a message; NaN where they are none."""
+    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible."""
     given = None if values is None else real_numbers(values, (3,))
-    return np.full(3, np.nan) if given is None else given
+    if given is None or np.abs(given).max() > FARTHEST:
+        return np.full(3, np.nan)
+    return given
 
 
 def _number(value: Any) -> float:

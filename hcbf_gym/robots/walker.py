@@ -6,7 +6,6 @@ array([1.2, 5. ])
 """
 
 import json
-import os
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -308,13 +307,13 @@ def _text(what: str, value: Any) -> str:
     return value
 
 
-def _expanded(what: str, text: str) -> str:
-    """Return a path with environment variables put in.
+def _expanded(what: str, path: str) -> str:
+    """Return a path of the contract with its environment variables put in.
 
     Raises:
         RobotModelError: if one is not set.
     """
-    path = os.path.expanduser(os.path.expandvars(text))
-    if "$" in path:
-        raise RobotModelError(f"{what}: got {text!r}, expected its environment variables to be set")
-    return path
+    try:
+        return records.expanded(what, path)
+    except InvalidInputError as error:
+        raise RobotModelError(str(error)) from error

@@ -6,7 +6,8 @@ from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
 SAYS = {
-    Reason.STATE: "the state is not finite, or of another shape than the model's",
+    Reason.STATE: "the state is not finite, farther away than anything is, or of another "
+    "shape than the model's",
     Reason.AGE: "the state is older than the plant's max_age",
     Reason.CLOCK: "the time of the state does not go on",
     Reason.BARRIERS: "the barriers, or the rows that they become, are not finite or not barriers",

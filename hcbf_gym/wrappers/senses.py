@@ -1,8 +1,9 @@
 """What the filter of N planar double integrators believes: states looked at, plants watched.
 
-A state that is not finite, of no time or too old is not believed: the model propagates the last one
-that was, under the input that was applied. Two signals tell whether the plant is the declared one:
-`monitor` has the input's. The motion's compares the body's position with its velocity. With
+A state that is not finite or beyond `FARTHEST`, of no time or too old is not believed: the model
+propagates the last one that was, under the input that was applied. Two signals tell whether the
+plant is the declared one: `monitor` has the input's. The motion's compares the body's position with
+its velocity. With
 ``τ = WINDOW``, over every sample of length T,
 
     r ← (1 − T/τ) r + Δp − T (v + v')/2,        m ← (1 − T/τ) m + T (v + v')/2,
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account
@@ -100,11 +102,11 @@ def look(plant: Any, period: float) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _is_sound(plant: Any) -> bool:
-    """Tell whether all that is said of a plant is finite, and its covariance may be one."""
+    """Tell whether a plant is where anything can be, and its covariance may be one."""
     x, model, lag, p = plant.x, plant.model, plant.lag, plant.covariance
     sound = True
-    for k in range(4):
-        sound &= np.isfinite(x[k] + model[k] + lag[k])
+    for k in range(4):  # of what is no number that is false, too
+        sound &= abs(x[k]) <= FARTHEST and abs(model[k]) <= FARTHEST and abs(lag[k]) <= FARTHEST
     total = 0.0
     for j in range(4):
         for k in range(4):

@@ -7,7 +7,9 @@ from PIL import Image
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
-from tests.maps.floors import MAPS, WITHOUT_MAPS, cells, room
+from hcbf_gym.online import VelocityFilter
+from hcbf_gym.programs import FilterStatus
+from tests.maps.floors import MAPS, ORIGINS, WITHOUT_MAPS, cells, room, true_distance
 
 PIXELS = np.array([[0, 254, 205], [254, 100, 254], [150, 254, 254]], dtype=np.uint8)
 
@@ -105,6 +107,52 @@ def test_a_mask_over_other_cells_is_refused(tmp_path):
     write(tmp_path, "zone", PIXELS[:2])
     with pytest.raises(InvalidInputError, match="expected the map's"):
         RankedMap.load(file, {"zone.yaml": 2})
+
+
+@pytest.mark.parametrize("origin", ORIGINS)
+def test_what_lies_outside_the_grid_belongs_to_the_unknown(origin):
+    unknown = MapClass("unknown", 1, "unknown", cells(3))
+    ranked = room(0, origin, unknown=unknown)
+    rows, columns = ranked.grid.shape
+    at = np.random.default_rng(0).uniform(-200.0, 300.0, (2000, 2))
+    at[0] = 1e5
+    points = ranked.grid.to_world(at)
+    inside = np.minimum(at, (columns, rows) - at).min(axis=1) * ranked.grid.resolution
+    walls, beyond = ranked.conditions
+    h = np.array([beyond.nearest(point)[0] for point in points])
+    truth = true_distance(ranked, unknown.cells, points)
+    free = (inside > 0.0) & (h > 0.0)
+    assert free.any()
+    assert (h[inside <= 0.0] <= 0.0).all()
+    assert (h[free] <= np.minimum(truth, inside)[free] + 1e-9).all()
+    assert (h >= np.minimum(ranked.distance(points), inside) - 1e-9)[inside > 0.0].all()
+    assert walls.nearest(points[0])[0] > 1e3  # without such a class it is free
+    assert len(ranked.polygons("unknown")) == len(beyond.pieces) - 4
+
+
+def test_a_filter_stops_at_the_edge_of_a_map_and_says_where_it_may_not_be():
+    free = np.zeros((60, 60), dtype=np.bool_)
+    ranked = RankedMap(
+        Grid(0.1, (0.0, 0.0, 0.0), free.shape), (MapClass("unknown", 1, "unknown", free),)
+    )
+    door = VelocityFilter("cart", [ranked], radius=0.0)
+    _, report = door.step((1.0, 0.0), (7.0, 3.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    assert report["status"] == FilterStatus.UNSAFE
+    door.reset()
+    x, speed = 3.0, 0.0
+    for k in range(200):
+        (speed, _), report = door.step((1.0, 0.0), (x, 3.0, 0.0), (speed, 0.0, 0.0), 0.05 * k)
+        x += 0.05 * speed
+    assert 5.0 < x + 0.25 < 6.0
+    assert report["status"] == FilterStatus.SAFE
+
+
+def test_a_path_may_name_an_environment_variable(tmp_path, monkeypatch):
+    write(tmp_path)
+    monkeypatch.setenv("HERE", str(tmp_path))
+    assert RankedMap.load("$HERE/map.yaml").grid.shape == (3, 3)
+    with pytest.raises(InvalidInputError, match="variables"):
+        RankedMap.load("$NOWHERE_AT_ALL/map.yaml")
 
 
 @pytest.mark.parametrize("size", [10_000, 100_000])

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from hcbf_gym import records
 from hcbf_gym.certificates import Certificate
+from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation.certification import calibration, certify, families, page
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
@@ -25,9 +26,12 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_text
 from hcbf_gym.evaluation.statistics import CONFIDENCE
 from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.robots.walker import NAMES, Walker
+from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 
 LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
+SPEED_LEFT = 2.5
+"""And of what the row of its speed limit reserves before calibration: an environment asks for 2."""
 SAFER = 10.0
 """By how much less often than the bound an episode may need more than calibration reserves."""
 
@@ -52,8 +56,8 @@ class Args:
     policies: tuple[str, ...] = ()
     """Attacks and policies, each as likely; all if not given."""
     v_max: tuple[float, float] | None = None
-    """Least and greatest cap on the speed of a walker [m/s]; half of what it can do to all of it if
-    not given."""
+    """Least and greatest cap on the speed of a walker [m/s]; if not given, half of what it can do,
+    or as much as its speed row needs, to all of it."""
     steps: int | None = None
     """The most that an episode takes; 1,000, or 500 of a plant of your own, if not given."""
     program: str = "lex-cbf-qp"
@@ -139,9 +143,16 @@ def family_of(args: Args) -> Any:
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
             "a contract's path, module:function or file.py:function"
         )
-    most = Walker.load(args.plant).command.forward
-    caps = (LOWEST * most, most) if args.v_max is None else args.v_max
+    caps = _caps(Walker.load(args.plant)) if args.v_max is None else args.v_max
     return SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+
+
+def _caps(walker: Walker) -> tuple[float, float]:
+    """Return the least and the greatest cap on the speed of a walker [m/s]."""
+    most = walker.command.forward
+    response = UNKNOWN if walker.response is None else walker.response
+    reserved = uncertainty(response, CONTROL_DT).speed
+    return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
 
 
 PLANTS: dict[str, Any] = {
