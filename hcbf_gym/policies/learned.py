@@ -102,20 +102,35 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
                 f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()} "
                 "or an .npz file"
             )
-        path = Path(str(resources.files("hcbf_gym") / "policies" / "baselines" / f"{name}.npz"))
-    policy = read(path)
+        path = _baseline(str(name))
+    policy, shape = read(path), _observed(env)
+    if policy.mean.shape != shape:
+        raise InvalidInputError(
+            f"policy {str(name)!r}: got observations of shape {shape}, "
+            f"expected {policy.mean.shape}, for which it was trained"
+        )
+    return policy
+
+
+def fitting(env: gym.Env | gym.vector.VectorEnv) -> list[str]:
+    """Return the names of the package's policies that were trained for an environment's shape."""
+    shape = _observed(env)
+    return [name for name in names() if read(_baseline(name)).mean.shape == shape]
+
+
+def _baseline(name: str) -> Path:
+    return Path(str(resources.files("hcbf_gym") / "policies" / "baselines" / f"{name}.npz"))
+
+
+def _observed(env: gym.Env | gym.vector.VectorEnv) -> tuple[int, ...]:
+    """Return the shape of an environment's observations, one of a vector's."""
     space = (
         env.single_observation_space
         if isinstance(env, gym.vector.VectorEnv)
         else env.observation_space
     )
     assert isinstance(space, spaces.Box)
-    if policy.mean.shape != space.shape:
-        raise InvalidInputError(
-            f"policy {str(name)!r}: got observations of shape {space.shape}, "
-            f"expected {policy.mean.shape}, for which it was trained"
-        )
-    return policy
+    return space.shape
 
 
 def read(path: Path) -> LearnedPolicy:

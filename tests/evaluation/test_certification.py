@@ -1,6 +1,7 @@
 """Calibrate, freeze, certify: margins cover the needs, and no number comes without its episodes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -21,6 +22,8 @@ from hcbf_gym.evaluation.certification import (
 )
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.policies import learned
+from hcbf_gym.robots.walker import Walker
 
 BOAT = f"{Path(__file__).parents[2] / 'examples' / 'boat.py'}:certify"
 
@@ -240,3 +243,31 @@ def test_the_exact_way_is_no_deeper_than_a_finer_look_and_no_shallower_than_the_
             info["min_h"]
             <= inner.barrier_set.values(inner.truth[None], np.array([inner.time]))[0] + 1e-9
         ).all()
+
+
+def test_policies_that_cannot_act_in_scenes_are_left_out_unless_they_are_asked_for():
+    env = "HCBF-Regions-v0"
+    usual = [name for name, _ in families.policies_in(env, {}, ["random", "random-wide"])]
+    larger = [name for name, _ in families.policies_in(env, {}, ["random", "random-map"])]
+    assert set(learned.names()) <= set(usual)
+    assert set(usual) - set(larger) == set(learned.names())
+    family = command.family_of(command.Args(plant="regions", scenes=("random-map",)))
+    assert not set(learned.names()) & {name for name, _ in family.policies}
+    asked = command.Args(plant="regions", scenes=("random-map",), policies=("sac",))
+    assert [name for name, _ in command.family_of(asked).policies] == ["sac"]
+
+
+def test_the_lowest_cap_leaves_a_walker_speed_beside_what_its_row_reserves(tmp_path):
+    cart = Walker.load("cart")
+    contract = json.loads(cart.source.read_text()) | {"name": "swaying", "mjcf": str(cart.mjcf)}
+    file = tmp_path / "swaying.json"
+    file.write_text(json.dumps(contract))
+    replace(cart.response, overshoot=0.3).save(tmp_path / "swaying.response.json")
+    usual, swaying = (
+        command.family_of(command.Args(plant=str(name))) for name in (cart.source, file)
+    )
+    assert usual.caps == (0.6, 1.2)
+    assert 0.6 < swaying.caps[0] < swaying.caps[1] == 1.2
+    certify.plant_of(swaying)  # an environment with the lowest cap leaves some speed
+    most = replace(swaying, options={"robot": str(file), "v_max": swaying.caps[0]}, caps=None)
+    certify.plant_of(most)

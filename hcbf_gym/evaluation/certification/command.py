@@ -54,7 +54,7 @@ class Args:
     scenes: tuple[str, ...] = ()
     """Families of random scenes; all that are covered if not given."""
     policies: tuple[str, ...] = ()
-    """Attacks and policies, each as likely; all if not given."""
+    """Attacks and policies, each as likely; all that can act in these scenes if not given."""
     v_max: tuple[float, float] | None = None
     """Least and greatest cap on the speed of a walker [m/s]; if not given, half of what it can do,
     or as much as its speed row needs, to all of it."""
@@ -137,14 +137,23 @@ def family_of(args: Args) -> Any:
             raise InvalidInputError(
                 "certify: got scenes or policies with a1-mixture, which has its own"
             )
-        return replace(PLANTS[args.plant], **asked)
+        return _able(args, replace(PLANTS[args.plant], **asked))
     if args.plant not in NAMES and not args.plant.endswith(".json"):
         raise InvalidInputError(
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
             "a contract's path, module:function or file.py:function"
         )
     caps = _caps(Walker.load(args.plant)) if args.v_max is None else args.v_max
-    return SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+    family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+    return _able(args, family)
+
+
+def _able(args: Args, family: Any) -> Any:
+    """Return a family without the policies that cannot act in scenes that were asked for."""
+    if not args.scenes or args.policies:
+        return family
+    able = families.policies_in(family.env, family.options, args.scenes)
+    return replace(family, policies=able)
 
 
 def _caps(walker: Walker) -> tuple[float, float]:

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.envs import coverage
-from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.certification import own
@@ -150,7 +151,7 @@ class SceneFamily:
         object.__setattr__(self, "scenes", _shares("scenes", self.scenes))
         object.__setattr__(self, "policies", _shares("policies", self.policies))
         for name, _ in self.scenes:
-            choose("family of scenes", name, scenarios.RANDOM)
+            choose("family of scenes", name, scenarios.RANDOM | scenarios.PLANS)
         if self.caps is not None:
             low, high = (finite_float("caps", cap, minimum=0.0) for cap in self.caps)
             if low > high:
@@ -213,6 +214,25 @@ class SceneFamily:
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
         return Walker.load(self.options["robot"]).files if "robot" in self.options else []
+
+
+def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:
+    """Return all policies that can act in scenes: a learned one knows observations of one shape.
+
+    Args:
+        env: id of an environment.
+        options: further arguments of it.
+        scenes: families of scenes.
+    """
+    able = set(learned.names())
+    for scene in scenes:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CoverageWarning)  # whether they are is not asked
+            made = gym.make(env, scenario=scene, **options)
+        able &= set(learned.fitting(made))
+        made.close()
+    fits = able | {name for name, _ in FRIENDLY} - set(learned.names())
+    return (*HOSTILE, *((name, weight) for name, weight in FRIENDLY if name in fits))
 
 
 @dataclass(frozen=True)
