@@ -61,6 +61,7 @@ def _attacked(robot: str, seed: int, attack: str = "edge") -> Loop:
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
 H: dict[str, Any] = {"program": "h-cbf-qp", "delta_gamma": 1.3}
 GUIDED = LEX | {"guidance": "geodesic"}
+CART = {"robot": "cart", "body": "footprint"}
 LOOPS = {
     "attack": Loop("random", 1, "edge", 14.0, LEX, {"body": "footprint"}),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
@@ -72,6 +73,8 @@ LOOPS = {
     "rough": Loop("random", 7, "pd", 14.0, LEX, {"terrain": "rough"}),
     "cart": _attacked("cart", 1),
     "holonomic-cart": _attacked("holonomic-cart", 1),
+    "map-flat": Loop("map-flat", 2, "edge", 20.0, GUIDED, {"body": "footprint"}),
+    "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, "HCBF-WalkerRegions-v0"),
 }
 """The loops of the site by name."""
 FOREIGN = {
