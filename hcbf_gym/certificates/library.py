@@ -1,6 +1,6 @@
 """The certificates that come with the package, and which of them speaks of a plant."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -87,12 +87,16 @@ def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
     return margins
 
 
-def table() -> str:
-    """Return the shipped certificates as the page shows them, a table in Markdown."""
+def table(certificates: Iterable[Certificate] | None = None) -> str:
+    """Return certificates as pages show them, a table in Markdown.
+
+    Args:
+        certificates: the lines; None shows those that are shipped.
+    """
     head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")
     rows = [
         f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
         f"{one.confidence:.1%} | {one.least_h:+.4f} |"
-        for one in shipped().values()
+        for one in (shipped().values() if certificates is None else certificates)
     ]
     return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))

@@ -180,7 +180,16 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
         certificates.load("no-such")
 
 
-def test_the_page_shows_the_shipped_certificates():
-    page = (Path(__file__).parents[2] / "docs" / "guarantees.md").read_text(encoding="utf-8")
-    begin, end = "<!-- certificates: certificates/shipped -->", "<!-- end of certificates -->"
-    assert page.split(begin)[1].split(end)[0].strip() == certificates.table()
+BEGIN, END = "<!-- certificates: {} -->", "<!-- end of certificates -->"
+
+
+@pytest.mark.parametrize("page", ["guarantees.md", "certificates.md"])
+def test_pages_show_the_certificates(page):
+    docs = Path(__file__).parents[2] / "docs"
+    taken = [Certificate.load(f) for f in sorted((docs / "results/certificates").glob("*.json"))]
+    folder, shown = {
+        "guarantees.md": ("certificates/shipped", certificates.table()),
+        "certificates.md": ("docs/results/certificates", certificates.table(taken)),
+    }[page]
+    text = (docs / page).read_text(encoding="utf-8")
+    assert text.split(BEGIN.format(folder))[1].split(END)[0].strip() == shown
