@@ -41,6 +41,8 @@ STEPS = 400
 """Control steps of a hostile episode."""
 NEAR = 1.0
 """Within which the cover's shortfall counts [m]."""
+FAR = 10.0
+"""Within which one point in a hundred is judged, too: the cover exceeds nowhere [m]."""
 FIRST_SEED = 24_000_000
 TURNS = (0.0, 0.6)
 """Yaws of a map's origin at which its cover is judged [rad]."""
@@ -112,6 +114,10 @@ def exact(count: int) -> Table:
                 covered = ranked.distance(points, 1)
                 near = true < NEAR
                 worst = max(worst, float((covered - true)[near].max(initial=-np.inf)))
+                few = slice(0, 1000)
+                true_far = squares.distances(ranked.grid, cells, points[few], FAR)
+                further = (covered[few] - true_far)[true_far < FAR]
+                worst = max(worst, float(further.max(initial=-np.inf)))
                 short.append((true - np.maximum(covered, 0.0))[near])
             gap = np.quantile(np.concatenate(short), 0.95) / ranked.grid.resolution
             pieces = sum(
