@@ -111,7 +111,13 @@ class Mapped(Barrier):
 
 @dataclass(frozen=True, eq=False)
 class MappedRegion(Mapped):
-    """The outside of the cells of a class: h is the signed distance to the nearest piece."""
+    """The outside of the cells of a class: h is the signed distance to the nearest piece.
+
+    Args:
+        beyond: whether all that lies outside the grid belongs to the class; the pieces cover it.
+    """
+
+    beyond: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -179,3 +179,25 @@ def paint_cells(
             free = side * apart[j - first_j, i - first_i] - clearance
             if free < HALO:
                 _paint(ground, j + 1, i + 1, free, priority, opened, side)
+
+
+@njit(cache=True, error_model="numpy")
+def paint_edge(
+    ground: Ground,
+    window: tuple[int, int, int, int],
+    side: float,
+    priority: int,
+    clearance: float,
+    opened: int,
+) -> None:
+    """Paint what a region of one rank that lies all around the grid makes of a window.
+
+    Args: as `paint_cells`.
+    """
+    ny, nx = ground.cost.shape[0] - 2, ground.cost.shape[1] - 2
+    for j in range(window[0], window[1]):
+        for i in range(window[2], window[3]):
+            inside = min(min(j, ny - 1 - j), min(i, nx - 1 - i)) + 0.5
+            free = side * inside - clearance
+            if free < HALO:
+                _paint(ground, j + 1, i + 1, free, priority, opened, side)

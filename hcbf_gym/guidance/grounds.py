@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
+from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells, paint_edge
 from hcbf_gym.maps import Grid
 
 Array = NDArray[np.float64]
@@ -86,12 +86,17 @@ class MapGround:
             rank: of the region.
         """
         nearest, name = np.inf, "a barrier"
+        rows, columns = self.grid.shape
         for one in self.regions:
-            if one.priority == rank and one.cells.any():
-                apart = np.abs(np.argwhere(one.cells) - (j, i)).max(axis=1).min()
-                within = (one.margin + self.clearance) / self.grid.resolution + 1.0
-                if apart < nearest and apart <= within:
-                    nearest, name = apart, repr(one.name)
+            if one.priority != rank:
+                continue
+            places = np.argwhere(one.cells)
+            apart = np.abs(places - (j, i)).max(axis=1).min() if len(places) else np.inf
+            if one.beyond:
+                apart = min(apart, j + 1, i + 1, rows - j, columns - i)
+            within = (one.margin + self.clearance) / self.grid.resolution + 1.0
+            if apart < nearest and apart <= within:
+                nearest, name = apart, repr(one.name)
         return name
 
     def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
@@ -110,6 +115,10 @@ class MapGround:
         self.ground.rank[inner] = 0
         for (rank, kept), cells in self._layers.items():
             paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
+        for one in self.regions:
+            if one.beyond:
+                kept = one.margin + self.clearance
+                paint_edge(self.ground, window, side, one.priority, kept, self.opened)
 
 
 def geometry_of(grid: Grid) -> Array:

@@ -223,12 +223,13 @@ class RankedMap(Several):
 
     def _condition(self, one: MapClass, cover: Cover) -> MappedRegion | MappedZone:
         """Return the barrier of a class."""
-        found = self._pieces(cover, outside=one.kind == "unknown")
+        beyond = one.kind == "unknown"
+        found = self._pieces(cover, outside=beyond)
         fields: dict[str, Any] = {"pieces": found, "margin": one.margin}
         fields |= {"grid": self.grid, "cells": one.cells}
         if one.limit is not None:
             return MappedZone(one.name, one.rank, limit=one.limit, **fields)
-        return MappedRegion(one.name, one.rank, **fields)
+        return MappedRegion(one.name, one.rank, beyond=beyond, **fields)
 
     def _pieces(self, cover: Cover, *, outside: bool) -> Pieces:
         """Return what covers a class, and with it all that lies outside the grid, if it does."""

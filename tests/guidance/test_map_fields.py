@@ -8,6 +8,7 @@ from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.ground import distances
+from hcbf_gym.guidance.grounds import MapGround
 from hcbf_gym.guidance.march import settle
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 
@@ -172,3 +173,29 @@ def test_a_disc_that_moves_beside_a_map_is_walked_around():
     first, _ = way.row(at(1.0, 2.0)[0], 0.0)
     later, _ = way.row(at(1.0, 2.0)[0], 1.5)
     assert first[1] > 0.0 > later[1]  # over it while it is below, under it when it has passed
+
+
+def test_where_the_outside_is_unknown_the_way_keeps_from_the_edge_of_the_grid():
+    def ground_of(unknown):
+        ranked = RankedMap(
+            Grid(SIDE, (1.0, 2.0, 0.7), unknown.shape), (MapClass("fog", 1, "unknown", unknown),)
+        )
+        return ranked, MapGround(ranked.conditions, BODY, 0)
+
+    ranked, base = ground_of(blank())
+    framed = np.ones((42, 82), dtype=np.bool_)
+    framed[1:-1, 1:-1] = False  # the same as if the cells around it were of the class
+    around = RankedMap(
+        Grid(SIDE, (0.0, 0.0, 0.0), framed.shape), (MapClass("f", 1, "keepout", framed),)
+    )
+    wanted = MapGround(around.conditions, BODY, 0).ground
+    for name in ("cost", "rank"):
+        np.testing.assert_allclose(
+            getattr(base.ground, name)[1:-1, 1:-1], getattr(wanted, name)[2:-2, 2:-2], rtol=1e-5
+        )
+    changed = blank()
+    changed[1:5, 60:65] = True
+    later, new = ground_of(changed)
+    np.testing.assert_array_equal(base.with_regions(later.conditions).ground.cost, new.ground.cost)
+    with pytest.raises(InvalidInputError, match="too close to 'fog'"):
+        way_on(ranked, (4.0, 2.0), (7.9, 2.0))
