@@ -40,8 +40,8 @@ MOST_AT_BOUND = 6
 """Of 2,000 repetitions at ε that may pass: at 99.9 % two are expected."""
 LEAST_AT_TENTH = 0.985
 """Share of repetitions at ε/10 that have to pass."""
-GRID = tuple(np.round(np.arange(0.5, 1.01, 0.05), 2).tolist())
-"""Shares of a calibrated constant that the grid search tries."""
+GRID = tuple(np.round(np.arange(0.95, 0.45, -0.05), 2).tolist())
+"""Shares of a calibrated constant that the grid search tries, the largest first."""
 MOST_MARGIN = 1.3
 """By how much a calibrated constant may exceed the least that passes."""
 MARGIN_EPISODES = 600
@@ -118,24 +118,22 @@ PLANTS: dict[str, Any] = {
 
 
 def least(plants: tuple[str, ...], episodes: int) -> Table:
-    """Calibrate one constant at a time, and find by a grid the least value that passes."""
+    """Lower one calibrated constant at a time, step by step, until some episode enters."""
     rows, good = [], True
     for name in plants:
         family = choose("plant", name, PLANTS)
         plant, _ = certify.plant_of(family)
         runs = certify.Runs(RESULTS / "least" / name)
+        found = certify.calibrated(family, plant.uncertainty, runs, episodes, 1.0 / episodes, 0)
         for constant in calibration.CONSTANTS:
-            found = certify.calibrated(
-                family, plant.uncertainty, runs, episodes, 1.0 / episodes, 0, (constant,)
-            )
             value = getattr(found.margins, constant)
-            passing = [
-                share for share in GRID if value == 0.0 or _none_enter(
-                    family, found.margins._replace(**{constant: share * value}), episodes, runs
-                )
-            ]  # fmt: skip
-            smallest = value * min(passing, default=np.nan)
-            ratio = value / smallest if value else 1.0
+            smallest = value
+            for share in GRID if value > 0.0 else ():
+                fewer = found.margins._replace(**{constant: share * value})
+                if not _none_enter(family, fewer, episodes, runs):
+                    break
+                smallest = share * value
+            ratio = value / smallest if value > 0.0 else 1.0
             good = good and ratio <= MOST_MARGIN
             kept = [f"{getattr(plant.uncertainty, constant):.4f}", f"{value:.4f}"]
             rows.append((name, constant, *kept, f"{smallest:.4f}", f"{ratio:.2f}"))
