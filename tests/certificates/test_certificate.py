@@ -169,6 +169,38 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
         SafetyFilter(env, plant=mass(), certificate=other)
 
 
+OTHER = {
+    "another input set": {"input_set": models.Box.symmetric(20.0)},
+    "another period": {"period": None},
+    "another state": {"state": lambda env, observation, info: np.zeros(4)},
+    "another barriers": {"barriers": [Disc("disc", 1, (3.0, 0.0), 0.5)]},
+    "another to action": {"to_action": lambda u: 0.5 * u, "from_action": lambda a: 2.0 * a},
+}
+
+
+@pytest.mark.parametrize("certificate", [None, "regions"])
+@pytest.mark.parametrize("what", OTHER)
+def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certificate):
+    env = gym.make("HCBF-Regions-v0", scenario="random")
+    plant = replace(env.unwrapped.plant, **OTHER[what])
+    with pytest.warns(CoverageWarning, match=what):
+        filtered = SafetyFilter(env, plant=plant, certificate=certificate)
+    assert covered(filtered) == Coverage.OUTSIDE
+
+
+def test_lower_margins_than_the_environments_are_not_covered():
+    env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
+    plant = replace(env.unwrapped.plant, uncertainty=Uncertainty())
+    with pytest.warns(CoverageWarning, match="a lower uncertainty"):
+        assert covered(SafetyFilter(env, plant=plant)) == Coverage.OUTSIDE
+
+
+def test_a_certificate_speaks_of_its_own_program_alone():
+    env = gym.make("HCBF-Regions-v0", scenario="random")
+    with pytest.warns(CoverageWarning, match="program 'cbf-qp' .tested: 'lex-cbf-qp'"):
+        assert covered(SafetyFilter(env, "cbf-qp", certificate="regions")) == Coverage.OUTSIDE
+
+
 def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family():
     assert {"regions", "cart"} <= set(certificates.shipped())
     for name, one in certificates.shipped().items():
