@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hcbf_gym import records
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
 
@@ -21,9 +22,17 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
         env: unwrapped.
         observation: the latest.
         info: the latest.
+
+    Raises:
+        InvalidInputError: if it declares nothing.
     """
     if plant.declared is not None:
         said: Mapping[str, Any] = read(plant.declared, env, observation, info)
+        if not said:
+            raise InvalidInputError(
+                f"plant: got declared {said!r}, which any plant matches; expected what tells it "
+                "from others, or None"
+            )
         return records.plain(dict(said))
     input_set = plant.input_set
     return {
