@@ -147,6 +147,22 @@ class Certificate:
                 f"certificate: got strata of {counted[0]} episodes with {counted[1]} entered, "
                 f"expected {self.episodes} with {self.entered}"
             )
+        for s in self.strata:
+            if not (s.least_h < 0.0) <= s.entered <= s.episodes:
+                raise InvalidInputError(
+                    f"certificate: got {s}, expected between 0 and all of its episodes entered, "
+                    "and one of them where its least h is below 0"
+                )
+        deepest = min(s.least_h for s in self.strata)
+        if self.least_h != deepest:
+            raise InvalidInputError(
+                f"certificate: got the least h {self.least_h}, expected {deepest} as in its strata"
+            )
+        if max(self.falls, self.alarms) > self.episodes:
+            raise InvalidInputError(
+                f"certificate: got {self.falls} falls and {self.alarms} alarms, expected no more "
+                f"than {self.episodes} episodes"
+            )
         if len(self.blocks) != -(-self.episodes // BLOCK):
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "

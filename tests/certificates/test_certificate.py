@@ -75,6 +75,11 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
         ({"blocks": ()}, "got 0 blocks"),
         ({"falls": -1}, "falls: got -1"),
         ({"least_h": np.nan}, "least_h"),
+        ({"least_h": 0.02}, "least h 0.02, expected -0.01"),
+        ({"falls": 26}, "26 falls"),
+        ({"alarms": 26}, "26 alarms"),
+        ({"entered": 0, "strata": (Stratum("nearest", "random", 25, 0, -0.01),)}, "'nearest'"),
+        ({"strata": (Stratum("a", "b", 26, 1, -0.01), Stratum("c", "b", -1, 0, 0.0))}, "'c'"),
     ],
 )
 def test_numbers_that_contradict_each_other_are_refused(change, message):
@@ -167,6 +172,17 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
     other = made(declared | {"files": "0123"})
     with pytest.warns(CoverageWarning, match="files"):
         SafetyFilter(env, plant=mass(), certificate=other)
+
+
+def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space():
+    env = Mass()
+    exact = replace(mass(), input_set=None)
+    one = made(certificates.declared(exact, env, None, {}))
+    heavy = replace(exact, model=models.DoubleIntegrator(drag=0.5))
+    assert not one.differs(certificates.declared(exact, env, None, {}))
+    assert "drag=0.5" in one.differs(certificates.declared(heavy, env, None, {}))[0]
+    env.action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
+    assert "action space" in one.differs(certificates.declared(exact, env, None, {}))[0]
 
 
 OTHER = {

@@ -229,6 +229,9 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
     assert Certificate.load(file).episodes == 10
     run("--check", str(file), "--episodes", "10", "--output", str(tmp_path / "check"))
     assert "the same bit for bit" in capsys.readouterr().out
+    assert not (tmp_path / "check").exists()  # what was kept would be no repetition
+    settings = json.loads((tmp_path / "boat" / "settings.json").read_text())
+    assert settings["versions"] == certify.versions()  # others are another study
 
 
 @pytest.mark.parametrize(
