@@ -78,13 +78,31 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
         ({"least_h": 0.02}, "least h 0.02, expected -0.01"),
         ({"falls": 26}, "26 falls"),
         ({"alarms": 26}, "26 alarms"),
-        ({"entered": 0, "strata": (Stratum("nearest", "random", 25, 0, -0.01),)}, "'nearest'"),
-        ({"strata": (Stratum("a", "b", 26, 1, -0.01), Stratum("c", "b", -1, 0, 0.0))}, "'c'"),
     ],
 )
 def test_numbers_that_contradict_each_other_are_refused(change, message):
     with pytest.raises(InvalidInputError, match=message):
         replace(made(REGIONS), **change)
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "message"),
+    [
+        (("strata", 0, "entered"), 0, "one of them where its least h is below 0"),
+        (("strata", 0, "episodes"), "25", "expected a count"),
+        (("strata", 0, "least_h"), None, "least_h"),
+        (("margins", "distance"), np.nan, "expected JSON's terms"),
+        (("plant", "environment"), np.inf, "expected JSON's terms"),
+    ],
+)
+def test_a_bent_entry_of_a_file_is_refused_in_words(where, value, message):
+    data = made(REGIONS).to_dict()
+    entry = data
+    for key in where[:-1]:
+        entry = entry[key]
+    entry[where[-1]] = value
+    with pytest.raises(InvalidInputError, match=message):
+        Certificate.from_dict(data)
 
 
 def test_a_digest_tells_the_last_bit():
