@@ -4,6 +4,7 @@ import functools
 import hashlib
 import logging
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,7 +16,7 @@ Value = TypeVar("Value")
 
 _LOGGER = logging.getLogger("hcbf_gym")
 _PACKAGE = Path(__file__).parent
-_IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (\S+))", re.M)
+_IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (.+))", re.M)
 
 
 @functools.cache
@@ -95,6 +96,14 @@ def sources_hash(files: list[Path]) -> str:
     Args:
         files: below `hcbf_gym/`, or in another package that imports it.
     """
+    found = sorted(reached(files))
+    names = (f"{file.relative_to(_top(file).parent)} {_digest(file)}" for file in found)
+    text = "\n".join(names)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def reached(files: Iterable[Path]) -> set[Path]:
+    """Return files, and all that they import of this package and of their own."""
     found = set()
     waiting = list(files)
     while waiting:
@@ -102,9 +111,7 @@ def sources_hash(files: list[Path]) -> str:
         if file not in found:
             found.add(file)
             waiting += _imported(file)
-    names = (f"{file.relative_to(_top(file).parent)} {_digest(file)}" for file in sorted(found))
-    text = "\n".join(names)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return found
 
 
 @functools.cache
@@ -125,17 +132,35 @@ def _imported(file: Path) -> list[Path]:
     """Return what a file imports of this package and of its own, none for a file of data."""
     if file.suffix != ".py":
         return []
-    packages = {folder.name: folder for folder in (_PACKAGE, _top(file))}
     places = []
-    for parent, names, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
-        top, *rest = (module or parent).split(".")
-        if top in packages:
-            place = packages[top].joinpath(*rest)
-            bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
-            places += [place, *(place / name for name in bare if name)]
+    for parent, names, modules in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        for module in _bare(parent or modules):
+            place = _place(file, module)
+            if place is not None:
+                places += [place, *(place / name for name in _bare(names))]
     paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
     # the package's own __init__ imports every room, and nothing computes with what stands in it
     return [path for path in paths if path.is_file() and path != _PACKAGE / "__init__.py"]
+
+
+def _bare(names: str) -> list[str]:
+    """Return the names in a list of an import statement, without what they are called there."""
+    bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
+    return [name for name in bare if name]
+
+
+def _place(file: Path, module: str) -> Path | None:
+    """Return where a module lies that a file imports; None if it is neither ours nor its own."""
+    name = module.lstrip(".")
+    dots = len(module) - len(name)
+    parts = name.split(".") if name else []
+    if dots:
+        return file.parents[dots - 1].joinpath(*parts)
+    for folder in (_PACKAGE, _top(file)):
+        if folder.name == parts[0]:
+            return folder.joinpath(*parts[1:])
+    in_package = (file.parent / "__init__.py").is_file()
+    return None if in_package else file.parent.joinpath(*parts)  # a neighbour
 
 
 class _Announcer(event.Listener):

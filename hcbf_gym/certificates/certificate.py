@@ -59,6 +59,9 @@ class Stratum:
         episodes: how many were drawn.
         entered: in how many rank 1 was entered.
         least_h: of the strict conditions on the position [unit of h].
+
+    Raises:
+        InvalidInputError: if a number is none, or contradicts another.
     """
 
     policy: str
@@ -66,6 +69,15 @@ class Stratum:
     episodes: int
     entered: int
     least_h: float
+
+    def __post_init__(self) -> None:
+        _check_counts(self, "episodes", "entered")
+        finite_float("certificate: least_h", self.least_h)
+        if not (self.least_h < 0.0) <= self.entered <= self.episodes:
+            raise InvalidInputError(
+                f"certificate: got {self}, expected between 0 and all of its episodes entered, "
+                "and one of them where its least h is below 0"
+            )
 
 
 @dataclass(frozen=True)
@@ -123,10 +135,7 @@ class Certificate:
     blocks: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        for name in ("episodes", "allowed", "entered", "falls", "alarms", "first_seed"):
-            number = getattr(self, name)
-            if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-                raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
+        _check_counts(self, "episodes", "allowed", "entered", "falls", "alarms", "first_seed")
         for name in ("confidence", "bound"):
             finite_float(f"certificate: {name}", getattr(self, name), minimum=0.0, maximum=1.0)
         finite_float("certificate: least_h", self.least_h)
@@ -146,6 +155,16 @@ class Certificate:
             raise InvalidInputError(
                 f"certificate: got strata of {counted[0]} episodes with {counted[1]} entered, "
                 f"expected {self.episodes} with {self.entered}"
+            )
+        deepest = min(s.least_h for s in self.strata)
+        if self.least_h != deepest:
+            raise InvalidInputError(
+                f"certificate: got the least h {self.least_h}, expected {deepest} as in its strata"
+            )
+        if max(self.falls, self.alarms) > self.episodes:
+            raise InvalidInputError(
+                f"certificate: got {self.falls} falls and {self.alarms} alarms, expected no more "
+                f"than {self.episodes} episodes"
             )
         if len(self.blocks) != -(-self.episodes // BLOCK):
             raise InvalidInputError(
@@ -209,6 +228,10 @@ class Certificate:
                 been changed since.
         """
         records.check_mapping("certificate", data)
+        try:
+            json.dumps(data, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"certificate: got {error}, expected JSON's terms") from error
         values = {name: value for name, value in data.items() if name != "hash"}
         try:
             for name in ("words", "calibration", "blocks"):
@@ -250,6 +273,18 @@ class Certificate:
         with records.whole(path) as partial:
             text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
             partial.write_text(text + "\n", encoding="utf-8")
+
+
+def _check_counts(record: Any, *names: str) -> None:
+    """Refuse fields that are no counts.
+
+    Raises:
+        InvalidInputError: if there is one.
+    """
+    for name in names:
+        number = getattr(record, name)
+        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+            raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
 
 
 def frozen_hash(frozen: Mapping[str, Any]) -> str:

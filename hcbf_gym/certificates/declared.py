@@ -3,38 +3,61 @@
 import hashlib
 import inspect
 from collections.abc import Iterable, Mapping
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
-from hcbf_gym import records
+from hcbf_gym import compilation, records
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
+
+PACKAGE = Path(__file__).parents[1]
+"""Whose own files versions tell, not hashes."""
 
 
 def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
     """Return what tells a plant from another one, in JSON's terms.
 
     A plant that declares nothing by itself is told by its environment's class, its model, U, its
-    period, and a hash of the files in which environment and readers are written.
+    period, and a hash of the files in which environment and readers are written, with those of the
+    user's own that they import.
 
     Args:
         plant: that a filter has.
         env: unwrapped.
         observation: the latest.
         info: the latest.
+
+    Raises:
+        InvalidInputError: if it declares nothing.
     """
     if plant.declared is not None:
-        said: Mapping[str, Any] = read(plant.declared, env, observation, info)
-        return records.plain(dict(said))
+        told: Mapping[str, Any] = read(plant.declared, env, observation, info)
+        if not told:
+            raise InvalidInputError(
+                f"plant: got declared {told!r}, which any plant matches; expected what tells it "
+                "from others, or None"
+            )
+        return records.plain(dict(told))
     input_set = plant.input_set
-    return {
+    written = _written_in(type(env), plant.state, plant.barriers)
+    parts = type(plant.model), plant.to_action, plant.from_action, plant.brake
+    reached = compilation.reached(written | _written_in(*parts))
+    files = written | {file for file in reached if not file.is_relative_to(PACKAGE)}
+    said = {
         "environment": type(env).__name__,
         "model": type(plant.model).__name__,
         "states": plant.model.n,
         "inputs": plant.model.n_u,
         "input set": None if input_set is None else records.plain(input_set.to_dict()),
         "period": plant.period,
-        "files": files_hash(_written_in(type(env), plant.state, plant.barriers)),
+        "files": files_hash(files),
     }
+    if is_dataclass(plant.model):
+        said["parameters of the model"] = repr(plant.model)
+    if input_set is None:
+        said["action space"] = str(env.action_space)
+    return said
 
 
 def robot_of(name: str, files: Iterable[Path]) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple, Protocol
 
+from hcbf_gym import records
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.envs.disturbances import RandomPushes, disturbance_from_dict
@@ -16,6 +17,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.models.plant import EXACT, Coverage, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 SCENES = ("random", "random-moving", "random-wide")
 """The families of scenes in which the promise was tested."""
@@ -291,8 +293,8 @@ class Asked(Protocol):
 def of_filter(asked: Asked, plant: Plant) -> list[str]:
     """Return which of a filter's arguments were not tested, a phrase for each; empty if all were.
 
-    On a plant that is its model any margin and any α whose row U can brake are as good. Nothing is
-    said of plants that are not covered whatever the filter is.
+    On a double integrator that is its model any margin and any α whose row U can brake are as good.
+    Nothing is said of plants that are not covered whatever the filter is.
 
     Args:
         asked: the filter's settings.
@@ -303,7 +305,7 @@ def of_filter(asked: Asked, plant: Plant) -> list[str]:
     said = [] if asked.rows == "held" else [f"rows {asked.rows!r} (tested: 'held')"]
     if asked.solver is not None:
         said.append(f"solver {asked.solver!r} (tested: None)")
-    if plant.uncertainty == EXACT:
+    if plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator):
         return said
     if asked.margin is not None:
         said.append(f"margin {asked.margin} m (tested: None)")
@@ -313,6 +315,24 @@ def of_filter(asked: Asked, plant: Plant) -> list[str]:
         said.append(f"alpha1 {alpha1} (tested: {LogClassK()})")
     if not (isinstance(alpha2, LinearClassK) and alpha2.gain <= LinearClassK().gain):
         said.append(f"alpha2 {alpha2} (tested: {LinearClassK()})")
+    return said
+
+
+def of_plant(plant: Plant, own: Plant) -> list[str]:
+    """Return in what a plant is not the one that its environment brings, a phrase for each.
+
+    Args:
+        plant: that a filter was given.
+        own: the environment's.
+    """
+    said = [
+        f"another {name.replace('_', ' ')} than the environment's"
+        for name in ("model", "input_set", "period", "state", "barriers", "to_action")
+        if records.plain(getattr(plant, name)) != records.plain(getattr(own, name))
+    ]
+    reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
+    if any(less < needed for less, needed in reserved):
+        said.append("a lower uncertainty than the environment's")
     return said
 
 

@@ -1,6 +1,7 @@
 """The filter for a loop of the user's own: a robot that takes velocities, without Gymnasium."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym import certificates
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
@@ -32,6 +33,8 @@ HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
 
 
+ROUNDING = 1e-9
+"""By how much a present may seem to be before its past [s]."""
 LATE = 1.5
 """Periods after the last sample from which on the robot was told zero meanwhile."""
 
@@ -138,7 +141,7 @@ class VelocityFilter:
         self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
         self._told: Array = np.zeros(len(self._limits))
-        self._good_until = -math.inf
+        self._good_from = self._good_until = -math.inf
 
     def step(
         self,
@@ -179,13 +182,17 @@ class VelocityFilter:
         velocity = self._now(stamp, body[2:]) if sound else self._velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        stale = not -1e-9 <= age <= self._max_age
+        stale = not -ROUNDING <= age <= self._max_age
         estimate = Estimate(x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age))
         barriers = self._scene()
         if not self._begun and sound and not stale:
             self._core.cover(Coverage.OUTSIDE)
-            self._core.begin(barriers, estimate, self._goal, None)
-            self._begun = True
+            try:
+                self._core.begin(barriers, estimate, self._goal, None)
+                self._begun = True
+            except InvalidInputError as error:  # no filter can begin with these barriers
+                warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
+                barriers = None
         if self._time is not None and stamp > self._time:
             self._core.since(stamp - self._time)
         asked = self._asked(wanted, place[2], velocity)
@@ -197,6 +204,7 @@ class VelocityFilter:
             self._velocity, self._input = velocity, u
             told = self._tell(wanted, place[2], motion[2])
         self._told = told
+        self._good_from = stamp
         self._good_until = stamp + self._period if math.isfinite(stamp) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
         return told.copy(), report
@@ -204,9 +212,11 @@ class VelocityFilter:
     def command_at(self, now: float) -> Array:
         """Return what the robot is to be told now [s]: the last command while it is good, or zero.
 
-        For a loop that talks to the robot more often than data come.
+        For a loop that talks to the robot more often than data come. Before the last sample's time,
+        where a clock has gone back, it is zero, too.
         """
-        return self._told.copy() if now <= self._good_until else np.zeros(len(self._limits))
+        good = self._good_from - ROUNDING <= now <= self._good_until
+        return self._told.copy() if good else np.zeros(len(self._limits))
 
     def _follower(self, place: Array, motion: Array) -> Array:
         """Return (4,) position and velocity in the world of the point that follows commands."""
@@ -242,6 +252,7 @@ class VelocityFilter:
 
     def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
         """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
+        wanted = np.clip(wanted, -FARTHEST, FARTHEST)
         told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
         cos, sin = math.cos(heading), math.sin(heading)

@@ -113,8 +113,11 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         )
         gym.Wrapper.__init__(self, env)
         inner = env.unwrapped
+        brought = getattr(inner, "plant", None)
         plant = _plant_of(inner) if plant is None else plant
-        self.plant = _under(plant, certificate, inner)
+        one = None if certificate is None else certificates.load(certificate)
+        self.plant = _under(plant, one, inner)
+        other = coverage.of_plant(plant, brought) if isinstance(brought, Plant) else []
         _check_order(env)
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
@@ -122,7 +125,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
         )
         self._core = _core_of(self.plant, self._input_set, settings)
-        self._limits = _limits(settings, self.plant)
+        self._limits = _limits(settings, self.plant, one, other)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
         self._observation: Any = None
@@ -218,13 +221,14 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
                 'gym.make_vec("HCBF-Regions-v0", …); around single environments put a SafetyFilter '
                 "on each before they are joined"
             )
-        self.plant = _under(_plant_of(inner), certificate, inner)
+        one = None if certificate is None else certificates.load(certificate)
+        self.plant = _under(_plant_of(inner), one, inner)
         _check_order(env)
         _check_spaces(env.single_action_space, inner.single_action_space)
         input_set = _input_set(self.plant, inner.single_action_space)
         settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
-        self._limits = _limits(settings, self.plant)
+        self._limits = _limits(settings, self.plant, one, [])
         self._reporter = Reporter(env, "safety_filter")
 
     @property
@@ -283,9 +287,23 @@ def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> Fil
     return GeneralCore(plant, input_set, settings)
 
 
-def _limits(settings: FilterSettings, plant: Plant) -> list[str]:
-    """Warn of the filter's arguments that were not tested on a plant that was; return them."""
-    outside = coverage.of_filter(settings, plant)
+def _limits(
+    settings: FilterSettings, plant: Plant, certificate: Certificate | None, other: list[str]
+) -> list[str]:
+    """Warn of the arguments that were not tested on a plant that was; return them.
+
+    Args:
+        settings: of the filter.
+        plant: that the filter has.
+        certificate: that was asked for; None for none.
+        other: in what the plant is not the environment's own.
+    """
+    if isinstance(plant.covered, int) and plant.covered == Coverage.OUTSIDE:
+        return []
+    outside = [*other, *coverage.of_filter(settings, plant)]
+    tested = None if certificate is None else certificate.family.get("program")
+    if tested not in (None, programs.plain(settings.program)):
+        outside.append(f"program {programs.plain(settings.program)!r} (tested: {tested!r})")
     if outside:
         warnings.warn(
             f"safety filter: the promise was not tested with {', '.join(outside)}: covered is 0",
@@ -325,9 +343,9 @@ def _plant_of(env: Any) -> Plant:
     return plant
 
 
-def _under(plant: Plant, certificate: str | Path | Certificate | None, env: Any) -> Plant:
+def _under(plant: Plant, certificate: Certificate | None, env: Any) -> Plant:
     """Return the plant as a certificate speaks of it, or as it is where none was given."""
-    return plant if certificate is None else certified(plant, certificates.load(certificate), env)
+    return plant if certificate is None else certified(plant, certificate, env)
 
 
 def _check_order(env: Any) -> None:

@@ -75,11 +75,34 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
         ({"blocks": ()}, "got 0 blocks"),
         ({"falls": -1}, "falls: got -1"),
         ({"least_h": np.nan}, "least_h"),
+        ({"least_h": 0.02}, "least h 0.02, expected -0.01"),
+        ({"falls": 26}, "26 falls"),
+        ({"alarms": 26}, "26 alarms"),
     ],
 )
 def test_numbers_that_contradict_each_other_are_refused(change, message):
     with pytest.raises(InvalidInputError, match=message):
         replace(made(REGIONS), **change)
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "message"),
+    [
+        (("strata", 0, "entered"), 0, "one of them where its least h is below 0"),
+        (("strata", 0, "episodes"), "25", "expected a count"),
+        (("strata", 0, "least_h"), None, "least_h"),
+        (("margins", "distance"), np.nan, "expected JSON's terms"),
+        (("plant", "environment"), np.inf, "expected JSON's terms"),
+    ],
+)
+def test_a_bent_entry_of_a_file_is_refused_in_words(where, value, message):
+    data = made(REGIONS).to_dict()
+    entry = data
+    for key in where[:-1]:
+        entry = entry[key]
+    entry[where[-1]] = value
+    with pytest.raises(InvalidInputError, match=message):
+        Certificate.from_dict(data)
 
 
 def test_a_digest_tells_the_last_bit():
@@ -167,6 +190,49 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
     other = made(declared | {"files": "0123"})
     with pytest.warns(CoverageWarning, match="files"):
         SafetyFilter(env, plant=mass(), certificate=other)
+
+
+def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space():
+    env = Mass()
+    exact = replace(mass(), input_set=None)
+    one = made(certificates.declared(exact, env, None, {}))
+    heavy = replace(exact, model=models.DoubleIntegrator(drag=0.5))
+    assert not one.differs(certificates.declared(exact, env, None, {}))
+    assert "drag=0.5" in one.differs(certificates.declared(heavy, env, None, {}))[0]
+    env.action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
+    assert "action space" in one.differs(certificates.declared(exact, env, None, {}))[0]
+
+
+OTHER = {
+    "another input set": {"input_set": models.Box.symmetric(20.0)},
+    "another period": {"period": None},
+    "another state": {"state": lambda env, observation, info: np.zeros(4)},
+    "another barriers": {"barriers": [Disc("disc", 1, (3.0, 0.0), 0.5)]},
+    "another to action": {"to_action": lambda u: 0.5 * u, "from_action": lambda a: 2.0 * a},
+}
+
+
+@pytest.mark.parametrize("certificate", [None, "regions"])
+@pytest.mark.parametrize("what", OTHER)
+def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certificate):
+    env = gym.make("HCBF-Regions-v0", scenario="random")
+    plant = replace(env.unwrapped.plant, **OTHER[what])
+    with pytest.warns(CoverageWarning, match=what):
+        filtered = SafetyFilter(env, plant=plant, certificate=certificate)
+    assert covered(filtered) == Coverage.OUTSIDE
+
+
+def test_lower_margins_than_the_environments_are_not_covered():
+    env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
+    plant = replace(env.unwrapped.plant, uncertainty=Uncertainty())
+    with pytest.warns(CoverageWarning, match="a lower uncertainty"):
+        assert covered(SafetyFilter(env, plant=plant)) == Coverage.OUTSIDE
+
+
+def test_a_certificate_speaks_of_its_own_program_alone():
+    env = gym.make("HCBF-Regions-v0", scenario="random")
+    with pytest.warns(CoverageWarning, match="program 'cbf-qp' .tested: 'lex-cbf-qp'"):
+        assert covered(SafetyFilter(env, "cbf-qp", certificate="regions")) == Coverage.OUTSIDE
 
 
 def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.strict import lines
-from hcbf_gym import scenarios
+from hcbf_gym import models, scenarios
 from hcbf_gym.envs import coverage
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
@@ -130,6 +130,10 @@ def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():
     assert coverage.of_filter(settings(rows="usual"), exact)
     foreign = Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4))
     assert coverage.of_filter(settings(rows="usual"), foreign) == []
+    heavy = settings(options={"alpha1": 100.0})
+    unicycle = replace(exact, model=models.Unicycle())
+    assert coverage.of_filter(heavy, exact) == []
+    assert coverage.of_filter(heavy, unicycle)
 
 
 def test_the_page_shows_the_list():

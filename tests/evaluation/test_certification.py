@@ -197,6 +197,26 @@ def test_there_is_no_certificate_once_too_many_have_entered(tmp_path):
         certify.certify(frozen, certify.Runs(tmp_path / "chunks", workers=1, quiet=True))
 
 
+UNDESERVED = {
+    "a start inside": ("self.np_random.uniform(-0.2, -0.1)", "0.01", "of the first"),
+    "chance of its own": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),
+    "min_h of one number": ("False, {}", "False, {'min_h': -1.0}", "expected 1 numbers"),
+    "min_h in words": ("False, {}", "False, {'min_h': ['a']}", "expected 1 numbers"),
+    "nothing declared": ("period=0.02", "period=0.02, declared={}", "any plant matches"),
+}
+
+
+@pytest.mark.parametrize("what", UNDESERVED)
+def test_what_a_plant_does_wrong_is_not_certified(what, tmp_path):
+    old, new, message = UNDESERVED[what]
+    text = DRIFTING.replace("self.x[0] += 0.02", "self.x[0] -= 0.02").replace(old, new)
+    (tmp_path / "careless.py").write_text(text)
+    family = OwnFamily(f"{tmp_path / 'careless.py'}:certify", steps=3)
+    frozen = certify.Frozen("careless", family, Uncertainty(), (), 10, 0, 0.999, 0)
+    with pytest.raises((RefusedError, InvalidInputError), match=message):
+        certify.certify(frozen, certify.Runs(None, workers=1, quiet=True))
+
+
 def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys):
     def run(*more):
         command.main(tyro.cli(command.Args, args=[*more, "--workers", "1"]))
@@ -209,6 +229,9 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
     assert Certificate.load(file).episodes == 10
     run("--check", str(file), "--episodes", "10", "--output", str(tmp_path / "check"))
     assert "the same bit for bit" in capsys.readouterr().out
+    assert not (tmp_path / "check").exists()  # what was kept would be no repetition
+    settings = json.loads((tmp_path / "boat" / "settings.json").read_text())
+    assert settings["versions"] == certify.versions()  # others are another study
 
 
 @pytest.mark.parametrize(

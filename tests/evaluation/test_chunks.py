@@ -12,6 +12,7 @@ import crashing
 import pytest
 from needs import needs
 
+from hcbf_gym import compilation
 from hcbf_gym.errors import ChunkError, InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import chunks
 
@@ -53,6 +54,28 @@ def test_other_work_in_the_folder_is_not_mistaken_for_this(tmp_path):
     assert dict(chunks.run(first, [1.26], folder=tmp_path, workers=1)) == {0: 1.0}
     assert dict(chunks.run(second, [1.26], folder=tmp_path, workers=1)) == {0: 1.3}
     assert dict(chunks.run(abs, [1.26], folder=tmp_path, workers=1)) == {0: 1.26}
+
+
+@pytest.mark.parametrize(
+    ("line", "package"),
+    [
+        ("from physics import gain", False),
+        ("import math, physics", False),
+        ("from .physics import gain", True),
+        ("from . import physics", True),
+    ],
+)
+def test_an_edit_of_what_a_users_file_imports_is_other_work(line, package, tmp_path, monkeypatch):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    if package:
+        (folder / "__init__.py").write_text("")
+    (folder / "plant.py").write_text(line + "\n")
+    (folder / "physics.py").write_text("gain = 1.0\n")
+    before = chunks.sources_of(abs, [folder / "plant.py"])
+    (folder / "physics.py").write_text("gain = 2.0\n")
+    monkeypatch.setattr(compilation, "_digest", compilation._digest.__wrapped__)  # another process
+    assert chunks.sources_of(abs, [folder / "plant.py"]) != before
 
 
 def test_what_a_dead_worker_had_runs_again_and_nothing_else(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym import certificates, scenarios
-from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.envs.walker_drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
@@ -163,6 +163,38 @@ def test_old_data_brake():
             command, report = door.step((0.6, 0.0), *AT_REST, 0.05, now=now)
         assert report["reason"] == Reason.AGE
         np.testing.assert_array_equal(command, np.zeros(2))
+
+
+def test_a_clock_that_goes_back_leaves_no_command():
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
+    for k in range(10):
+        told, _ = door.step((0.6, 0.2), *AT_REST, 10.0 + 0.05 * k)
+    np.testing.assert_array_equal(door.command_at(10.45), told)
+    for now in (10.4, 0.0, -math.inf, math.nan):
+        np.testing.assert_array_equal(door.command_at(now), np.zeros(2))
+
+
+def test_barriers_that_no_filter_can_begin_with_brake_until_there_are_others():
+    far = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
+    door = VelocityFilter("cart", far, period=0.05)
+    door.barriers = [*far, SpeedLimit("slow", 1, 0.01)]
+    with (
+        pytest.warns(SafetyWarning, match="brakes until that ends"),
+        pytest.warns(SafetyWarning, match="no speed is left"),
+    ):
+        command, report = door.step((0.6, 0.2), *AT_REST, 0.0)
+    np.testing.assert_array_equal(command, np.zeros(2))
+    assert (report["status"], report["reason"]) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    door.barriers = far
+    assert door.step((0.6, 0.2), *AT_REST, 0.05)[1]["status"] <= FilterStatus.SAFE
+
+
+@pytest.mark.parametrize("huge", [1e300, -1.7e308])
+def test_a_command_beyond_all_is_one_for_the_most_that_is_possible(huge):
+    door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
+    command, report = door.step((huge, huge), *AT_REST, 0.0)
+    assert np.isfinite(command).all()
+    assert report["status"] <= FilterStatus.SAFE
 
 
 def test_bad_commands_and_arguments_are_refused():

@@ -211,9 +211,17 @@ def certify(frozen: Frozen, runs: Runs) -> Certificate:
         runs: how they run.
 
     Raises:
-        RefusedError: as soon as more have entered than were allowed.
+        RefusedError: as soon as more have entered than were allowed, or if a seed does not decide
+            its episode.
     """
     fields = frozen.fields()
+    once, again = (see(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
+    if once != again:
+        raise RefusedError(
+            f"{frozen.name}: no certificate: the episode of seed {frozen.first_seed} came out "
+            f"otherwise when it ran again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); "
+            "expected that the seed decides all that the environment draws"
+        )
     seen = draw(frozen, runs)
     least = np.array([(one.least_h, one.least_speed_h) for one in seen])
     entered = sum(one.entered for one in seen)

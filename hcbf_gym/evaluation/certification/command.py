@@ -93,7 +93,7 @@ def main(args: Args) -> None:
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "episodes": episodes,
         "allowed": args.allowed, "confidence": args.confidence, "seed": args.seed,
-        "calibration": args.calibration,
+        "calibration": args.calibration, "versions": certify.versions(),
     }  # fmt: skip
     open_folder(folder, records.plain(settings))
     runs = certify.Runs(folder / "chunks", args.workers, args.backend)
@@ -200,8 +200,7 @@ def _check(args: Args, console: Console) -> None:
     """
     assert args.check is not None
     certificate = Certificate.load(args.check)
-    folder = args.output or Path("results/certify/check")
-    runs = certify.Runs(folder / "chunks", args.workers, args.backend)
+    runs = certify.Runs(None, args.workers, args.backend)  # what was kept would be no repetition
     checked = certify.check(certificate, args.episodes or 50, args.seed, runs)
     if not checked.same_sources:
         console.print("the sources are others than those of the certificate", soft_wrap=True)

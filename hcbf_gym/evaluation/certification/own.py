@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.attacked import alarm_of
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
@@ -114,7 +114,7 @@ class OwnEpisode:
         observation, info = env.reset(seed=self.seed)
         seen = _look(plant, inner, observation, info, 0.0)
         first = seen.h[~seen.speed].min()
-        least = np.full(len(seen.h), np.inf)
+        least = np.where(seen.h < 0.0, seen.h, np.inf)  # a start inside counts, no other one does
         for k in range(self.steps):
             input_set = plant.input_set or env._input_set
             u = policy.wants(Situation(plant, input_set, seen))
@@ -175,10 +175,25 @@ def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: 
             f"certify: got {len(first)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
-    told = np.asarray(info.get("min_h", ()), dtype=np.float64)
-    h = (told if told.shape == first.shape else every(x[None], now)[0])[first]
+    told = info.get("min_h")
+    h = (every(x[None], now)[0] if told is None else _checked(told, len(first)))[first]
     h = np.where(np.isfinite(h), h, -np.inf)
     return Look(x, now, lambda x, t: every(x, t)[:, position], h, ~position[first])
+
+
+def _checked(told: Any, count: int) -> Array:
+    """Return (count,) an environment's own min_h; NaN counts as entered.
+
+    Raises:
+        InvalidInputError: if it is not one real number for each barrier.
+    """
+    given = as_array("min_h", told)
+    if given.dtype.kind not in "fiu" or given.shape != (count,):
+        raise InvalidInputError(
+            f"certify: got min_h {told!r} in the infos, expected {count} numbers, one for each "
+            "barrier in its order"
+        )
+    return given.astype(np.float64)
 
 
 class Situation(NamedTuple):
