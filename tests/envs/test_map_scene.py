@@ -1,4 +1,6 @@
+import copy
 import json
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -191,6 +193,14 @@ def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
     scenes = BarrierSet([[room(0, zone=zone)]])
     with pytest.raises(InvalidInputError, match="speed zone"):
         scenes.check(RowSettings(period=0.02, u_max=7.1))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copied_scene_knows_its_own_pieces(copied):
+    scenes = copied(BarrierSet([[room(0)]]))  # where the first one's lay others may lie soon
+    begins = scenes.parameters.copy()
+    scenes.set_scene(0, [scenes.atlas.held[0, 0]])
+    assert (scenes.parameters == begins).all()
 
 
 def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():
