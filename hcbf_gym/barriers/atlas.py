@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.mapped import Mapped
+from hcbf_gym.barriers.pieces import Pieces
 
 Array = NDArray[np.float64]
 Place = tuple[int, int]
@@ -23,8 +24,7 @@ class Atlas:
     def __init__(self) -> None:
         self.numbers: Array = np.zeros(1)
         self.held: dict[Place, Mapped] = {}
-        self._begins: dict[int, int] = {}  # of pieces by their identity; they are alive in `_kept`
-        self._kept: list[object] = []
+        self._begins: dict[Pieces, int] = {}  # by the objects: a copy of an atlas has its own
         self._end = 0
 
     def __bool__(self) -> bool:
@@ -45,14 +45,14 @@ class Atlas:
         """
         self.held[place] = barrier
         pieces = barrier.pieces
-        if id(pieces) not in self._begins:
+        if pieces not in self._begins:
             if self._end + pieces.packed.size > self.numbers.size:
                 self._clear_away()
                 for other, one in self.held.items():
-                    one.write(parameters[other], self._begins[id(one.pieces)])
+                    one.write(parameters[other], self._begins[one.pieces])
                 return
             self._append(barrier)
-        barrier.write(parameters[place], self._begins[id(pieces)])
+        barrier.write(parameters[place], self._begins[pieces])
 
     def of(self, places: dict[int, int]) -> "Atlas":
         """Return what some scenes hold, and the same numbers; to be read only.
@@ -69,14 +69,13 @@ class Atlas:
         pieces = barrier.pieces
         begin, self._end = self._end, self._end + pieces.packed.size
         self.numbers[begin : self._end] = pieces.packed
-        self._begins[id(pieces)] = begin
-        self._kept.append(pieces)
+        self._begins[pieces] = begin
 
     def _clear_away(self) -> None:
         """Keep what is held alone, with as much room again."""
-        alive = {id(one.pieces): one for one in self.held.values()}
+        alive = {one.pieces: one for one in self.held.values()}
         size = sum(one.pieces.packed.size for one in alive.values())
         self.numbers = np.zeros(2 * size)
-        self._begins, self._kept, self._end = {}, [], 0
+        self._begins, self._end = {}, 0
         for one in alive.values():
             self._append(one)

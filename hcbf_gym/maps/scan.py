@@ -157,6 +157,7 @@ def _covered(
     grid = Grid(SIDE, _corner(pose), (count, count))
     cells = np.zeros(grid.shape, dtype=np.bool_)
     at = np.floor((near + REACH) / SIDE).astype(np.int64)
+    at = np.minimum(at, count - 1)  # what rounding puts on the far edge
     cells[at[:, 1], at[:, 0]] = True
     cells.flags.writeable = False
     cover = Cover.of(cells)

@@ -175,7 +175,10 @@ class PlanarCore(FilterCore):
         return self.input_set.project(np.zeros(2) if wanted is None else wanted)
 
     def _take_barriers(self, barriers: Any) -> None:
-        """Note the barriers as they are now; where they are none, the plants are not believed."""
+        """Note the barriers as they are now; what cannot be satisfied is taken for none.
+
+        Where they are none, the plants are not believed.
+        """
         if isinstance(barriers, BarrierSet) and barriers.kind.shape[0] == self.count:
             self._scene = barriers
             return
@@ -195,8 +198,8 @@ class PlanarCore(FilterCore):
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        scene = BarrierSet([tuple(barriers)])
-        self._scene, self._listed = scene, tuple(barriers)
+        self._scene, self._listed = BarrierSet([tuple(barriers)]), tuple(barriers)
+        self._scene.check(self.row_settings, self.plant.uncertainty.speed)
 
     def _make_room(self, m: int) -> None:
         """Make room for m rows, and for one of guidance under a program that has a last rank."""

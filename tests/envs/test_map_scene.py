@@ -1,4 +1,6 @@
+import copy
 import json
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -8,7 +10,7 @@ from hcbf_gym import Plant, scenarios, wrappers
 from hcbf_gym.barriers import SpeedLimit
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.maps import MapClass
 from hcbf_gym.models.plant import Uncertainty
@@ -191,6 +193,31 @@ def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
     scenes = BarrierSet([[room(0, zone=zone)]])
     with pytest.raises(InvalidInputError, match="speed zone"):
         scenes.check(RowSettings(period=0.02, u_max=7.1))
+
+
+def test_a_zone_that_comes_up_with_such_a_limit_is_not_believed():
+    ranked = room(0)
+    start = free(ranked, 0)[0]
+    barriers = [ranked]
+    given = plant(ranked, start)
+    read = Plant(given.model, lambda *_: barriers, given.state, period=0.02)
+    env = wrappers.SafetyFilter(Still(), plant=read)
+    env.reset()
+    zone = MapClass("zone", 1, "speed", np.ones_like(cells(0)), limit=0.05)
+    barriers = [room(0, zone=zone)]
+    with pytest.warns(SafetyWarning, match="barriers"):
+        told = env.step(np.ones(2))[-1]["safety_filter"]
+    assert told["status"] == FilterStatus.BACKUP
+    with pytest.raises(InvalidInputError, match="speed zone"):
+        env.reset()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copied_scene_knows_its_own_pieces(copied):
+    scenes = copied(BarrierSet([[room(0)]]))  # where the first one's lay others may lie soon
+    begins = scenes.parameters.copy()
+    scenes.set_scene(0, [scenes.atlas.held[0, 0]])
+    assert (scenes.parameters == begins).all()
 
 
 def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():

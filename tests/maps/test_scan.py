@@ -3,6 +3,7 @@ import pytest
 
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import MapClass, Scan, paying
+from hcbf_gym.maps.scan import REACH
 from tests.maps.floors import cells, room
 
 ANGLES = np.linspace(-np.pi, np.pi, 360, endpoint=False)
@@ -32,6 +33,12 @@ def test_nothing_in_sight_is_free():
 def test_what_is_nearer_than_can_be_measured_lies_at_the_sensor():
     ranges = np.where(np.arange(360) == 7, -np.inf, np.inf)
     assert h(Scan.of_ranges("laser", ranges, ANGLES, POSE), np.array([POSE[:2]]))[0] <= 0.0
+
+
+def test_a_point_just_within_reach_is_seen():
+    far = np.nextafter(REACH, 0.0)
+    scan = Scan("tracker", [[far, far]], (0.0, 0.0, 0.0))
+    assert h(scan, np.array([[far, far]]))[0] <= 0.0
 
 
 def test_age_times_speed_is_reserved():
