@@ -16,7 +16,9 @@ class FilterStatus(IntEnum):
 
     Of several that apply, the status is the one named last. NOMINAL: u = u*, every row met.
     SAFE: u ≠ u*, every row met. RELAXED: a row of priority 2 or lower is violated. VIOLATED: a row
-    of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is.
+    of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is. The
+    wrapper says so, too, where an episode, a state after none, or other barriers begin with h − m
+    or ψ of priority 1 below zero, until they are not: every row may be met, and prove nothing.
     UNSAFE: the state has left the safe set, a barrier of priority 1 is below zero; the wrapper says
     so, programs never do. BACKUP: the filter brakes; of a program, because every solver failed, and
     u is 0.

@@ -34,7 +34,10 @@ TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
 NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
+VIOLATED = int(FilterStatus.VIOLATED)
 UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
+SHORT = 1e-4
+"""By how much h − m [m] and α₂(ψ) [m/s²] may be below zero: both return to it without end."""
 BARRIERS, MOTION = int(Reason.BARRIERS), int(Reason.MOTION)
 
 CONSTANTS = np.dtype(
@@ -367,6 +370,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         told.reason = BARRIERS
     told.model_error = np.sqrt(plant.error)
     if told.reason == 0:
+        plant.news |= plant.follows == 0
         told.model_error = watch(plant, c.period, c.radius, c.confidence)
         told.reason = plant.alarm
     else:
@@ -459,6 +463,8 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + c.radius)
     unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)
     told.status = conclude(w.answer.status[i], moved, unsafe, slack[:m])
+    if not _stops(told.reason, plant.alarm, c.brakes):
+        told.status = max(told.status, VIOLATED * _is_unproved(p, w, i))
     told.intervention = np.sqrt(dx * dx + dy * dy)
     told.fallbacks = w.answer.fallbacks[i]
     speed2 = plant.x[2] ** 2 + plant.x[3] ** 2
@@ -487,6 +493,25 @@ def _brake(rows_hold: bool, w: Work, i: int) -> None:
         answer.u[i, 0], answer.u[i, 1] = w.u[i, 0], w.u[i, 1]
         answer.slack[i, :], answer.delta[i, :] = 0.0, 0.0
     answer.status[i] = BACKUP
+
+
+@njit(cache=True, inline="always")
+def _is_unproved(p: Plants, w: Work, i: int) -> int:
+    """Tell whether news broke h ≥ m or ψ ≥ 0 of a strict condition, which still do not hold.
+
+    What the proposition of `docs/guarantees.md` starts from is looked at where an episode begins,
+    where a state is believed again, and where barriers are others than before.
+    """
+    plant = p.sensed[i]
+    short = 0
+    for k in range(p.kind.shape[1]):
+        placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
+        if placed and p.priority[i, k] == 1:
+            spare = min(w.rows[H, i, k] - w.margin[0, i, k], w.rows[ALPHA2_PSI, i, k])
+            short |= spare < -SHORT
+    plant.unproved = short * max(plant.news, plant.unproved)
+    plant.news = 0
+    return plant.unproved
 
 
 @njit(cache=True)

@@ -184,6 +184,7 @@ class PlanarCore(FilterCore):
             return
         if _same(barriers, self._listed):
             return
+        self._intake.plants["news"] = 1
         try:
             self._read_barriers(barriers)
         except InvalidInputError:

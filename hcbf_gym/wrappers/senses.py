@@ -56,6 +56,8 @@ PLANT = np.dtype(
             ("believed_at", "f8"),  # its time [s]
             ("follows", "i8"),  # whether the last sample was believed
             ("known", "i8"),  # whether any was, since the reset
+            ("news", "i8"),  # whether barriers, or a state after none, came in unforeseen
+            ("unproved", "i8"),  # whether such news left a strict h or ψ short, until they are not
             ("alarm", "i8"),  # a `Reason`, until the next reset
         ],
     )

@@ -1,0 +1,62 @@
+"""What appears too near is told: VIOLATED while rows prove nothing, until they do again."""
+
+import numpy as np
+import pytest
+
+from hcbf_gym.barriers import Disc
+from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.online import VelocityFilter
+from hcbf_gym.programs import FilterStatus
+
+FREE = np.zeros((80, 120), dtype=np.bool_)
+
+
+def floor(**boxes):
+    """Return a map of 12 x 8 m with boxes of cells: name -> rows and columns."""
+    cells = FREE.copy()
+    for low_r, high_r, low_c, high_c in boxes.values():
+        cells[low_r:high_r, low_c:high_c] = True
+    return RankedMap(Grid(0.1, (0.0, 0.0, 0.0), FREE.shape), (MapClass("w", 1, "keepout", cells),))
+
+
+def drive(door, before, after, steps=60, speed=1.0, change=20):
+    """Drive ahead from (2, 4) as it is told; return the statuses, and where the robot was."""
+    x, told, found, places = 2.0, np.zeros(3), [], []
+    for k in range(steps):
+        door.barriers = before if k < change else after
+        told, report = door.step((speed, 0.0, 0.0), (x, 4.0, 0.0), (told[0], 0.0, 0.0), 0.05 * k)
+        x += 0.05 * told[0]
+        found.append(FilterStatus(int(report["status"])))
+        places.append(x)
+    return found, places
+
+
+@pytest.mark.parametrize("ahead", [0.22, 0.3, 0.4])
+def test_a_cell_that_appears_too_near_is_told_until_the_rows_prove_something_again(ahead):
+    door = VelocityFilter("holonomic-cart", [floor()], radius=0.2)
+    _, places = drive(door, [floor()], [floor()], steps=21, speed=0.8)
+    at = int((places[20] + ahead) / 0.1)
+    wall = [floor(wall=(20, 60, at, at + 3))]
+    door.reset()
+    found, places = drive(door, [floor()], wall, steps=400, speed=0.8)
+    assert max(found[:20]) < FilterStatus.VIOLATED
+    assert found[20] >= FilterStatus.VIOLATED
+    assert max(found[-50:]) < FilterStatus.VIOLATED
+    entered = [k for k, x in enumerate(places) if x + 0.2 > at * 0.1]
+    assert all(found[min(k + 1, len(found) - 1)] >= FilterStatus.VIOLATED for k in entered)
+
+
+def test_what_appears_far_enough_changes_nothing():
+    door = VelocityFilter("holonomic-cart", [floor()], radius=0.2)
+    found, _ = drive(door, [floor()], [floor(wall=(20, 60, 90, 93))])
+    assert max(found) < FilterStatus.VIOLATED
+
+
+def test_a_start_within_the_margin_is_told():
+    near = Disc("pillar", 1, (2.0, 0.0), 0.5)
+    door = VelocityFilter("holonomic-cart", [near], radius=0.3)
+    _, report = door.step((0.0, 0.0, 0.0), (1.19, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    assert report["status"] == FilterStatus.VIOLATED
+    door.reset()
+    _, report = door.step((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    assert report["status"] < FilterStatus.VIOLATED
