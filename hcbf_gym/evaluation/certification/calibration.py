@@ -175,7 +175,7 @@ def _lowered(
         run: runs fresh episodes, and a search.
     """
     for _ in range(ROUNDS):
-        now = float(getattr(margins, name))
+        now = getattr(margins, name)
         less = needed(margins, seen, share, (name,)).get(name, now)
         if now <= WORTH * less or now == 0.0:
             break
