@@ -34,8 +34,6 @@ LEAST_TAIL = 5
 BEYOND = (1.1, 1.25)
 """What is reserved at least and at most, of the greatest need that was seen: a tail that is read
 from few episodes says too much."""
-WORTH = 1.1
-"""A constant is lowered where it is so many times what is needed."""
 CONSTANTS = ("distance", "speed")
 """Of `Uncertainty`, what is calibrated."""
 GENERATIONS, POPULATION = 4, 12
@@ -98,8 +96,7 @@ def calibrate(
 ) -> Calibrated:
     """Return margins with which neither fresh episodes nor searched attackers enter.
 
-    The first round may lower what the plant declares; later ones raise it alone, until none enters.
-    Then each constant comes down to what the loop needs by now, as long as none enters there.
+    The first round may lower what the plant declares; later ones raise it alone.
 
     Args:
         start: the plant's own margins.
@@ -114,78 +111,32 @@ def calibrate(
     Raises:
         RefusedError: if the rounds do not do, or the margins leave no room or no speed.
     """
-    rounds: list[Round] = []
-
-    def tried(margins: Uncertainty, title: str) -> list[Seen]:
-        seed = first_seed + sum(one.episodes for one in rounds)
-        seen = run(margins, range(seed, seed + episodes), f"calibration, {title}")
-        rounds.append(told("round", margins, seed, seen))
-        return seen
-
-    def searched(margins: Uncertainty, seen: list[Seen]) -> list[Seen]:
-        if rounds[-1].entered or attack is None:
-            return seen
-        seed = first_seed + sum(one.episodes for one in rounds)
-        found = search(margins, attack, seed)
-        rounds.append(told("search", margins, seed, found))
-        return [*seen, *found]
-
-    margins = start
+    margins, rounds = start, []
+    seed = first_seed
     for number in range(ROUNDS + 1):
-        seen = tried(margins, f"round {number}")
+        seen = run(margins, range(seed, seed + episodes), f"calibration, round {number}")
+        rounds.append(told("round", margins, seed, seen))
+        seed += episodes
         _check_standing(seen)
         settled = number > 0 or all(getattr(margins, name) == 0.0 for name in constants)
-        if settled:
-            seen = searched(margins, seen)
+        if settled and not rounds[-1].entered and attack is not None:
+            tried = search(margins, attack, seed)
+            rounds.append(told("search", margins, seed, tried))
+            seed += GENERATIONS
+            seen = [*seen, *tried]
         wanted = needed(margins, seen, share, constants)
         if settled:
             wanted = {name: max(getattr(margins, name), need) for name, need in wanted.items()}
         margins = margins._replace(**wanted)
         _check_room(margins, seen, v_max)
         if settled and not rounds[-1].entered:
-            break
-    else:
-        last = rounds[-1]
-        raise RefusedError(
-            f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
-            f"last {last.what} still entered, with {_units(margins)}: the plant does not do what "
-            "its model says, and no margin makes up for it; look at delay, drag and U"
-        )
-    for name in constants:
-        margins = _lowered(margins, name, seen, share, lambda m: searched(m, tried(m, "lower")))
-    return Calibrated(margins, tuple(rounds))
-
-
-def _lowered(
-    margins: Uncertainty,
-    name: str,
-    seen: list[Seen],
-    share: float,
-    run: Callable[[Uncertainty], list[Seen]],
-) -> Uncertainty:
-    """Return margins with one constant as low as the loop needs it that they have made.
-
-    What an early loop needed, with lower margins, may be far more.
-
-    Args:
-        margins: with which none entered.
-        name: of the constant.
-        seen: what episodes with these margins showed.
-        share: of episodes that may need more.
-        run: runs fresh episodes, and a search.
-    """
-    for _ in range(ROUNDS):
-        now = getattr(margins, name)
-        less = needed(margins, seen, share, (name,)).get(name, now)
-        if now <= WORTH * less or now == 0.0:
-            break
-        lower = margins._replace(**{name: less})
-        seen = run(lower)
-        if any(s.entered for s in seen):
-            break
-        most = max(less, needed(lower, seen, share, (name,))[name])
-        margins = margins._replace(**{name: min(now, most)})
-    return margins
+            return Calibrated(margins, tuple(rounds))
+    last = rounds[-1]
+    raise RefusedError(
+        f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
+        f"last {last.what} still entered, with {_units(margins)}: the plant does not do what its "
+        "model says, and no margin makes up for it; look at delay, drag and U"
+    )
 
 
 def needed(
