@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.play import readings
+from hcbf_gym.play.bell import hang_bells
 from hcbf_gym.play.controls import Controls
 from hcbf_gym.play.drawing import Stage
 from hcbf_gym.play.gate import TOKEN, Gate, is_local
@@ -63,6 +64,7 @@ class Page:
                 label="hcbf play",
                 verbose=False,
             )
+        hang_bells(self._server)
         self.port = self._server.get_port()
         self._gate: Gate | None = None
         if not local:

@@ -223,10 +223,13 @@ def steer_into_rank_1(visit):
     reach = visit.grasp((x, y, 0.5), 0.35)
     visit.pull((x + reach, y + reach, 0.5), (-2.2 + reach, reach, 0.5))
     visit.until(lambda: visit.position()[0] < -0.1, "the robot to follow the stick")
-    began, seen = visit.number("time"), [visit.readings()]
-    while float(seen[-1]["time"]) < began + 10.0:
-        time.sleep(0.1)
+    over, seen = visit.number("time") + 10.0, []
+
+    def is_over():
         seen.append(visit.readings())
+        return float(seen[-1]["time"]) >= over
+
+    visit.until(is_over, "the stick to be held for 10 s")
     return seen
 
 

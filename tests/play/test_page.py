@@ -1,14 +1,20 @@
-"""Ports, files and who steers: what needs a page, but no browser."""
+"""Ports, files, who steers and what wakes senders: what needs a page, but no browser."""
 
+import asyncio
 import contextlib
 import json
 import socket
+import threading
 
 import pytest
+import viser
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 from hcbf_gym import cli
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.play import command
+from hcbf_gym.play.bell import Bell
 from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.page import FIRST_PORT, Page
 from hcbf_gym.play.session import Session
@@ -34,6 +40,36 @@ def test_two_pages_find_a_port_each(session):
         assert FIRST_PORT <= one.port < other.port
         for page in (one, other):
             socket.create_connection(("127.0.0.1", page.port), timeout=10.0).close()
+
+
+def test_a_sender_wakes_though_its_bell_is_rung_while_it_goes_to_sleep(monkeypatch):
+    async def wait():
+        loop = asyncio.get_running_loop()
+        bell = Bell(loop)
+
+        def ring():  # what asyncio asks for between its look at the event and its wait
+            other = threading.Thread(target=bell.set)
+            other.start()
+            other.join()
+            return loop
+
+        monkeypatch.setattr(bell, "_get_loop", ring)
+        await asyncio.wait_for(bell.wait(), timeout=10.0)
+
+    asyncio.run(wait())
+
+
+def test_all_senders_of_a_page_have_bells(session):
+    with contextlib.closing(Page(session, "127.0.0.1", 0)) as page:
+        senders = [page._server._websock_server.get_message_buffer()]
+        page._server._websock_server.on_client_connect(
+            lambda connection: senders.append(connection.get_message_buffer())
+        )
+        version = [Subprotocol(f"viser-v{viser.__version__}")]
+        with connect(f"ws://127.0.0.1:{page.port}", max_size=None, subprotocols=version) as browser:
+            browser.recv(timeout=10.0)
+        assert len(senders) == 2
+        assert all(isinstance(sender.message_event, Bell) for sender in senders)
 
 
 def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
