@@ -163,8 +163,8 @@ def paint_cells(
 
     Args:
         ground: written to.
-        window: rows from and to, columns from and to.
-        cells: (ny, nx) the occupied ones of the whole grid.
+        window: of the ground, without its border: rows from and to, columns from and to.
+        cells: (ny + 2, nx + 2) the occupied ones; the border is what lies around the grid.
         side: of a cell [m].
         priority: 1 is strict.
         clearance: what counts as inside, around their squares [m].
@@ -178,26 +178,4 @@ def paint_cells(
         for i in range(window[2], window[3]):
             free = side * apart[j - first_j, i - first_i] - clearance
             if free < HALO:
-                _paint(ground, j + 1, i + 1, free, priority, opened, side)
-
-
-@njit(cache=True, error_model="numpy")
-def paint_edge(
-    ground: Ground,
-    window: tuple[int, int, int, int],
-    side: float,
-    priority: int,
-    clearance: float,
-    opened: int,
-) -> None:
-    """Paint what a region of one rank that lies all around the grid makes of a window.
-
-    Args: as `paint_cells`.
-    """
-    ny, nx = ground.cost.shape[0] - 2, ground.cost.shape[1] - 2
-    for j in range(window[0], window[1]):
-        for i in range(window[2], window[3]):
-            inside = min(min(j, ny - 1 - j), min(i, nx - 1 - i)) + 0.5
-            free = side * inside - clearance
-            if free < HALO:
-                _paint(ground, j + 1, i + 1, free, priority, opened, side)
+                _paint(ground, j, i, free, priority, opened, side)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells, paint_edge
+from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
 from hcbf_gym.maps import Grid
 
 Array = NDArray[np.float64]
@@ -40,7 +40,8 @@ class MapGround:
         self.ground = open_ground(*self.grid.shape, self.grid.resolution)
         self.regions = regions
         self._layers = self._layers_of(regions)
-        self._paint((0, self.grid.shape[0], 0, self.grid.shape[1]))
+        rows, columns = self.grid.shape
+        self._paint((1, rows + 1, 1, columns + 1))
 
     def with_regions(self, regions: tuple[MappedRegion, ...]) -> "MapGround":
         """Return the ground of a map of the same grid, repainted where its cells are others.
@@ -56,22 +57,20 @@ class MapGround:
         other = copy(self)
         other.regions, other._layers = regions, self._layers_of(regions)
         keys = self._layers.keys() | other._layers.keys()
-        empty = np.zeros(self.grid.shape, dtype=np.bool_)
+        empty = np.zeros_like(self.ground.rank, dtype=np.bool_)
         changed = empty.copy()
         for key in keys:
-            was, now = self._layers.get(key, empty), other._layers.get(key, empty)
-            if was is not now:
-                changed |= was != now
+            changed |= self._layers.get(key, empty) != other._layers.get(key, empty)
         if not changed.any():
             return other
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         farthest = max(clearance for _, clearance in keys)
         reach = int((farthest + HALO) / self.grid.resolution) + 2
         window = (
-            max(0, int(rows[0]) - reach),
-            min(changed.shape[0], int(rows[-1]) + 1 + reach),
-            max(0, int(columns[0]) - reach),
-            min(changed.shape[1], int(columns[-1]) + 1 + reach),
+            max(1, int(rows[0]) - reach),
+            min(changed.shape[0] - 1, int(rows[-1]) + 1 + reach),
+            max(1, int(columns[0]) - reach),
+            min(changed.shape[1] - 1, int(columns[-1]) + 1 + reach),
         )
         other.ground = Ground(self.ground.cost.copy(), self.ground.rank.copy())
         other._paint(window)
@@ -86,45 +85,44 @@ class MapGround:
             rank: of the region.
         """
         nearest, name = np.inf, "a barrier"
-        rows, columns = self.grid.shape
         for one in self.regions:
-            if one.priority != rank:
+            places = np.argwhere(_bordered(one)) - 1
+            if one.priority != rank or len(places) == 0:
                 continue
-            places = np.argwhere(one.cells)
-            apart = np.abs(places - (j, i)).max(axis=1).min() if len(places) else np.inf
-            if one.beyond:
-                apart = min(apart, j + 1, i + 1, rows - j, columns - i)
+            apart = np.abs(places - (j, i)).max(axis=1).min()
             within = (one.margin + self.clearance) / self.grid.resolution + 1.0
             if apart < nearest and apart <= within:
                 nearest, name = apart, repr(one.name)
         return name
 
     def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
-        """Return rank and clearance → (rows, columns) the cells that have both."""
+        """Return rank and clearance → (rows + 2, columns + 2) the cells that have both."""
         layers: dict[tuple[int, float], Mask] = {}
         for one in regions:
             key = one.priority, one.margin + self.clearance
-            layers[key] = layers[key] | one.cells if key in layers else one.cells
+            cells = _bordered(one)
+            layers[key] = layers[key] | cells if key in layers else cells
         return layers
 
     def _paint(self, window: Window) -> None:
-        """Paint a window anew."""
+        """Paint a window of the ground anew."""
         side = float(self.geometry[2])
-        inner = slice(window[0] + 1, window[1] + 1), slice(window[2] + 1, window[3] + 1)
+        inner = slice(window[0], window[1]), slice(window[2], window[3])
         self.ground.cost[inner] = side
         self.ground.rank[inner] = 0
         for (rank, kept), cells in self._layers.items():
             paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
-        for one in self.regions:
-            if one.beyond:
-                kept = one.margin + self.clearance
-                paint_edge(self.ground, window, side, one.priority, kept, self.opened)
 
 
 def geometry_of(grid: Grid) -> Array:
     """Return (7,) x and y of the first cell's centre, side [m], ny, nx, cos and sin of the yaw."""
     first = grid.to_world([[0.5, 0.5]])[0]
     return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])
+
+
+def _bordered(one: MappedRegion) -> Mask:
+    """Return (rows + 2, columns + 2) the cells of a class; the border is what lies around."""
+    return np.pad(one.cells, 1, constant_values=one.beyond)
 
 
 def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
