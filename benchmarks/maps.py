@@ -39,6 +39,8 @@ BODY = 0.3
 V_MAX = 1.5
 STEPS = 400
 """Control steps of a hostile episode."""
+RECENT = 50
+"""So many steps after a class has paid its cells may be entered: the robot coasts on."""
 NEAR = 1.0
 """Within which the cover's shortfall counts [m]."""
 FAR = 10.0
@@ -62,11 +64,15 @@ class Hostile(NamedTuple):
     Attributes:
         least: distance of the robot's point from the exact squares [m], less its body.
         fastest: the most by which the limit of a zone was passed [m/s].
+        crossed: how often a keepout of a lower rank was entered.
+        unpaid: how often of these no report had said that it pays.
         status: (7,) steps with each status.
     """
 
     least: float
     fastest: float
+    crossed: int
+    unpaid: int
     status: NDArray[np.int64]
 
 
@@ -147,7 +153,8 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
         env = SafetyFilter(made, margin=body)
         env.reset(seed=number)
     hostile, inner = attacks.make(name, number), made.unwrapped
-    cells, way, status = strict_cells(floor), [], np.zeros(7, dtype=np.int64)
+    cells, way, pays = strict_cells(floor), [], []
+    status = np.zeros(7, dtype=np.int64)
     zones = [one for one in floor.classes if one.kind == "speed"]
     over, done = -np.inf, False
     while not done:
@@ -158,8 +165,9 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
             state = np.array(double_integrator_step(state, u, PHYSICS_DT, V_MAX))
             way.append(state)
         status[int(info["safety_filter"]["status"])] += 1
+        pays.append(info["safety_filter"]["slack"] > 0.0)
         done = terminated or truncated
-    passed = np.array(way)
+    passed, paid = np.array(way), np.array(pays)
     env.close()
     for zone in zones:
         at = np.floor(floor.grid.to_cells(passed[:, :2])).astype(np.int64)
@@ -168,7 +176,19 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
         speed = np.hypot(passed[inside, 2], passed[inside, 3])
         over = max(over, float((speed - (zone.limit or 0.0)).max(initial=-np.inf)))
     least = squares.distances(floor.grid, cells, passed[:, :2], NEAR).min()
-    return Hostile(float(least) - body, over, status)
+    crossed = unpaid = 0
+    for k, one in enumerate(floor.classes):
+        if one.rank > 1 and one.kind != "speed":
+            away = squares.distances(floor.grid, one.cells, passed[:, :2], NEAR)
+            entries = entered_at(away.reshape(-1, SUBSTEPS).min(axis=1) < body)
+            crossed += len(entries)
+            unpaid += sum(not paid[max(0, t - RECENT) : t + 1, k].any() for t in entries)
+    return Hostile(float(least) - body, over, crossed, unpaid, status)
+
+
+def entered_at(inside: Mask) -> NDArray[np.int64]:
+    """Return the steps at which a place is entered, of (n,) whether a step is inside."""
+    return 1 + np.flatnonzero(inside[1:] & ~inside[:-1])
 
 
 def hostile(count: int) -> Table:
@@ -204,9 +224,13 @@ def _attacked(floors: dict[str, RankedMap], count: int, title: str) -> Table:
         over = max(one.fastest for one in seen)
         rows.append([
             name, str(count), counted(entered, count), f"{min(one.least for one in seen):+.4f}",
-            f"{over:+.3f}" if np.isfinite(over) else "", ", ".join(bad),
+            f"{over:+.3f}" if np.isfinite(over) else "", str(sum(one.crossed for one in seen)),
+            str(sum(one.unpaid for one in seen)), ", ".join(bad),
         ])  # fmt: skip
-    header = ("map", "episodes", f"entered ({BOUNDED})", "least [m]", "over a limit [m/s]", "steps")
+    header = (
+        "map", "episodes", f"entered ({BOUNDED})", "least [m]", "over a limit [m/s]",
+        "lower ranks entered", "of these unpaid", "steps",
+    )  # fmt: skip
     return Table(title, header, rows)
 
 
