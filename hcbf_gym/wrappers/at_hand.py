@@ -19,7 +19,7 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
     """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
 
     Args:
-        c: `fused.CONSTANTS`.
+        c: `plants.CONSTANTS`.
         scene: the plant's conditions.
         atlas: where the pieces stand.
         plant: `senses.PLANT`, looked at.

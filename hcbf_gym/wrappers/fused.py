@@ -1,6 +1,6 @@
 """From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -9,23 +9,32 @@ from numpy.typing import NDArray
 from hcbf_gym.barriers import layout, margins, row_kernels
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
-from hcbf_gym.barriers.rows import SETTINGS_WIDTH, CbfRows
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.constants import ASKING, STANDING
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
-from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
-from hcbf_gym.programs.result import FilterResult, FilterStatus
+from hcbf_gym.programs.planar.records import Settings
+from hcbf_gym.programs.result import FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import at_hand
+from hcbf_gym.wrappers.plants import (
+    OWN_ROW,
+    Plants,
+    Records,
+    Work,
+    fits,
+    make_work,
+    program_of,
+    some,
+)
 from hcbf_gym.wrappers.report import ROW
 from hcbf_gym.wrappers.senses import look, watch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Records = NDArray[Any]
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a call says of itself."""
@@ -39,104 +48,6 @@ UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
 SHORT = 1e-4
 """By how much h − m [m] and α₂(ψ) [m/s²] may be below zero: both return to it without end."""
 BARRIERS, MOTION = int(Reason.BARRIERS), int(Reason.MOTION)
-
-CONSTANTS = np.dtype(
-    (
-        np.record,
-        [
-            # the program, as `planar.records.Settings` has it
-            ("lower", "i8"),
-            ("by_level", "?"),
-            ("lock", "i8"),
-            ("ranks", "?"),
-            ("guided", "?"),
-            ("radius", "f8"),
-            ("lambda_u", "f8"),
-            ("known_offset", "?"),
-            ("corners", "i8"),  # of U
-            ("weights", "i8"),  # of a state
-            # what the rows keep, and how they are made
-            *((name, "f8") for name in Uncertainty._fields),
-            ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
-            ("period", "f8"),  # T [s], 0 where it is not known
-            # guidance
-            ("has_way", "?"),
-            ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
-            ("brakes", "?"),  # whether an alarm makes the filter brake
-        ],
-    )
-)
-"""What a filter never changes."""
-
-
-def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Array]:
-    """Return (1,) `CONSTANTS`, and the corners of U with the program's weights behind them.
-
-    Args:
-        settings: of the program.
-        others: the rest of the constants, by their names.
-    """
-    record = np.zeros(1, dtype=CONSTANTS)
-    own = settings._asdict()
-    vertices, weights = own.pop("vertices"), own.pop("weights")
-    sizes = {"corners": len(vertices), "weights": weights.shape[1]}
-    for name, number in (own | sizes | others).items():
-        record[name] = number
-    return record, np.concatenate([vertices.ravel(), weights.ravel()])
-
-
-OWN_ROW = np.dtype(
-    (np.record, [(name, "f8") for name in ("a_x", "a_y", "b", "h", "alpha2_psi", "margin")])
-)
-"""A row of a user's own barrier, made in Python."""
-
-
-class Plants(NamedTuple):
-    """N plants, their scenes, and what is said of them.
-
-    Attributes:
-        kind: (N, m) of the scenes, as `BarrierSet` holds it.
-        parameters: (N, m, WIDTH) likewise.
-        priority: (N, m) likewise.
-        own_margin: (N, m) likewise.
-        atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
-        sensed: (N,) `senses.PLANT`, written to.
-        own: (N, m) `OWN_ROW` where users' own rows were made beforehand, else (0, 0).
-        told: (N,) `report.PLANT`, with u*; the rest is written.
-        rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.
-    """
-
-    kind: Integers
-    parameters: Array
-    priority: Integers
-    own_margin: Array
-    atlas: Array
-    sensed: Records
-    own: Records
-    told: Records
-    rows: Records
-
-
-class Work(NamedTuple):
-    """Room for the rows of a few plants, n at most, and for the program's answers.
-
-    Attributes:
-        u: (n, 2) the inputs that the program is asked for.
-        a: (n, M, 2) gradients.
-        rows: (4, n, M) b, h, α₂(ψ) and ψ.
-        priority: (n, M).
-        margin: (2, n, m) margins and their rates.
-        answer: of the program, with a leading n.
-        polygons: the program's own.
-    """
-
-    u: Array
-    a: Array
-    rows: Array
-    priority: Integers
-    margin: Array
-    answer: FilterResult
-    polygons: Workspace
 
 
 @njit(cache=True)
@@ -152,8 +63,8 @@ def filter_plants(
     """Filter the nominal inputs of N planar double integrators; `Plants` has the arrays.
 
     Args:
-        constants: (1,) `CONSTANTS`.
-        program: the corners of U and the weights, see `constants`.
+        constants: (1,) `plants.CONSTANTS`.
+        program: the corners of U and the weights, see `plants.constants`.
         scene: kind, parameters, priority, own margin and atlas.
         sensed: what is not believed is replaced.
         own: where there are such rows, the states have been looked at, too.
@@ -174,7 +85,7 @@ def filter_plants(
         u_nominal = plants.told[i].u_nominal
         if not np.isfinite(u_nominal[0] + u_nominal[1]):
             return NOT_FINITE
-    if not _fits(plants):
+    if not fits(plants):
         return MISSHAPED
     if plants.own.size == 0:
         for i in range(count):
@@ -182,92 +93,14 @@ def filter_plants(
     asks = False
     if plants.atlas.size > 1:
         for i in range(count):
-            asks |= _filter_mapped(c, _settings(c, numbers, i, i + 1), plants, i)
+            asks |= _filter_mapped(c, program_of(c, numbers, i, i + 1), plants, i)
         return ASKS if asks else DONE
-    work = _make_work(_settings(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
+    work = make_work(program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
-        settings = _settings(c, numbers, first, end)
-        asks |= _filter(c, settings, _some(plants, first, end), work)
+        settings = program_of(c, numbers, first, end)
+        asks |= _filter(c, settings, some(plants, first, end), work)
     return ASKS if asks else DONE
-
-
-@njit(cache=True, inline="always")
-def _fits(p: Plants) -> bool:
-    """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
-
-    Nothing else here checks an index.
-    """
-    count, m = p.kind.shape
-    if p.sensed.size != count or p.told.size != count or p.rows.shape[0] != count:
-        return False
-    if p.rows.shape[1] < m or (p.own.size > 0 and p.own.shape != (count, m)):
-        return False
-    if p.parameters.shape != (count, m, layout.WIDTH):
-        return False
-    if p.priority.shape != (count, m) or p.own_margin.shape != (count, m):
-        return False
-    for i in range(count):
-        for k in range(m):
-            if not 1 <= p.priority[i, k] <= layout.LOWEST_RANK:
-                return False
-    return True
-
-
-@njit(cache=True, inline="always")
-def _make_work(settings: Settings, n: int, m: int, total: int) -> Work:
-    """Return room for n plants with m rows, `total` with guidance."""
-    return Work(
-        np.empty((n, 2)),
-        np.empty((n, total, 2)),
-        np.empty((4, n, total)),
-        np.empty((n, total), dtype=np.int64),
-        np.empty((2, n, m)),
-        FilterResult(
-            np.empty((n, 2)),
-            np.empty((n, total)),
-            np.empty((n, total)),
-            np.empty(n, dtype=np.int64),
-            np.empty(n, dtype=np.int64),
-        ),
-        make_workspace(settings.radius, settings.vertices.shape[0], total),
-    )
-
-
-@njit(cache=True, inline="always")
-def _settings(c: Any, numbers: Array, first: int, end: int) -> Settings:
-    """Return the program of the plants from `first` on and before `end`, with their weights."""
-    weights = numbers[2 * c.corners :].reshape(-1, c.weights)
-    if weights.shape[0] > 1:  # each plant has its own
-        weights = weights[first:end]
-    return Settings(
-        c.lower,
-        c.by_level,
-        c.lock,
-        c.ranks,
-        c.guided,
-        c.radius,
-        c.lambda_u,
-        c.known_offset,
-        numbers[: 2 * c.corners].reshape(c.corners, 2),
-        weights,
-    )
-
-
-@njit(cache=True, inline="always")
-def _some(p: Plants, first: int, end: int) -> Plants:
-    """Return the plants from `first` on and before `end`."""
-    return Plants(
-        p.kind[first:end],
-        p.parameters[first:end],
-        p.priority[first:end],
-        p.own_margin[first:end],
-        p.atlas,
-        p.sensed[first:end],
-        p.own[first:end],
-        p.told[first:end],
-        p.rows[first:end],
-    )
 
 
 @njit(cache=True)
@@ -312,7 +145,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
         p.told[i : i + 1],
         rows,
     )
-    asks = _filter(c, settings, part, _make_work(settings, 1, count, total))
+    asks = _filter(c, settings, part, make_work(settings, 1, count, total))
     at_hand.tell(hand.source, rows[0], p.rows[i, :m])
     return asks
 

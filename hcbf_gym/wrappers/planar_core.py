@@ -19,6 +19,7 @@ from hcbf_gym.wrappers import fused, senses
 from hcbf_gym.wrappers.belief import real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
 from hcbf_gym.wrappers.intake import Intake
+from hcbf_gym.wrappers.plants import OWN_ROW, constants
 from hcbf_gym.wrappers.report import Sheet
 from hcbf_gym.wrappers.way import Way
 
@@ -53,13 +54,13 @@ class PlanarCore(FilterCore):
         numbers |= {"rows": self.row_settings.packed, "period": self._period}
         numbers |= {"has_way": self._way.guides, "through": self._way.through}
         numbers |= {"brakes": self.brakes_on_alarm}
-        self._constants, self._program = fused.constants(program, numbers)
+        self._constants, self._program = constants(program, numbers)
         self._guides_by_row = program.guided and self._way.guides
         self._intake = Intake(plant, count)
         self._sheet = Sheet(batch)
         self._sheet.plants["alpha1_scale"] = self.alpha1_scale
         self._m = 0
-        self._no_rows = self._own_rows = np.zeros((0, 0), dtype=fused.OWN_ROW)
+        self._no_rows = self._own_rows = np.zeros((0, 0), dtype=OWN_ROW)
         self._scene = BarrierSet([()] * count)
         self._listed: tuple[Any, ...] = ()
         self._checked: tuple[Any, ...] = ()
@@ -206,7 +207,7 @@ class PlanarCore(FilterCore):
         """Make room for m rows, and for one of guidance under a program that has a last rank."""
         self._m = m
         self._sheet.widen(m, m + self._guides_by_row)
-        self._own_rows = np.zeros((self.count, m), dtype=fused.OWN_ROW)
+        self._own_rows = np.zeros((self.count, m), dtype=OWN_ROW)
 
     def _make_rows(self, scene: BarrierSet) -> None:
         """Look at the states, and make the rows of users' own barriers."""
