@@ -1,12 +1,13 @@
 """Compiled kernels: none comes stale from the cache, and whoever waits for them is told why."""
 
 import functools
+import glob
 import hashlib
 import logging
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from numba.core import caching, cgutils, event, types
 from numba.extending import intrinsic, overload
@@ -24,15 +25,54 @@ def prepare() -> None:
     """Make Numba key this package's kernels by all their sources, and announce a compilation.
 
     Numba keys a cached kernel by the file in which it stands. A kernel holds what it calls in
-    other files too, so an edit there would go unseen. Only the key changes: where the cache lies,
-    and whether there is one, stays Numba's and the user's choice. Kernels that were cached under
-    other sources are overwritten.
+    other files too, so an edit there would go unseen. Only the key and the files' names change:
+    where the cache lies, and whether there is one, stays Numba's and the user's choice. Kernels
+    that were cached under other sources are removed.
     """
+    caching.IndexDataCacheFile = CacheFile
     caching.CacheImpl._locator_classes = [
         type(locator.__name__, (_KeyedByAllSources, locator), {})
         for locator in caching.CacheImpl._locator_classes
     ]
     event.register("numba:compile", _Announcer())
+
+
+class Stamp(NamedTuple):
+    """What a kernel of this package was compiled from.
+
+    Attributes:
+        own: Numba's stamp of its own file.
+        sources: hash of all the files that it imports.
+    """
+
+    own: Any
+    sources: str
+
+
+class CacheFile(caching.IndexDataCacheFile):
+    """The cache of one kernel of this package, for several processes at once.
+
+    Numba numbers the signatures of a kernel, and writes the index before what it tells of. Under
+    new sources another process may then find the old kernel under the new index, and run it; and of
+    two that compile two signatures at once, one may run the other's. Here a signature's file is
+    named by all that it was made from, and stands before the index does.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep a signature's kernel; those of other sources go."""
+        if not isinstance(self._source_stamp, Stamp):
+            super().save(key, data)
+            return
+        kernel = self._index_name.removesuffix(".nbi")
+        name = (
+            f"{kernel}.{hashlib.sha256(self._dump((self._source_stamp, key))).hexdigest()[:16]}.nbc"
+        )
+        self._save_data(name, data)
+        kept = self._load_index() | {key: name}
+        self._save_index(kept)
+        for file in Path(self._cache_path).glob(f"{glob.escape(kernel)}.*.nbc"):
+            if file.name not in kept.values():
+                file.unlink(missing_ok=True)
 
 
 class _KeyedByAllSources:
@@ -44,7 +84,7 @@ class _KeyedByAllSources:
         """Return what tells whether the cached kernel is that of the present sources."""
         stamp = super().get_source_stamp()  # type: ignore[misc]
         file = Path(self._py_file)
-        return (stamp, sources_hash([file])) if file.is_relative_to(_PACKAGE) else stamp
+        return Stamp(stamp, sources_hash([file])) if file.is_relative_to(_PACKAGE) else stamp
 
 
 def borrowed(value: Value) -> Value:

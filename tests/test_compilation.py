@@ -1,5 +1,6 @@
 """Compiled kernels are those of the present sources, and the first use says what takes so long."""
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from pathlib import Path
 
 import hcbf_gym
+from hcbf_gym.compilation import CacheFile, Stamp
 
 PACKAGE = Path(hcbf_gym.__file__).parent
 USE = "import hcbf_gym; from hcbf_gym import outer; print(outer.caller(1.0))"
@@ -63,3 +65,38 @@ def test_the_users_own_cache_folder_is_kept_and_kernels_run_uncompiled(tmp_path)
     assert list(cache.rglob("*.nbi"))
     assert not list(package.rglob("*.nbi"))
     assert run(tmp_path, NUMBA_DISABLE_JIT="1") == (3.0, False)
+
+
+def test_no_process_finds_a_kernel_of_other_sources_while_another_one_writes(tmp_path, monkeypatch):
+    old, new = (
+        CacheFile(str(tmp_path), "file.kernel-1", Stamp((1.0, 10), sources))
+        for sources in ("old", "new")
+    )
+    old.save("float64", "old kernel")
+    found = []
+    write = CacheFile._open_for_write
+
+    @contextlib.contextmanager
+    def watched(self, path):
+        found.append(new.load("float64"))
+        with write(self, path) as file:
+            yield file
+        found.append(new.load("float64"))
+
+    monkeypatch.setattr(CacheFile, "_open_for_write", watched)
+    new.save("float64", "new kernel")
+    assert found == [None, None, None, "new kernel"]  # the kernel is written, then the index
+    assert old.load("float64") is None
+    assert len(list(tmp_path.glob("*.nbc"))) == 1
+
+
+def test_signatures_that_two_processes_compile_at_once_are_not_mixed_up(tmp_path, monkeypatch):
+    one, other = (CacheFile(str(tmp_path), "kernel", Stamp((), "sources")) for _ in range(2))
+    other.save("float32", "short")
+    monkeypatch.setattr(one, "_load_index", dict)  # as it was before the other one had written
+    one.save("float64", "long")
+    reader = CacheFile(str(tmp_path), "kernel", Stamp((), "sources"))
+    assert reader.load("float64") == "long"
+    assert reader.load("float32") in (None, "short")
+    other.save("float32", "short")
+    assert (reader.load("float64"), reader.load("float32")) == ("long", "short")

@@ -1,6 +1,6 @@
 """A map with ranks: what a robot may not enter, and what it may cross if it must."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from hcbf_gym.barriers import pieces
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array
+from hcbf_gym.errors import InvalidInputError, as_array, check_options, choose, finite_array
 from hcbf_gym.maps import packing, reading
 from hcbf_gym.maps.cover import Cover
 from hcbf_gym.maps.grid import Grid, MapClass
@@ -55,6 +55,11 @@ class RankedMap(Several):
     source: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
+        if not listed or not all(isinstance(one, MapClass) for one in self.classes):
+            raise InvalidInputError(
+                f"map: classes: got {self.classes!r}, expected a sequence of MapClasses"
+            )
         object.__setattr__(self, "classes", tuple(self.classes))
         names = [one.name for one in self.classes]
         if not names or len(set(names)) < len(names):
@@ -202,12 +207,13 @@ class RankedMap(Several):
             InvalidInputError: if there is no such class, or the window leaves the grid.
         """
         known = {one.name: k for k, one in enumerate(self.classes)}
+        records.check_mapping("map update: cells", cells)
         check_options("map update: classes", cells, known)
         classes, covers = list(self.classes), list(self.covers)
         conditions = list(self._conditions)
         for name, values in cells.items():
             k = known[name]
-            window = np.asarray(values)
+            window = as_array(f"map update: {name}", values)
             r, c = _corner(corner, window, self.grid)
             h, w = window.shape
             now = classes[k].cells.copy()

@@ -170,6 +170,18 @@ def test_a_window_that_leaves_the_grid_is_refused():
         room().update((0, 0), {"doors": np.ones((1, 1), dtype=np.bool_)})
 
 
+@pytest.mark.parametrize("window", [None, {"walls": [[True], [True, False]]}, {"walls": None}])
+def test_a_window_that_is_none_is_refused(window):
+    with pytest.raises(InvalidInputError, match="map update"):
+        room().update((0, 0), window)
+
+
+@pytest.mark.parametrize("classes", [None, 3, "walls", (3,), MapClass("a", 1, "keepout", cells(0))])
+def test_classes_that_are_none_are_refused(classes):
+    with pytest.raises(InvalidInputError, match="classes"):
+        RankedMap(room().grid, classes)
+
+
 def test_classes_that_share_a_name_or_do_not_fit_are_refused():
     one = MapClass("a", 1, "keepout", cells(0))
     grid = Grid(0.05, (0, 0, 0), one.cells.shape)
