@@ -155,31 +155,33 @@ def _begin(
     nx: int,
     level: int,
     toll: float,
-    side: float,
+    ceiling: float,
     queue: Queue,
     field: Field,
     through: Ranks,
 ) -> tuple[int, float]:
     """Put what a stage can settle from what is known into the queue; return how many, and width.
 
-    Args: as `_relax`; `side` is the least width of a bucket.
+    A bucket is as wide as the cheapest step, so that about equal T wait together.
+
+    Args: as `_relax`; from `ceiling` on T is of later stages, of which nothing follows here.
     """
     found = np.empty(field.size, dtype=np.int32)
     arrivals = np.empty(field.size, dtype=np.float32)
     sources = np.empty(field.size, dtype=np.int32)
     count = 0
-    lowest, highest, dearest = np.inf, 0.0, 0.0
+    lowest, highest, cheapest, dearest = np.inf, 0.0, np.inf, 0.0
     for cell in range(nx + 1, field.size - nx - 1):
         here = field[cell]
         if here <= toll or not cost[cell] < np.inf or not is_open(rank[cell], level):
             continue
-        dearest = max(dearest, cost[cell])
+        cheapest, dearest = min(cheapest, cost[cell]), max(dearest, cost[cell])
         arrival, source = _arrive(field, nx, toll, cost[cell], cell)
-        if np.float32(arrival) < here:
+        if np.float32(arrival) < here and arrival <= ceiling:
             lowest, highest = min(lowest, arrival), max(highest, arrival)
             found[count], arrivals[count], sources[count] = cell, arrival, source
             count += 1
-    width = max(side, (highest - lowest + 2.0 * dearest) / (BUCKETS - 2))
+    width = max(cheapest, (highest - lowest + 2.0 * dearest) / (BUCKETS - 2))
     for k in range(count):
         cell = found[k]
         through[cell] = _way(rank, through, cell, sources[k])
@@ -300,7 +302,8 @@ def settle(
         if highest > tolls[k] and k > 0:
             return False
         level, toll = levels[k], tolls[k]
-        count, width = _begin(cost, rank, nx, level, toll, side, queue, field, through)
+        ceiling = tolls[k + 1] if k + 1 < levels.size else np.inf
+        count, width = _begin(cost, rank, nx, level, toll, ceiling, queue, field, through)
         reached = _relax(cost, rank, nx, level, toll, width, queue, count, field, through)
         highest = max(highest, reached)
     return True
