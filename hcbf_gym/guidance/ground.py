@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 
 CLOSED_COST = 100.0
 """What a metre costs inside a region through which no way leads: out of it by a short one."""
-STRICT_COST = 1e6
-"""The same inside rank 1: out by the shortest, however dear the ways from there on may be."""
 RANK_COST = np.array([1e3, 1e3, 1e2, 1e1])
 """What a metre costs inside a region of rank 1, 2, 3 or lower that may be crossed."""
 HALO = 0.4
@@ -59,7 +57,7 @@ def _paint(
 ) -> None:
     """Raise cost and rank of one cell, whose centre is so far outside a region [m]."""
     if free < 0.0:
-        metre = STRICT_COST if priority == 1 else CLOSED_COST
+        metre = CLOSED_COST
         if is_open(priority, opened):
             metre = RANK_COST[min(priority, RANK_COST.size) - 1]
         ground.cost[j, i] = max(ground.cost[j, i], metre * side)

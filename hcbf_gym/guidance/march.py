@@ -109,21 +109,26 @@ def _worst(rank: int, other: int) -> int:
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _lower(field: Field, toll: float, one: int, other: int) -> tuple[float, int]:
-    """Return the lower T of two neighbours and which; what settled in stages before pays toll."""
+def _lower(field: Field, level: int, toll: float, one: int, other: int) -> tuple[float, int]:
+    """Return the lower T of two neighbours and which; what settled in stages before pays toll.
+
+    Out of rank 1 all ways are alike: the shortest is the one, however dear it is from there on.
+    """
     t, u = field[one], field[other]
     if t <= toll:
-        t += toll
+        t = toll + t * (level != 1)
     if u <= toll:
-        u += toll
+        u = toll + u * (level != 1)
     return (t, one) if t <= u else (u, other)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _arrive(field: Field, nx: int, toll: float, step: float, cell: int) -> tuple[float, int]:
+def _arrive(
+    field: Field, nx: int, level: int, toll: float, step: float, cell: int
+) -> tuple[float, int]:
     """Return T of a cell by the upwind equation, and the neighbour that it comes from."""
-    along_x, side_x = _lower(field, toll, cell - 1, cell + 1)
-    along_y, side_y = _lower(field, toll, cell - nx, cell + nx)
+    along_x, side_x = _lower(field, level, toll, cell - 1, cell + 1)
+    along_y, side_y = _lower(field, level, toll, cell - nx, cell + nx)
     apart = along_x - along_y
     if apart < 0.0:
         apart, least, source = -apart, along_x, side_x
@@ -176,7 +181,7 @@ def _begin(
         if here <= toll or not cost[cell] < np.inf or not is_open(rank[cell], level):
             continue
         cheapest, dearest = min(cheapest, cost[cell]), max(dearest, cost[cell])
-        arrival, source = _arrive(field, nx, toll, cost[cell], cell)
+        arrival, source = _arrive(field, nx, level, toll, cost[cell], cell)
         if np.float32(arrival) < here and arrival <= ceiling:
             lowest, highest = min(lowest, arrival), max(highest, arrival)
             found[count], arrivals[count], sources[count] = cell, arrival, source
@@ -238,7 +243,7 @@ def _relax(
             near = cell + side
             if field[near] <= here or not is_open(rank[near], level):
                 continue
-            arrival, source = _arrive(field, nx, toll, cost[near], near)
+            arrival, source = _arrive(field, nx, level, toll, cost[near], near)
             if np.float32(arrival) < field[near]:
                 field[near] = arrival
                 through[near] = _way(rank, through, near, source)
@@ -330,15 +335,21 @@ def march(
 
 @njit(cache=True, error_model="numpy")
 def _rests_on(
-    cost: Cost, nx: int, tolls: NDArray[np.float64], field: Field, cell: int, near: int
+    cost: Cost,
+    nx: int,
+    levels: Ranks,
+    tolls: NDArray[np.float64],
+    field: Field,
+    cell: int,
+    near: int,
 ) -> bool:
     """Tell whether T of a cell was computed with that of a neighbour."""
-    toll = tolls[0]
+    level, toll = levels[0], tolls[0]
     for k in range(1, tolls.size):
         if tolls[k] < field[cell]:
-            toll = tolls[k]
-    along_x, side_x = _lower(field, toll, cell - 1, cell + 1)
-    along_y, side_y = _lower(field, toll, cell - nx, cell + nx)
+            level, toll = levels[k], tolls[k]
+    along_x, side_x = _lower(field, level, toll, cell - 1, cell + 1)
+    along_y, side_y = _lower(field, level, toll, cell - nx, cell + nx)
     if near == side_x:
         return along_x - along_y < cost[cell]
     return near == side_y and along_y - along_x < cost[cell]
@@ -346,7 +357,13 @@ def _rests_on(
 
 @njit(cache=True, error_model="numpy")
 def forget(
-    cost: Cost, nx: int, tolls: NDArray[np.float64], changed: Places, goal: int, field: Field
+    cost: Cost,
+    nx: int,
+    levels: Ranks,
+    tolls: NDArray[np.float64],
+    changed: Places,
+    goal: int,
+    field: Field,
 ) -> None:
     """Forget T of cells whose cost or rank has changed, and of all that was computed from them.
 
@@ -369,7 +386,7 @@ def forget(
             near = cell + side
             if not known[near] or not field[near] < np.inf or near == goal:
                 continue
-            if _rests_on(cost, nx, tolls, field, near, cell):
+            if _rests_on(cost, nx, levels, tolls, field, near, cell):
                 known[near] = False
                 stack[count] = near
                 count += 1
@@ -389,7 +406,7 @@ def repair(
     """
     levels = _stages(rank, opened)
     if levels.size == tolls.size:
-        forget(cost, nx, tolls, changed, goal, field)
+        forget(cost, nx, levels, tolls, changed, goal, field)
         if settle(cost, rank, nx, side, levels, tolls, field, through):
             return tolls
     return march(cost, rank, nx, side, opened, goal, field, through)
