@@ -64,9 +64,8 @@ class CacheFile(caching.IndexDataCacheFile):
             super().save(key, data)
             return
         kernel = self._index_name.removesuffix(".nbi")
-        name = (
-            f"{kernel}.{hashlib.sha256(self._dump((self._source_stamp, key))).hexdigest()[:16]}.nbc"
-        )
+        digest = hashlib.sha256(self._dump((self._source_stamp, key))).hexdigest()
+        name = f"{kernel}.{digest[:16]}.nbc"
         self._save_data(name, data)
         kept = self._load_index() | {key: name}
         self._save_index(kept)

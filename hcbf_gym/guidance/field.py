@@ -144,8 +144,8 @@ def solve_again(
     nx = view.shape[1]
     j, i = cell_of(goal[0], goal[1], geometry)
     tolls = march.repair(
-        cost, rank, nx, geometry[2], opened, (j + 1) * nx + i + 1, changed[:count], tolls,
-        view.ravel(), ranks.ravel(),
+        cost, rank, rank_before, nx, geometry[2], opened, (j + 1) * nx + i + 1, changed[:count],
+        tolls, view.ravel(), ranks.ravel(),
     )  # fmt: skip
     _keep(view, ranks, geometry, field, through)
     return tolls

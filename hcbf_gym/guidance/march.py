@@ -396,16 +396,16 @@ def forget(
 
 @njit(cache=True, error_model="numpy")
 def repair(
-    cost: Cost, rank: Ranks, nx: int, side: float, opened: int, goal: int, changed: Places,
-    tolls: NDArray[np.float64], field: Field, through: Ranks,
+    cost: Cost, rank: Ranks, before: Ranks, nx: int, side: float, opened: int, goal: int,
+    changed: Places, tolls: NDArray[np.float64], field: Field, through: Ranks,
 ) -> NDArray[np.float64]:  # fmt: skip
     """Bring a field into agreement with cells that have changed; return the tolls, as `march`.
 
-    Args: as `march`, and `changed` (n,), the cells whose cost or rank is another, `tolls` as they
-        were returned last.
+    Args: as `march`, and `before` (cells,), the ranks as they were, `changed` (n,), the cells whose
+        cost or rank is another, `tolls` as they were returned last.
     """
     levels = _stages(rank, opened)
-    if levels.size == tolls.size:
+    if np.array_equal(levels, _stages(before, opened)):
         forget(cost, nx, levels, tolls, changed, goal, field)
         if settle(cost, rank, nx, side, levels, tolls, field, through):
             return tolls

@@ -36,7 +36,9 @@ def hang_bells(server: viser.ViserServer) -> None:
     sender = server._websock_server  # pyright: ignore[reportPrivateUsage] - no public way to it
 
     def hang(connection: Any) -> None:
-        connection.get_message_buffer().message_event = Bell(loop)
+        buffer = connection.get_message_buffer()
+        before, buffer.message_event = buffer.message_event, Bell(loop)
+        loop.call_soon_threadsafe(before.set)  # who waits for it already
 
     hang(sender)
     sender.on_client_connect(hang)

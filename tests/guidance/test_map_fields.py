@@ -155,6 +155,16 @@ def test_a_repaired_field_is_the_field_of_the_map_as_it_is_now():
         assert (known == through[1:-1, 1:-1]).mean() > 0.999
 
 
+def test_where_other_ranks_close_the_way_after_a_change_the_field_is_a_new_one():
+    cells = walled(door=0)
+    way = way_on(map_of(cells, blank()), (1.0, 1.0), (2.0, 3.0))
+    as_zone = map_of(blank(), cells)
+    way.follow(BarrierSet([[as_zone]]), np.zeros(1))
+    new = way_on(as_zone, (1.0, 1.0), (2.0, 3.0))
+    np.testing.assert_array_equal(way.field, new.field)
+    np.testing.assert_array_equal(way.through, new.through)
+
+
 def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
     rng = np.random.default_rng(1)
     walls = walled(door=12)
