@@ -160,3 +160,15 @@ class PlanarBarrier(Barrier):
             gradient_rate=gradient_rate,
             rate_rate=float(w @ planar_hessian @ w),
         )
+
+
+def reads_time(barrier: Barrier, n: int) -> bool:
+    """Return whether h depends on time, looked at in sampled states.
+
+    Args:
+        barrier: of any class.
+        n: the number of states.
+    """
+    states = np.random.default_rng(0).normal(size=(8, n))
+    values = np.array([[barrier.h(x, t) for t in (0.0, 0.7, 31.0)] for x in states])
+    return not np.array_equal(values, np.broadcast_to(values[:, :1], values.shape), equal_nan=True)

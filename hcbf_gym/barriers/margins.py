@@ -50,6 +50,7 @@ def derive(
     covariance: Array,
     margin: Array,
     rate: Array,
+    leaning: Array,
 ) -> None:
     """Write the margins (m,) of one state's rows, and the rates (m,) at which they grow at most.
 
@@ -64,17 +65,20 @@ def derive(
         covariance: (4, 4) of x.
         margin: (m,) to be written [m]; of a speed limit [m/s].
         rate: (m,) to be written [m/s].
+        leaning: (m,) to be written: the tracking error's part of the margin, less what `cap` cuts
+            off of it [m].
     """
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
     certain = ahead_x == 0.0 and ahead_y == 0.0
     certain = certain and _is_zero(lag) and _is_zero(covariance.ravel())
     for k in range(kind.size):
-        rate[k] = 0.0
+        rate[k] = leaning[k] = 0.0
         if kind[k] == layout.SPEED_LIMIT or kind[k] == layout.ZONES or kind[k] == layout.ZONE:
             margin[k] = of_speed(settings, lag, covariance)
             continue
         if kind[k] == layout.CUSTOM or kind[k] == layout.MAPPED:  # whose gradient is not known here
             margin[k] = most(settings, x, model, lag, covariance)
+            leaning[k] = settings.cap
             continue
         if certain and shapes.IS_DISTANCE[kind[k]]:  # ∇h is a unit vector, whatever it is
             margin[k] = settings.distance + settings.body
@@ -91,6 +95,7 @@ def derive(
         if known > 0.0:
             drift = settings.confidence**2 * _along(covariance, 0, 2, nx, ny) / known
             rate[k] = max(0.0, drift) * steepness
+        leaning[k] = (settings.cap - abs(settings.cap - tracking)) * steepness
         total = settings.distance + min(tracking, settings.cap) + ahead + known + settings.body
         margin[k] = total * steepness
 
@@ -150,10 +155,11 @@ def derive_all(
         covariance: (N, 4, 4) of the states.
     """
     numbers = Uncertainty(*map(float, settings))
-    margin, rate = np.zeros(scenes.kind.shape), np.zeros(scenes.kind.shape)
+    margin, rate, leaning = np.zeros((3, *scenes.kind.shape))
     for i in range(len(x)):
         state = x[i], t[i], model[i], lag[i], covariance[i]
-        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, margin[i], rate[i])
+        out = margin[i], rate[i], leaning[i]
+        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, *out)
     return margin + scenes.own_margin, rate
 
 

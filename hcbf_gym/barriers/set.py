@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import kernels, layout, mapped, row_kernels, zone
 from hcbf_gym.barriers.atlas import Atlas
-from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.own_rows import own_row
@@ -47,6 +47,7 @@ class BarrierSet:
         priority: (N, m) 1 is the highest and strict.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
+        version: (N,) how often each scene was set: a filter sees by it what is news.
         own: (scene, place) → a user's own barrier; empty where all are built in.
         atlas: where the pieces of maps stand.
     """
@@ -63,6 +64,7 @@ class BarrierSet:
         self.priority = np.zeros(shape, dtype=np.int64)
         self.keeps_margin = np.zeros(shape)
         self.own_margin = np.zeros(shape)
+        self.version = np.zeros(len(scenes), dtype=np.int64)
         self.own: dict[tuple[int, int], Barrier] = {}
         self.atlas = Atlas()
         for i, scene in enumerate(scenes):
@@ -79,6 +81,7 @@ class BarrierSet:
                 f"barrier set: got a scene of {_length(scene)} barriers, "
                 f"expected {self.kind.shape[1]}"
             )
+        self.version[i] += 1
         k = 0
         for barrier in _each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
@@ -108,11 +111,21 @@ class BarrierSet:
         """(N, m) whether a barrier is a built-in one on the position."""
         return self.kind < layout.SPEED_LIMIT
 
-    def check(self, settings: RowSettings, speed_margin: float = 0.0) -> None:
+    @property
+    def moves(self) -> Mask:
+        """(N,) whether a scene depends on time, as far as that can be told; see `reads_time`."""
+        velocity = self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
+        moving = (self.is_region[..., None] & (velocity != 0.0)).any(axis=(1, 2))
+        for (i, _), barrier in self.own.items():
+            moving[i] = moving[i] or reads_time(barrier, 4)
+        return moving
+
+    def check(self, hold: tuple[float | None, float], speed_margin: float = 0.0) -> None:
         """Refuse speed limits and speed zones that no input can satisfy.
 
         Args:
-            settings: α₁, α₂, and whether u is held.
+            hold: how long an input is held [s], None where that is not known, and the largest norm
+                of an input [m/s²].
             speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
 
         Raises:
@@ -128,17 +141,18 @@ class BarrierSet:
                 f"speed limit: got {v_max[worst]:g} m/s, expected above {2.0 * margin[worst]:g} "
                 f"m/s: its row reserves {margin[worst]:g} m/s, so that no speed is left"
             )
-        if settings.period is None or settings.u_max is None:
+        period, u_max = hold
+        if period is None:
             return
         zones = self.kind == layout.ZONES
         limit = self.parameters[zones, layout.V_MAX]
-        lowest = zone.least_limit(settings.period, settings.u_max, speed_margin)
+        lowest = zone.least_limit(period, u_max, speed_margin)
         if (limit < lowest).any():
             raise InvalidInputError(
                 f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "
                 f"reserves {speed_margin:g} m/s, and an input passes the rest within one period"
             )
-        gained = settings.u_max * settings.period
+        gained = u_max * period
         least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
         if least <= gained:
             raise InvalidInputError(
@@ -151,7 +165,7 @@ class BarrierSet:
         if mask.all():
             return self
         chosen = BarrierSet([()] * int(mask.sum()))
-        for name in ("kind", "parameters", "priority", "keeps_margin", "own_margin"):
+        for name in ("kind", "parameters", "priority", "keeps_margin", "own_margin", "version"):
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
         chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}

@@ -94,10 +94,20 @@ def descent(
 
 
 @njit(cache=True, error_model="numpy")
+def has_field(capacity: int, geometry: Array) -> bool:
+    """Return whether a scene's field was computed: nothing else here checks an index."""
+    ny, nx = int(geometry[3]), int(geometry[4])
+    return ny >= 2 and nx >= 2 and ny * nx <= capacity
+
+
+@njit(cache=True, error_model="numpy")
 def row(
     field: Field, geometry: Array, goal: Array, x: Array, pull: Pull
 ) -> tuple[float, float, float]:
-    """Return (a_x, a_y, b) of the row ``a·u ≥ b`` at one state x (4,); a = 0, b = −1 at the goal.
+    """Return (a_x, a_y, b) of the row ``a·u ≥ b`` at one state x (4,).
+
+    At the goal, where the state is not finite, and where there is no field yet, it asks for
+    nothing: a = 0, b = −1.
 
     Args:
         field: (capacity,) of one scene.
@@ -107,6 +117,8 @@ def row(
         pull: gain, speed and ranges.
     """
     px, py = x[0], x[1]
+    if not (has_field(field.size, geometry) and np.isfinite(px + py + x[2] + x[3])):
+        return 0.0, 0.0, -1.0
     tx, ty = descent(grid(field, geometry), geometry, goal, px, py, pull.look_ahead)
     dx, dy = tx - px, ty - py
     length = np.sqrt(dx * dx + dy * dy)
@@ -139,7 +151,12 @@ def rows(
 
 @njit(cache=True, error_model="numpy")
 def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
-    """Return what stands at a point's cell in (capacity,) ranks, of ways or of zones."""
+    """Return what stands at a point's cell in (capacity,) ranks, of ways or of zones; 0 for none.
+
+    There is none where no field was computed, or the point is not finite.
+    """
+    if not (has_field(ranks.size, geometry) and np.isfinite(x + y)):
+        return 0
     j, i = cell_of(x, y, geometry)
     return ranks[j * int(geometry[4]) + i]
 
@@ -159,8 +176,6 @@ def lead(
 ) -> None:
     """Write the rows of N states, through which ranks their ways lead, and where they stand.
 
-    A state that is not finite is led nowhere.
-
     Args:
         field: (N, capacity).
         through: (N, capacity) through which rank the goal is reached from each cell.
@@ -174,15 +189,9 @@ def lead(
         zone: (N,) of `zones`, to be written.
     """
     for n in range(x.shape[0]):
-        way[n, 0] = 0.0
-        way[n, 1] = 0.0
-        way[n, 2] = -1.0
-        rank[n] = 0.0
-        zone[n] = 0.0
-        if np.isfinite(x[n, 0] + x[n, 1] + x[n, 2] + x[n, 3]):
-            way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
-            rank[n] = rank_at(through[n], geometry[n], x[n, 0], x[n, 1])
-            zone[n] = rank_at(zones[n], geometry[n], x[n, 0], x[n, 1])
+        way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
+        rank[n] = rank_at(through[n], geometry[n], x[n, 0], x[n, 1])
+        zone[n] = rank_at(zones[n], geometry[n], x[n, 0], x[n, 1])
 
 
 @njit(cache=True, error_model="numpy")

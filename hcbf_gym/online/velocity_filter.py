@@ -130,6 +130,10 @@ class VelocityFilter:
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self._follows = response.follows
         self._goal = None if goal is None else finite_array("goal", goal, (2,))
+        if guidance is not None and self._goal is None:
+            raise InvalidInputError(
+                f"goal: got None with guidance {guidance!r}, expected (x, y) where it leads [m]"
+            )
         self.reset()
 
     def reset(self) -> None:

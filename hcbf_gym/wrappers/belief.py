@@ -4,13 +4,16 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Reason
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-6
+"""Of a covariance: how far its correlations may be from those of one."""
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason >= FIRST_ALARM))
 """What an `Estimate.fault` may be."""
 
@@ -56,7 +59,9 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
     }
     bent = any(parts[name] is None and given[name] is not None for name in optional)
     covariance = parts["covariance"]
-    if x is None or bent or not (covariance is None or _is_covariance(covariance)):
+    if x is None or bent or not (covariance is None or is_covariance(covariance)):
+        return Reason.STATE
+    if not all(are_near(part) for part in (x, parts["model"], parts["lag"]) if part is not None):
         return Reason.STATE
     if estimate.age is not None:
         age = real_number(estimate.age)
@@ -78,8 +83,13 @@ def alarm_of(estimate: Estimate) -> Reason | None:
 
 
 def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
-    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
+    """Return `value` as a new float64 array if it is one of finite real numbers; else None.
+
+    What a mask hides is no number.
+    """
     try:
+        if np.ma.is_masked(value):
+            return None
         array = np.asarray(value)
     except Exception:  # whatever a foreign object raises when it is asked for its numbers
         return None
@@ -99,9 +109,49 @@ def real_number(value: Any) -> float | None:
     return None if number is None else float(number.item())
 
 
-def _is_covariance(matrix: Array) -> bool:
-    """Tell whether no variance is negative, and no correlation above 1."""
-    variance = np.diag(matrix)
-    with np.errstate(all="ignore"):
-        most = np.sqrt(np.abs(variance[:, None])) * np.sqrt(np.abs(variance))
-        return bool((variance >= 0.0).all() and (np.abs(matrix) <= most * (1 + _ROUNDING)).all())
+@njit(cache=True, error_model="numpy")
+def are_near(values: Array) -> bool:
+    """Return whether no entry is beyond `FARTHEST`; of what is not finite that is false, too."""
+    near = True
+    for value in values:
+        near &= abs(value) <= FARTHEST
+    return near
+
+
+@njit(cache=True, error_model="numpy")
+def is_covariance(matrix: Array) -> bool:
+    """Return whether a matrix (n, n) is symmetric without negative eigenvalues, up to rounding.
+
+    It is zero, or the correlations that are left of it have a Cholesky factor.
+    """
+    n = matrix.shape[0]
+    zero = True
+    for j in range(n):
+        if not (matrix[j, j] >= 0.0 and np.isfinite(matrix[j, j])):
+            return False
+        for k in range(n):
+            zero &= matrix[j, k] == 0.0
+    if zero:  # the truth
+        return True
+    rest = np.empty((n, n))
+    for j in range(n):
+        for k in range(n):
+            size = np.sqrt(matrix[j, j]) * np.sqrt(matrix[k, k])
+            if not abs(matrix[j, k]) <= (1.0 + _ROUNDING) * size:
+                return False
+            if not abs(matrix[j, k] - matrix[k, j]) <= _ROUNDING * size:
+                return False
+            rest[j, k] = matrix[j, k] / size if size > 0.0 else 0.0
+    for j in range(n):
+        pivot = rest[j, j]
+        if pivot < -_ROUNDING * n:
+            return False
+        for k in range(j + 1, n):
+            if pivot <= _ROUNDING * n:
+                if abs(rest[k, j]) > np.sqrt(_ROUNDING) * n:
+                    return False
+                continue
+            factor = rest[k, j] / pivot
+            for i in range(j + 1, n):
+                rest[k, i] -= factor * rest[j, i]
+    return True

@@ -15,6 +15,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
+    SafetyWarning,
     as_array,
     check_options,
     choose,
@@ -77,6 +78,8 @@ class FilterCore(ABC):
         alpha1_scale: by which factor; 1 where U can.
         row_settings: how rows are made, for a held input where that was asked for.
         uncertainty: what they reserve.
+        dip: what of it usual rows reserve against dips between samples [unit of h].
+        settles: how long the robot takes to follow [s]; 0 for one that is its model.
 
     Args:
         plant: of the environment.
@@ -104,6 +107,18 @@ class FilterCore(ABC):
         hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
         self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
         self.uncertainty = kept(plant, settings.margin, held)
+        own = plant.uncertainty.distance if settings.margin is None else 0.0
+        self.dip = 0.0 if held else self.uncertainty.distance - own
+        leans = self.uncertainty.cap > 0.0
+        self.settles = self.uncertainty.per_velocity if leans else 0.0
+        self._hold = plant.period, input_set.radius
+        if plant.period is None:
+            warnings.warn(
+                "safety filter: the plant's period is not known, so that rows are those of one "
+                "instant and promise nothing between samples; expected Plant(period=…) [s]",
+                SafetyWarning,
+                stacklevel=4,
+            )
         self._said: set[str] = set()
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self._steps: Array = np.zeros(count)
@@ -175,7 +190,7 @@ class FilterCore(ABC):
                 pass it from rest within one period.
         """
         margin = self.plant.uncertainty.speed
-        scenes.check(self.row_settings, margin)
+        scenes.check(self._hold, margin)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
         for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
             if not one.promised:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout, margins, row_kernels
 from hcbf_gym.barriers.mapped import Scene
-from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
+from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.constants import ASKING, STANDING
@@ -17,9 +17,8 @@ from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import Settings
-from hcbf_gym.programs.result import FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL
-from hcbf_gym.wrappers import at_hand
+from hcbf_gym.wrappers import at_hand, verdict
 from hcbf_gym.wrappers.plants import (
     OWN_ROW,
     Plants,
@@ -32,6 +31,7 @@ from hcbf_gym.wrappers.plants import (
 )
 from hcbf_gym.wrappers.report import ROW
 from hcbf_gym.wrappers.senses import look, watch
+from hcbf_gym.wrappers.verdict import BACKUP
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,12 +42,7 @@ DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
-NOMINAL_INPUT, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
-VIOLATED = int(FilterStatus.VIOLATED)
-UNSAFE, BACKUP = int(FilterStatus.UNSAFE), int(FilterStatus.BACKUP)
-SHORT = 1e-4
-"""By how much h − m [m] and α₂(ψ) [m/s²] may be below zero: both return to it without end."""
-BARRIERS, MOTION = int(Reason.BARRIERS), int(Reason.MOTION)
+BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.MOTION)
 
 
 @njit(cache=True)
@@ -80,16 +75,10 @@ def filter_plants(
     plants = Plants(
         *borrowed(scene), borrowed(sensed), borrowed(own), borrowed(told), borrowed(rows)
     )
+    said = _begin(c, plants)
+    if said != DONE:
+        return said
     count, m = plants.kind.shape
-    for i in range(plants.told.size):
-        u_nominal = plants.told[i].u_nominal
-        if not np.isfinite(u_nominal[0] + u_nominal[1]):
-            return NOT_FINITE
-    if not fits(plants):
-        return MISSHAPED
-    if plants.own.size == 0:
-        for i in range(count):
-            plants.told[i].reason = look(plants.sensed[i], c.period)
     asks = False
     if plants.atlas.size > 1:
         for i in range(count):
@@ -123,17 +112,25 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
 @njit(cache=True)
 def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     """Filter plant `i` with what is at hand of its map, and tell whether there is one to speak."""
+    part, source = _at_hand(c, p, i)
+    count, total = part.kind.shape[1], part.rows.shape[1]
+    asks = _filter(c, settings, part, make_work(settings, 1, count, total))
+    at_hand.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
+    return asks
+
+
+@njit(cache=True)
+def _at_hand(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
+    """Return plant `i` with what is at hand of its map, and which condition each row stands for."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
     hand = at_hand.of_plant(c, scene, p.atlas, p.sensed[i])
     count = hand.kind.size
-    total = count + p.rows.shape[1] - m
     own = p.own[:0]
     if p.own.size > 0:
         own = np.empty((1, count), dtype=OWN_ROW)
         for r in range(count):
             own[0, r] = p.own[i, hand.source[r]]
-    rows = np.empty((1, total), dtype=ROW)
     part = Plants(
         hand.kind.reshape(1, count),
         hand.parameters.reshape(1, count, layout.WIDTH),
@@ -143,11 +140,87 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
         p.sensed[i : i + 1],
         own,
         p.told[i : i + 1],
-        rows,
+        np.empty((1, count + p.rows.shape[1] - m), dtype=ROW),
     )
-    asks = _filter(c, settings, part, make_work(settings, 1, count, total))
-    at_hand.tell(hand.source, rows[0], p.rows[i, :m])
-    return asks
+    return part, hand.source
+
+
+@njit(cache=True)
+def pose(
+    constants: Records,
+    program: Array,
+    scene: tuple[Integers, Array, Integers, Array, Array],
+    sensed: Records,
+    own: Records,
+    told: Records,
+    rows: Records,
+) -> tuple[int, Plants, Work, Integers]:
+    """Pose the problem of one plant to a solver outside, which writes the answer into `Work`.
+
+    Args: as `filter_plants` takes them.
+
+    Returns:
+        as `filter_plants`, the plant with what is at hand, its problem, and which condition each
+        row stands for.
+    """
+    c = borrowed(constants)[0]
+    plants = Plants(*scene, sensed, own, told, rows)
+    said = _begin(c, plants)
+    settings = program_of(c, borrowed(program), 0, 1)
+    part, source = _at_hand(c, plants, 0) if said == DONE else (plants, plants.kind[0])
+    work = make_work(settings, 1, part.kind.shape[1], part.rows.shape[1])
+    if said == DONE:
+        _make_rows(c, part, work)
+        _ask(c, settings, part, work, 0)
+    return said, part, work, source
+
+
+@njit(cache=True)
+def close(
+    constants: Records,
+    program: Array,
+    answered: bool,
+    part: Plants,
+    work: Work,
+    source: Integers,
+    rows: Records,
+) -> int:
+    """Conclude what `pose` began, and return `DONE` or `ASKS`.
+
+    Args:
+        constants: (1,) `plants.CONSTANTS`.
+        program: see `plants.constants`.
+        answered: whether the answer stands in `work`; if not, the plant is brought to rest.
+        part: of `pose`.
+        work: of `pose`.
+        source: of `pose`.
+        rows: (1, M) `report.ROW`, written to.
+    """
+    c = borrowed(constants)[0]
+    plant, told = part.sensed[0], part.told[0]
+    if not answered and not _stops(told.reason, plant.alarm, c.brakes):
+        told.reason = SOLVER
+        settings = program_of(c, borrowed(program), 0, 1)
+        work.u[0, 0], work.u[0, 1] = _braking_input(settings, plant, c.period)
+    _conclude(c, part, work, 0)
+    m = rows.shape[1] - part.rows.shape[1] + part.kind.shape[1]
+    at_hand.tell(source, part.rows[0], rows[0, :m])
+    return ASKS if told.reason != 0 else DONE
+
+
+@njit(cache=True, inline="always")
+def _begin(c: Any, plants: Plants) -> int:
+    """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
+    for i in range(plants.told.size):
+        u_nominal = plants.told[i].u_nominal
+        if not np.isfinite(u_nominal[0] + u_nominal[1]):
+            return NOT_FINITE
+    if not fits(plants):
+        return MISSHAPED
+    if plants.own.size == 0:
+        for i in range(plants.told.size):
+            plants.told[i].reason = look(plants.sensed[i], c.period)
+    return DONE
 
 
 @njit(cache=True, inline="always")
@@ -168,10 +241,13 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
             plant.covariance,
             w.margin[0, i],
             w.margin[1, i],
+            w.margin[2, i],
         )
         for k in range(m):
             w.margin[0, i, k] += p.own_margin[i, k]
             w.priority[i, k] = p.priority[i, k]
+            placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
+            w.strict[i, k] = placed and p.priority[i, k] == 1
     row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
     if p.own.size > 0:
         _take_rows(p, w)
@@ -186,11 +262,8 @@ def _take_rows(p: Plants, w: Work) -> None:
                 continue
             row = p.own[i, k]
             w.a[i, k, 0], w.a[i, k, 1] = row.a_x, row.a_y
-            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = (
-                row.b,
-                row.h,
-                row.alpha2_psi,
-            )
+            w.rows[B, i, k], w.rows[H, i, k] = row.b, row.h
+            w.rows[ALPHA2_PSI, i, k], w.rows[PSI, i, k] = row.alpha2_psi, row.psi
             w.margin[0, i, k] = row.margin
 
 
@@ -230,7 +303,7 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
         for k in range(m):
             w.a[i, k, 0], w.a[i, k, 1] = 0.0, 0.0
             w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = -1.0, 1.0, 1.0
-            w.margin[0, i, k] = 0.0
+            w.margin[0, i, k] = w.rows[PSI, i, k] = 0.0
     return finite
 
 
@@ -290,14 +363,21 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     u_nominal = told.u_nominal
     slack = w.answer.slack[i]
     delta = w.answer.delta[i]
-    if _stops(told.reason, plant.alarm, c.brakes):
+    stops = _stops(told.reason, plant.alarm, c.brakes)
+    if stops:
         _brake(told.reason == plant.alarm and told.reason != MOTION, w, i)
     dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]
     moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + c.radius)
     unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)
-    told.status = conclude(w.answer.status[i], moved, unsafe, slack[:m])
-    if not _stops(told.reason, plant.alarm, c.brakes):
-        told.status = max(told.status, VIOLATED * _is_unproved(p, w, i))
+    told.proved = 0
+    violated = False
+    if told.reason == 0 or told.reason == plant.alarm:  # the state is believed
+        alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
+        of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[2, i], w.rows[PSI, i, :m]
+        lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, alpha1)
+        violated = verdict.is_violated(plant, lacks, c.period, c.settles)
+        told.proved = 0 if lacks.near or lacks.fast else 1
+    told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(dx * dx + dy * dy)
     told.fallbacks = w.answer.fallbacks[i]
     speed2 = plant.x[2] ** 2 + plant.x[3] ** 2
@@ -328,25 +408,6 @@ def _brake(rows_hold: bool, w: Work, i: int) -> None:
     answer.status[i] = BACKUP
 
 
-@njit(cache=True, inline="always")
-def _is_unproved(p: Plants, w: Work, i: int) -> int:
-    """Tell whether news broke h ≥ m or ψ ≥ 0 of a strict condition, which still do not hold.
-
-    What the proposition of `docs/guarantees.md` starts from is looked at where an episode begins,
-    where a state is believed again, and where barriers are others than before.
-    """
-    plant = p.sensed[i]
-    short = 0
-    for k in range(p.kind.shape[1]):
-        placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
-        if placed and p.priority[i, k] == 1:
-            spare = min(w.rows[H, i, k] - w.margin[0, i, k], w.rows[ALPHA2_PSI, i, k])
-            short |= spare < -SHORT
-    plant.unproved = short * max(plant.news, plant.unproved)
-    plant.news = 0
-    return plant.unproved
-
-
 @njit(cache=True)
 def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
     """Tell whether a strict ``h − ρ‖∇h‖``, the whole body's where h is a distance, is below zero.
@@ -365,27 +426,3 @@ def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: floa
         if priority[k] == 1 and h[k] < reach:
             return True
     return False
-
-
-@njit(cache=True)
-def conclude(status: int, moved: bool, unsafe: bool, slack: Array) -> int:
-    """Return the status of the safety rows alone, and UNSAFE where a strict h is below zero.
-
-    A guidance row that gives way is no violation, and an input that only guidance moved is SAFE.
-
-    Args:
-        status: the program's.
-        moved: whether u is not u*.
-        unsafe: whether a strict h is below zero.
-        slack: (m,) of the safety rows.
-    """
-    if status == BACKUP:
-        return status
-    if unsafe:
-        return UNSAFE
-    met = True
-    for k in range(slack.size):
-        met = met and slack[k] == 0.0
-    if met:
-        return SAFE if moved else NOMINAL_INPUT
-    return status

@@ -1,30 +1,33 @@
 """The filter of one plant of any model, with any barriers, inputs and solver."""
 
+import operator
 import warnings
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
-from hcbf_gym.barriers.margins import derive_all
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, InvalidInputError, SolverError, finite_array
+from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, finite_array
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.programs.program import check_rows
-from hcbf_gym.wrappers import report
+from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.wrappers import report, solvers, verdict
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Integers, Mask
-from hcbf_gym.wrappers.fused import is_unsafe
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
 from hcbf_gym.wrappers.monitor import Monitor
+
+_MEMORY = np.dtype((np.record, verdict.MEMORY))
 
 
 class Conditions(NamedTuple):
@@ -34,22 +37,22 @@ class Conditions(NamedTuple):
         rows: (m,) of them.
         margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
-        unsafe: whether a strict h is below zero, for the whole body where that is known.
-        source: (m,) which condition each row stands for; None where each stands for itself.
+        strict: (m,) which are of rank 1 and on the position.
     """
 
     rows: CbfRows
     margin: Array
     conditioning: Array
-    unsafe: bool
-    source: Integers | None = None
+    strict: NDArray[np.bool_]
+
+    @property
+    def unsafe(self) -> bool:
+        """Whether h of a condition of rank 1 is below zero."""
+        return bool((self.rows.h[self.rows.priority == 1] < 0.0).any())
 
 
 class GeneralCore(FilterCore):
-    """The filter of one plant: its rows, and a program of any number of inputs.
-
-    Plants of the planar double integrator have the rows that the compiled core gives them, held
-    ones too; those of other models have usual rows from jets.
+    """The filter of one plant of a model that is not compiled: usual rows from jets, any inputs.
 
     Whatever is not finite, misshaped or too old on the way from the plant to the rows makes it
     brake, see `Backup`, for as long as that lasts; an alarm, if the plant or the user asks for
@@ -70,23 +73,25 @@ class GeneralCore(FilterCore):
         super().__init__(plant, input_set, settings, 1)
         if settings.guidance is not None:
             raise InvalidInputError(
-                f"guidance: got {settings.guidance!r} with {type(plant.model).__name__} and solver "
-                f"{settings.solver!r}, expected None: only the planar double integrator is guided"
+                f"guidance: got {settings.guidance!r} with {type(plant.model).__name__}, expected "
+                "None: only the planar double integrator is guided"
             )
         solver = {} if settings.solver is None else {"solver": settings.solver}
         self.program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
-        self._planar = plant.model == DoubleIntegrator()
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._monitor = Monitor(plant.model, plant.period, input_set)
         self._backup = Backup(plant, input_set)
         self._last_time, self._alarm = -np.inf, Reason.NONE
-        self._m = 0
+        self._memory: Any = np.zeros(1, dtype=_MEMORY)
+        self._follows = False  # whether the last state was believed
+        self._barriers: tuple[Barrier, ...] = ()
+        self._needs_time = False
         if not callable(plant.barriers):
-            late = self._check(self._scene(plant.barriers))
+            late = self._check(plant.barriers)
             if late:
                 raise InvalidInputError(late)
 
@@ -94,6 +99,8 @@ class GeneralCore(FilterCore):
         """Forget what was known of the plant: a new episode has begun."""
         self._steps[:] = 0.0
         self._last_time, self._alarm = -np.inf, Reason.NONE
+        self._memory[:] = 0
+        self._follows = False
         self._monitor.forget()
         self._backup.forget()
 
@@ -108,17 +115,20 @@ class GeneralCore(FilterCore):
         if sensed is not None:
             self._backup.know(sensed.model)
             found = self._conditions(barriers, sensed, beginning=True)
-            if found is not None and self._planar:
-                self._doubt(self.check_scene(self._scene(barriers)))
+        self._fresh[:] = False
         zeros = np.zeros(self.input_set.n_u)
         if found is None:
             return self._brake(zeros, zeros, reason or Reason.BARRIERS)
         if self._alarm and self.brakes_on_alarm:
             return self._brake(zeros, zeros, self._alarm)
-        status = FilterStatus.UNSAFE if found.unsafe else FilterStatus.NOMINAL
         slack = np.zeros(found.rows.b.size)
-        result = FilterResult(zeros, slack, slack.copy(), status, 0)
-        return self._report(zeros, result, found, self._alarm)
+        result = FilterResult(zeros, slack, slack.copy(), FilterStatus.NOMINAL, 0)
+        remembered = self._memory.copy()
+        told = self._report(zeros, result, found, self._alarm)
+        self._memory[:] = remembered
+        if told["status"] < FilterStatus.UNSAFE:
+            told["status"] = np.int64(FilterStatus.NOMINAL)
+        return told
 
     def step(
         self, u_nominal: Array, barriers: Any, estimate: Estimate
@@ -133,7 +143,10 @@ class GeneralCore(FilterCore):
         if sensed is None:
             self._backup.carry_on()
             self._monitor.skip()
+            self._follows = False
         else:
+            self._memory["news"] |= not self._follows
+            self._follows = True
             self._last_time = self._last_time if sensed.time is None else sensed.time
             self._backup.know(sensed.model)
             self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
@@ -156,11 +169,9 @@ class GeneralCore(FilterCore):
             return self._brake(wanted, self._backup.input(), Reason.BARRIERS)
         if self._alarm and self.brakes_on_alarm:
             return self._stop(wanted, found)
-        result = self._solve(wanted, found.rows)
+        result = solvers.solve(self.program, wanted, found.rows)
         if result is None:
             return self._brake(wanted, self._backup.input(), Reason.SOLVER)
-        if found.unsafe:
-            result = result._replace(status=FilterStatus.UNSAFE)
         return self._report(wanted, result, found, self._alarm, self._stands(sensed.x, wanted))
 
     def _stop(self, wanted: Array, found: Conditions) -> dict[str, Any]:
@@ -173,7 +184,7 @@ class GeneralCore(FilterCore):
         braking = self._backup.input()
         result = None
         if self._alarm != Reason.MOTION and self.plant.brake is None:
-            result = self._solve(braking, found.rows)
+            result = solvers.solve(self.program, braking, found.rows)
         if result is None:
             return self._brake(wanted, braking, self._alarm)
         result = result._replace(status=FilterStatus.BACKUP)
@@ -203,10 +214,9 @@ class GeneralCore(FilterCore):
         """
         try:
             with np.errstate(all="ignore"):
-                scene = self._scene(barriers)
-                late = self._check(scene)
-                found = self._rows(scene, sensed)
-            check_rows(_without_gaps(found.rows), self.input_set.n_u)
+                late = self._check(barriers)
+                found = self._rows(sensed)
+            check_rows(solvers.without_gaps(found.rows), self.input_set.n_u)
         except UNREADABLE:
             return None
         if late and beginning:
@@ -215,16 +225,6 @@ class GeneralCore(FilterCore):
             self._say_once(late)
             return None
         return found
-
-    def _solve(self, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
-        """Return the program's answer; None where no solver has one that is finite."""
-        try:
-            result = self.program(u_nominal, _without_gaps(rows))
-        except (SolverError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-        failed = result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all()
-        m = rows.b.size
-        return None if failed else result._replace(slack=result.slack[:m], delta=result.delta[:m])
 
     def _stands(self, x: Array, u_nominal: Array) -> bool:
         """Tell whether the plant stands though u* asks it to move, where the model knows v."""
@@ -235,40 +235,44 @@ class GeneralCore(FilterCore):
             np.linalg.norm(x[at : at + 2]) < STANDING and np.linalg.norm(u_nominal) > ASKING
         )
 
-    def _scene(self, barriers: Any) -> Any:
-        """Return barriers of the planar double integrator as a set of one scene; others as given.
-
-        Raises:
-            InvalidInputError: if they are no sequence of barriers.
-        """
-        if not self._planar or isinstance(barriers, BarrierSet):
-            return barriers
-        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
-            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        return BarrierSet([tuple(barriers)])
-
     def _check(self, barriers: Any) -> str:
         """Refuse what is no list of barriers, and return what is late in it; "" for nothing.
 
         Raises:
-            InvalidInputError: on other values, or if no input reaches a barrier.
+            InvalidInputError: on other values, if no input reaches a barrier, or a speed limit
+                cannot be satisfied.
         """
         if isinstance(barriers, BarrierSet):
-            if not self._planar or len(barriers.kind) != 1:
-                raise InvalidInputError(
-                    f"plant: got a BarrierSet of {len(barriers.kind)} scenes with "
-                    f"{self.plant.model}, expected a sequence of barriers: a set makes rows of the "
-                    "planar double integrator alone, and a plant has one scene"
-                )
-            self._m, own = barriers.kind.shape[1], tuple(barriers.own.values())
-        else:
-            own = check_barriers(barriers)
-            self._m = len(own)
+            raise InvalidInputError(
+                f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
+                "barriers: a set makes rows of the planar double integrator alone"
+            )
+        own = check_barriers(barriers)
+        if not _same(own, self._barriers):
+            self._memory["news"], self._barriers = 1, ()
+            self._check_limits(own)
+            self._needs_time = self.plant.period is None and any(
+                reads_time(barrier, self.plant.model.n) for barrier in own
+            )
+            self._barriers = own
         late = "; ".join(self._late.find(own, self._rows_of.prepare(own).reaches))
         if late and self._allows_late:
             self._say_once(f"{late}: allowed")
             return ""
         return f"{late}; {REMEDY}" if late else ""
+
+    def _check_limits(self, barriers: tuple[Barrier, ...]) -> None:
+        """Refuse speed limits that an input passes within one period.
+
+        Raises:
+            InvalidInputError: if there is one.
+        """
+        limits = [barrier for barrier in barriers if isinstance(barrier, SpeedLimit)]
+        at = self.plant.model.velocity_at
+        if limits and at is not None:
+            gain = np.linalg.norm(self.plant.model.g(np.zeros(self.plant.model.n))[at : at + 2], 2)
+            period, radius = self._hold
+            BarrierSet([limits]).check((period, float(gain) * radius), self.uncertainty.speed)
 
     def _say_once(self, message: str) -> None:
         """Warn of inputs that come late, once for all of them."""
@@ -276,42 +280,31 @@ class GeneralCore(FilterCore):
             self._said_late = True
             warnings.warn(f"safety filter: {message}", stacklevel=5)
 
-    def _rows(self, barriers: Any, sensed: Belief) -> Conditions:
-        """Return the rows (m,) of the present state, with their margins and conditioning."""
-        x, time = sensed.x, sensed.time
+    def _rows(self, sensed: Belief) -> Conditions:
+        """Return the rows (m,) of the present state, with their margins and conditioning.
+
+        Raises:
+            InvalidInputError: if the time is not known and barriers depend on it.
+        """
+        barriers, time = self._barriers, sensed.time
         if time is None:
+            if self._needs_time:
+                raise InvalidInputError("barriers: they move, and neither period nor time is known")
             time = float(self._steps[0]) * (self.plant.period or 0.0)
-        if isinstance(barriers, BarrierSet):
-            lag = np.zeros(4) if sensed.lag is None else sensed.lag
-            spread = np.zeros((4, 4)) if sensed.covariance is None else sensed.covariance
-            source = None
-            if barriers.atlas:
-                barriers, source = barriers.at_hand(
-                    self.row_settings, self.uncertainty, self.input_set.radius, x, sensed.model,
-                    lag, spread,
-                )  # fmt: skip
-            now = x[None], np.array([time])
-            margin, rate = derive_all(
-                self.uncertainty, barriers, *now, sensed.model[None], lag[None], spread[None]
-            )
-            batch = barriers.rows(*now, self.row_settings, margin, rate)
-            rows = CbfRows(*(field[0] for field in batch if field is not None))
-            seen = barriers.kind[0], rows.priority, rows.a, rows.h
-            unsafe = bool(is_unsafe(*seen, self.uncertainty.body))
-            return Conditions(rows, margin[0], np.ones(rows.b.size), unsafe, source)
         distance = self.uncertainty.distance + self.uncertainty.body
         margin = self._rows_of.prepare(barriers).margins(distance)
-        rows = self._rows_of(barriers, x, time, margin)
-        unsafe = bool((rows.h[rows.priority == 1] < 0.0).any())
-        return Conditions(rows, margin, self._rows_of.conditioning, unsafe)
+        rows = self._rows_of(barriers, sensed.x, time, margin)
+        placed = np.array([barrier.reads_position for barrier in barriers], dtype=np.bool_)
+        return Conditions(rows, margin, self._rows_of.conditioning, placed & (rows.priority == 1))
 
     def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
         """Return the report of a step in which the filter brakes, and say so once."""
         self._announcer.say(reason)
-        nothing = np.zeros(self._m)
-        rows = CbfRows(np.zeros((self._m, u.size)), nothing, nothing, nothing.astype(np.int64))
+        nothing = np.zeros(len(self._barriers))
         result = FilterResult(u, nothing, nothing, FilterStatus.BACKUP, 0)
-        return self._report(u_nominal, result, Conditions(rows, nothing, nothing, False), reason)
+        told = {"status": FilterStatus.BACKUP}
+        rows = {"margin": nothing, "conditioning": nothing}
+        return self._told(u_nominal, result, reason, told, rows)
 
     def _report(
         self,
@@ -321,50 +314,52 @@ class GeneralCore(FilterCore):
         reason: Reason,
         stands: bool = False,
     ) -> dict[str, Any]:
-        """Return what ``info["safety_filter"]`` says of one call."""
-        change = result.u - u_nominal
-        rows = {"slack": result.slack, "delta": result.delta, "margin": found.margin}
-        rows |= {"conditioning": found.conditioning}
-        if found.source is not None:
-            rows = {name: self._by_class(values, found.source) for name, values in rows.items()}
+        """Return what ``info["safety_filter"]`` says of a step whose state is believed."""
+        rows, alpha2 = found.rows, self.alpha2
+        assert rows.alpha2_psi is not None
+        psi = np.array([alpha2.inverse(value) for value in rows.alpha2_psi.tolist()])
+        leaning = np.zeros(psi.size)
+        alpha1 = self.row_settings.packed[ALPHA1 : ALPHA1 + 4]
+        lacks = verdict.shortfall(
+            found.strict, rows.h, found.margin, leaning, psi, self.dip, alpha1
+        )
+        violated = verdict.is_violated(
+            self._memory[0], lacks, self.plant.period or 0.0, self.settles
+        )
+        moved = np.abs(result.u - u_nominal).max() > NOMINAL * (1.0 + self.input_set.radius)
+        status = verdict.conclude(
+            int(result.status), bool(moved), found.unsafe, violated, result.slack
+        )
         told = {
+            "status": status,
+            "deadlock": stands,
+            "proved": not (lacks.near or lacks.fast),
+        }
+        of_rows = {"margin": found.margin, "conditioning": found.conditioning}
+        return self._told(u_nominal, result, reason, told, of_rows)
+
+    def _told(
+        self,
+        u_nominal: Array,
+        result: FilterResult,
+        reason: Reason,
+        told: dict[str, Any],
+        rows: dict[str, Array],
+    ) -> dict[str, Any]:
+        """Return the fields of `wrappers.report`: those of any step, and those that were told."""
+        change = result.u - u_nominal
+        rows = {"slack": result.slack, "delta": result.delta} | rows
+        told |= {
             "intervention": np.sqrt(change @ change),
             "fallbacks": result.fallbacks,
             "model_error": self._monitor.error,
-            "deadlock": stands,
             "alpha1_scale": self.alpha1_scale,
-            "status": result.status,
             "reason": reason,
             "covered": self._coverage[0],
         }
-        inputs = {"u_nominal": u_nominal, "u_safe": result.u}
-        return report.of_one(inputs, rows, told)
-
-    def _by_class(self, values: Array, source: Integers) -> Array:
-        """Return (m,) the greatest of what is said of the rows of each condition, 0 for none."""
-        most = np.zeros(self._m)
-        np.maximum.at(most, source, values)
-        return most
+        return report.of_one({"u_nominal": u_nominal, "u_safe": result.u}, rows, told)
 
 
-def _without_gaps(rows: CbfRows) -> CbfRows:
-    """Return rows whose ranks are 1, 2, …: what is not in sight leaves gaps in a list of barriers.
-
-    Where nothing strict is in sight, a last row of rank 1 asks for nothing.
-    """
-    ranks = np.unique(rows.priority)
-    if np.array_equal(ranks, np.arange(1, ranks.size + 1)):
-        return rows
-    lower = ranks[ranks > 1]
-    priority = np.where(rows.priority == 1, 1, 2 + np.searchsorted(lower, rows.priority))
-    rows = rows._replace(priority=priority)
-    if ranks[0] == 1:
-        return rows
-    psi = None if rows.alpha2_psi is None else np.append(rows.alpha2_psi, 0.0)
-    return CbfRows(
-        np.vstack([rows.a, np.zeros(rows.a.shape[1])]),
-        np.append(rows.b, -1.0),
-        np.append(rows.h, 1.0),
-        np.append(priority, 1),
-        psi,
-    )
+def _same(barriers: tuple[Barrier, ...], others: tuple[Barrier, ...]) -> bool:
+    """Return whether two lists hold the very same barriers."""
+    return len(barriers) == len(others) and all(map(operator.is_, barriers, others))

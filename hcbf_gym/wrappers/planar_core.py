@@ -14,8 +14,8 @@ from hcbf_gym.barriers.margins import derive_all
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.wrappers import fused, senses
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
+from hcbf_gym.wrappers import fused, senses, solvers
 from hcbf_gym.wrappers.belief import real_numbers
 from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
 from hcbf_gym.wrappers.intake import Intake
@@ -26,6 +26,9 @@ from hcbf_gym.wrappers.way import Way
 
 class PlanarCore(FilterCore):
     """The filter of N planar double integrators, in compiled code.
+
+    A solver by name takes the place of the compiled program alone: what is believed, the rows and
+    the verdict are the same.
 
     Args:
         plant: of the environment.
@@ -48,12 +51,18 @@ class PlanarCore(FilterCore):
         program = programs.make_batch(
             settings.program, input_set=input_set, **self.program_options
         ).settings_of(count)
+        self._solver: programs.Program | None = None
+        if settings.solver is not None:
+            self._solver = programs.make(
+                settings.program, input_set=input_set, solver=settings.solver,
+                **self.program_options,
+            )  # fmt: skip
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._way = Way(settings.guidance, count)
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": self._period}
         numbers |= {"has_way": self._way.guides, "through": self._way.through}
-        numbers |= {"brakes": self.brakes_on_alarm}
+        numbers |= {"brakes": self.brakes_on_alarm, "dip": self.dip, "settles": self.settles}
         self._constants, self._program = constants(program, numbers)
         self._guides_by_row = program.guided and self._way.guides
         self._intake = Intake(plant, count)
@@ -62,10 +71,13 @@ class PlanarCore(FilterCore):
         self._m = 0
         self._no_rows = self._own_rows = np.zeros((0, 0), dtype=OWN_ROW)
         self._scene = BarrierSet([()] * count)
+        self._version = self._scene.version.copy()
+        self._refused = self._needs_time = False
         self._listed: tuple[Any, ...] = ()
         self._checked: tuple[Any, ...] = ()
         if not callable(plant.barriers):
-            self._read_barriers(plant.barriers)
+            self._scene = self._read_barriers(plant.barriers)
+            self._scene.check(self._hold, plant.uncertainty.speed)
             self._check_inputs()
 
     def restart(self, mask: Mask) -> None:
@@ -82,8 +94,7 @@ class PlanarCore(FilterCore):
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""
         intake, kept_clear = self._intake, self.uncertainty.distance + self.uncertainty.body
-        intake.take(estimate, self._time(estimate))
-        self._take_barriers(barriers)
+        self._take(barriers, estimate)
         with contextlib.suppress(UnreachableError):  # its rows brake
             self._check_inputs()
         self._doubt(self.check_scene(self._scene.of(self._fresh)))
@@ -107,8 +118,7 @@ class PlanarCore(FilterCore):
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
         intake, sheet, way = self._intake, self._sheet, self._way
-        intake.take(estimate, None if estimate.time is not None else self._time(estimate))
-        self._take_barriers(barriers)
+        self._take(barriers, estimate)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._make_room(scene.kind.shape[1])
@@ -118,7 +128,7 @@ class PlanarCore(FilterCore):
             self._make_rows(scene)
         if way.guides:
             way.lead(scene, intake, sheet.plants["u_nominal"])
-        said = fused.filter_plants(
+        said = self._filter(
             self._constants,
             self._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
@@ -175,33 +185,69 @@ class PlanarCore(FilterCore):
         wanted = real_numbers(asked, (2,))
         return self.input_set.project(np.zeros(2) if wanted is None else wanted)
 
-    def _take_barriers(self, barriers: Any) -> None:
-        """Note the barriers as they are now; what cannot be satisfied is taken for none.
+    def _filter(self, *arrays: Any) -> int:
+        """Filter what stands in the arrays of `fused.filter_plants`, and return what that says."""
+        if self._solver is None:
+            return fused.filter_plants(*arrays)
+        said, part, work, source = fused.pose(*arrays)
+        if said != fused.DONE:
+            return said
+        answered = solvers.answer(self._solver, work)
+        return fused.close(*arrays[:2], answered, part, work, source, arrays[-1])
 
-        Where they are none, the plants are not believed.
+    def _take(self, barriers: Any, estimate: Estimate) -> None:
+        """Note the states, and the barriers as they are now.
+
+        What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
+        Where barriers move, and neither the estimate nor the period tells the time, nor are they.
         """
-        if isinstance(barriers, BarrierSet) and barriers.kind.shape[0] == self.count:
-            self._scene = barriers
-            return
-        if _same(barriers, self._listed):
-            return
-        self._intake.plants["news"] = 1
+        intake = self._intake
+        intake.take(estimate, None if estimate.time is not None else self._time(estimate))
         try:
-            self._read_barriers(barriers)
+            scene = self._read_barriers(barriers)
         except InvalidInputError:
-            self._listed = ()
-            self._intake.blame(Reason.BARRIERS, self._intake.plants["fault"] == 0)
+            self._listed, self._refused = (), True
+            self._version = np.full(self.count, -1)
+        else:
+            self._note_news(scene)
+        if self._refused:
+            intake.blame(Reason.BARRIERS, intake.plants["fault"] == 0)
+        elif self._needs_time and estimate.time is None:
+            intake.blame(Reason.CLOCK, intake.plants["fault"] == 0)
 
-    def _read_barriers(self, barriers: Any) -> None:
-        """Make a scene of a list of barriers.
+    def _note_news(self, scene: BarrierSet) -> None:
+        """Take a scene for the present one; what is news in it is looked at."""
+        if scene is self._scene and np.array_equal(scene.version, self._version):
+            return
+        news = np.ones(self.count, dtype=np.bool_)
+        if scene is self._scene:
+            news = scene.version != self._version
+        self._intake.plants["news"][news] = 1
+        self._scene, self._version = scene, scene.version.copy()
+        changed = news & ~self._fresh & (self._coverage == Coverage.COVERED)
+        self._coverage[changed] = Coverage.SCENE  # it was covered with the scene that it began in
+        self._sheet.plants["covered"] = self._coverage
+        self._needs_time = self.plant.period is None and bool(scene.moves.any())
+        self._refused = False
+        try:
+            scene.check(self._hold, self.plant.uncertainty.speed)
+        except InvalidInputError:
+            self._refused = True
+
+    def _read_barriers(self, barriers: Any) -> BarrierSet:
+        """Return barriers as a set; the present one where they are the list that was read last.
 
         Raises:
-            InvalidInputError: if it is none, or a speed limit cannot be satisfied.
+            InvalidInputError: if they are none.
         """
+        if isinstance(barriers, BarrierSet) and barriers.kind.shape[0] == self.count:
+            return barriers
+        if _same(barriers, self._listed):
+            return self._scene
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        self._scene, self._listed = BarrierSet([tuple(barriers)]), tuple(barriers)
-        self._scene.check(self.row_settings, self.plant.uncertainty.speed)
+        scene, self._listed = BarrierSet([tuple(barriers)]), tuple(barriers)
+        return scene
 
     def _make_room(self, m: int) -> None:
         """Make room for m rows, and for one of guidance under a program that has a last rank."""
@@ -224,6 +270,8 @@ class PlanarCore(FilterCore):
             return
         out["a_x"], out["a_y"] = rows.a[..., 0], rows.a[..., 1]
         out["b"], out["h"], out["alpha2_psi"] = rows.b, rows.h, rows.alpha2_psi
+        psi = [self.alpha2.inverse(value) for value in rows.alpha2_psi.ravel().tolist()]
+        out["psi"] = np.reshape(psi, out.shape)
 
 
 def _same(barriers: Any, listed: tuple[Any, ...]) -> bool:

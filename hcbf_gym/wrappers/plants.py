@@ -35,6 +35,8 @@ CONSTANTS = np.dtype(
             *((name, "f8") for name in Uncertainty._fields),
             ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
             ("period", "f8"),  # T [s], 0 where it is not known
+            ("dip", "f8"),  # what usual rows reserve against dips between samples
+            ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
             # guidance
             ("has_way", "?"),
             ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
@@ -62,7 +64,7 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
 
 
 OWN_ROW = np.dtype(
-    (np.record, [(name, "f8") for name in ("a_x", "a_y", "b", "h", "alpha2_psi", "margin")])
+    (np.record, [(name, "f8") for name in ("a_x", "a_y", "b", "h", "alpha2_psi", "psi", "margin")])
 )
 """A row of a user's own barrier, made in Python."""
 
@@ -101,7 +103,8 @@ class Work(NamedTuple):
         a: (n, M, 2) gradients.
         rows: (4, n, M) b, h, α₂(ψ) and ψ.
         priority: (n, M).
-        margin: (2, n, m) margins and their rates.
+        margin: (3, n, m) margins, their rates, and what leans of them.
+        strict: (n, m) which conditions are of rank 1 and on the position.
         answer: of the program, with a leading n.
         polygons: the program's own.
     """
@@ -111,6 +114,7 @@ class Work(NamedTuple):
     rows: Array
     priority: Integers
     margin: Array
+    strict: NDArray[np.bool_]
     answer: FilterResult
     polygons: Workspace
 
@@ -145,7 +149,8 @@ def make_work(settings: Settings, n: int, m: int, total: int) -> Work:
         np.empty((n, total, 2)),
         np.empty((4, n, total)),
         np.empty((n, total), dtype=np.int64),
-        np.empty((2, n, m)),
+        np.empty((3, n, m)),
+        np.empty((n, m), dtype=np.bool_),
         FilterResult(
             np.empty((n, 2)),
             np.empty((n, total)),

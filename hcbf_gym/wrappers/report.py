@@ -27,6 +27,7 @@ PLANT = np.dtype(
             ("status", "i8"),  # a `programs.FilterStatus`
             ("reason", "i8"),  # a `models.plant.Reason`
             ("covered", "i8"),  # a `models.plant.Coverage`
+            ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
         ],
     )
 )

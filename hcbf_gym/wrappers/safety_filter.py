@@ -25,6 +25,7 @@ from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_opti
 from hcbf_gym.wrappers.general_core import GeneralCore
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.planar_core import PlanarCore
+from hcbf_gym.wrappers.readers import Readers
 
 Array = NDArray[np.float64]
 
@@ -130,11 +131,14 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         self._shape = (self._input_set.n_u,)
         self._observation: Any = None
         self._info: dict[str, Any] = {}
+        self._begun = False
+        self._readers = Readers(self.plant)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start a new episode, and report on its first state."""
+        self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
         return self.join(observation, info)
 
@@ -153,15 +157,21 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         covered = read(self.plant.covered, inner, observation, info)
         self._core.cover(Coverage.OUTSIDE if self._limits else covered)
         info["safety_filter"] = self._core.begin(*self._sense(), goal, extent)
+        self._begun = True
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Filter u* and step the environment with the result."""
+        """Filter u* and step the environment with the result.
+
+        Raises:
+            InvalidInputError: if no episode has begun, or u* is not made of n_u finite numbers.
+        """
+        _check_begun(self._begun)
         plant = self.plant
         wanted = action if plant.from_action is None else plant.from_action(action)
         u_nominal = _input(wanted, self._shape)
         u, report = self._core.step(u_nominal, *self._sense())
-        applied = u if plant.to_action is None else plant.to_action(u)
+        applied = _as_action(u, self.env) if plant.to_action is None else plant.to_action(u)
         observation, reward, terminated, truncated, info = self.env.step(applied)
         self._observation, self._info = observation, info
         info["safety_filter"] = report
@@ -169,8 +179,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
 
     def _sense(self) -> tuple[Any, Estimate]:
         """Return the barriers and the state as the plant gives them now."""
-        inner, observation, info = self._inner, self._observation, self._info
-        return _sensed(self.plant, inner, observation, info)
+        return self._readers(self._inner, self._observation, self._info)
 
 
 class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
@@ -229,6 +238,8 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
         self._limits = _limits(settings, self.plant, one, [])
+        self._readers = Readers(self.plant)
+        self._begun = False
         self._reporter = Reporter(env, "safety_filter")
 
     @property
@@ -243,18 +254,26 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """Start new episodes and report on their first states."""
+        begun, self._begun = self._begun, False
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = as_array("reset_mask", options["reset_mask"])
         self._reporter.at_reset(info, self._begin(mask), options)
+        self._begun = begun or bool(mask.all())
         return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Filter u* (N, 2) [m/s²] and step the environments with the result."""
+        """Filter u* (N, 2) [m/s²] and step the environments with the result.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
+        _check_begun(self._begun)
         u_nominal = _input(actions, (self.num_envs, 2))
         u, report = self._core.step(u_nominal, *self._sense())
-        observation, reward, terminated, truncated, info = self.env.step(u)
+        applied = u.astype(cast(Any, self.env.action_space.dtype))
+        observation, reward, terminated, truncated, info = self.env.step(applied)
         self._reporter.at_step(info, report, self._begin, terminated | truncated)
         return observation, reward, terminated, truncated, info
 
@@ -270,19 +289,12 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
 
     def _sense(self) -> tuple[Any, Estimate]:
         """Return the barriers and the states as the plant gives them now."""
-        return _sensed(self.plant, self.env.unwrapped, None, {})
-
-
-def _sensed(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> tuple[Any, Estimate]:
-    """Return the barriers and the state as a plant gives them now."""
-    barriers = read(plant.barriers, env, observation, info)
-    state = plant.state(env, observation, info)
-    return barriers, state if isinstance(state, Estimate) else Estimate(state)
+        return self._readers(self.env.unwrapped, None, {})
 
 
 def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> FilterCore:
     """Return the core that fits a plant: compiled for the planar double integrator."""
-    if plant.model == DoubleIntegrator() and settings.solver is None:
+    if plant.model == DoubleIntegrator():
         return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
 
@@ -348,13 +360,36 @@ def _under(plant: Plant, certificate: Certificate | None, env: Any) -> Plant:
     return plant if certificate is None else certified(plant, certificate, env)
 
 
+def _check_begun(begun: bool) -> None:
+    """Refuse a step before a reset, or after one that failed.
+
+    Raises:
+        InvalidInputError: if no episode has begun.
+    """
+    if not begun:
+        raise InvalidInputError(
+            "safety filter: got a step before a reset that succeeded, expected reset() first"
+        )
+
+
+def _as_action(u: Array, env: gym.Env) -> Any:
+    """Return u as the environment's action space has it: a Box of 32 bits gets 32 bits."""
+    space = env.action_space
+    return u.astype(space.dtype) if isinstance(space, gym.spaces.Box) else u
+
+
 def _check_order(env: Any) -> None:
-    """Refuse a held decision between filter and environment, which no action space shows.
+    """Refuse what no action space shows: a held decision inside, episodes that begin unseen.
 
     Raises:
         InvalidInputError: if there is one.
     """
     while env is not env.unwrapped:
+        if isinstance(env, gym.wrappers.Autoreset):
+            raise InvalidInputError(
+                "safety filter: got an Autoreset inside, so that episodes would begin without the "
+                "filter; expected it outside: Autoreset(SafetyFilter(env))"
+            )
         if isinstance(env, HoldAction | VectorHoldAction):
             name = type(env).__name__
             raise InvalidInputError(

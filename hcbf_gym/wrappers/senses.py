@@ -1,6 +1,6 @@
 """What the filter of N planar double integrators believes: states looked at, plants watched.
 
-A state that is not finite or beyond `FARTHEST`, of no time or too old is not believed: the model
+A state that is not finite or too far away, of no time or too old is not believed: the model
 propagates the last one that was, under the input that was applied. Two signals tell whether the
 plant is the declared one: `monitor` has the input's. The motion's compares the body's position with
 its velocity. With
@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
+from hcbf_gym.wrappers import verdict
+from hcbf_gym.wrappers.belief import are_near, is_covariance
 from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account
 
 DRIFT = 0.01
@@ -56,8 +57,7 @@ PLANT = np.dtype(
             ("believed_at", "f8"),  # its time [s]
             ("follows", "i8"),  # whether the last sample was believed
             ("known", "i8"),  # whether any was, since the reset
-            ("news", "i8"),  # whether barriers, or a state after none, came in unforeseen
-            ("unproved", "i8"),  # whether such news left a strict h or ψ short, until they are not
+            *verdict.MEMORY,
             ("alarm", "i8"),  # a `Reason`, until the next reset
         ],
     )
@@ -105,21 +105,8 @@ def look(plant: Any, period: float) -> int:
 @njit(cache=True, error_model="numpy")
 def _is_sound(plant: Any) -> bool:
     """Tell whether a plant is where anything can be, and its covariance may be one."""
-    x, model, lag, p = plant.x, plant.model, plant.lag, plant.covariance
-    sound = True
-    for k in range(4):  # of what is no number that is false, too
-        sound &= abs(x[k]) <= FARTHEST and abs(model[k]) <= FARTHEST and abs(lag[k]) <= FARTHEST
-    total = 0.0
-    for j in range(4):
-        for k in range(4):
-            total += p[j, k]
-    if total == 0.0 and p[0, 0] == 0.0 and p[1, 1] == 0.0:
-        return sound  # the truth, or near it
-    for j in range(4):
-        sound &= p[j, j] >= 0.0 and np.isfinite(p[j, j])
-        for k in range(4):
-            sound &= p[j, k] * p[j, k] <= p[j, j] * p[k, k] * (1.0 + 1e-6) + 1e-18
-    return sound
+    near = are_near(plant.x) and are_near(plant.model) and are_near(plant.lag)
+    return near and is_covariance(plant.covariance)
 
 
 @njit(cache=True, error_model="numpy")

@@ -113,8 +113,8 @@ def test_no_scene_of_this_package_asks_for_too_much(name):
 def test_a_margin_that_leaves_nothing_of_a_speed_limit_is_refused():
     scenes = BarrierSet([[POND, SpeedLimit("cap", 1, 0.36)]])
     with pytest.raises(InvalidInputError, match=r"got 0\.36 m/s, expected above 0\.36"):
-        scenes.check(RowSettings(), 0.18)
-    scenes.check(RowSettings(), 0.17)
+        scenes.check((None, 7.0), 0.18)
+    scenes.check((None, 7.0), 0.17)
 
 
 def weak_scene(limit):

@@ -144,7 +144,7 @@ def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_
     rng = np.random.default_rng(seed)
     n, how = 200, RowSettings(period=0.02, u_max=U_MAX)
     barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
-    barriers.check(how)
+    barriers.check((0.02, U_MAX))
     heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
     highest = np.sqrt(v_max**2 - 2.0 * v_max * margin)
     speed = fill * highest
@@ -216,7 +216,7 @@ def test_braking_meets_every_row_of_a_standing_region(kind):
         lambda: RowSettings(alpha1=LinearClassK(30.0), period=0.05, u_max=1.0),
         lambda: RowSettings(period=0.02),
         lambda: RowSettings(period=-0.02, u_max=1.0),
-        lambda: BarrierSet([[SpeedLimit("cap", 1, 0.1)]]).check(RowSettings(period=0.02, u_max=7)),
+        lambda: BarrierSet([[SpeedLimit("cap", 1, 0.1)]]).check((0.02, 7.0)),
     ],
 )
 def test_settings_under_which_no_row_can_hold_are_refused(make):

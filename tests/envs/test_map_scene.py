@@ -192,7 +192,7 @@ def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
     zone = MapClass("zone", 1, "speed", cells(4), limit=0.05)
     scenes = BarrierSet([[room(0, zone=zone)]])
     with pytest.raises(InvalidInputError, match="speed zone"):
-        scenes.check(RowSettings(period=0.02, u_max=7.1))
+        scenes.check((0.02, 7.1))
 
 
 def test_a_zone_that_comes_up_with_such_a_limit_is_not_believed():

@@ -1,0 +1,60 @@
+"""A program with a solver by name, in the place of the compiled one."""
+
+import numpy as np
+
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.errors import SolverError
+from hcbf_gym.models.input_sets import Array
+from hcbf_gym.programs import FilterResult, FilterStatus, Program
+from hcbf_gym.wrappers.plants import Work
+
+
+def answer(program: Program, work: Work) -> bool:
+    """Write a program's answer for one plant, and return whether there is one.
+
+    Args:
+        program: with its solver.
+        work: the rows and the input that is asked for; the answer is written to.
+    """
+    b, h, alpha2_psi = work.rows[B, 0], work.rows[H, 0], work.rows[ALPHA2_PSI, 0]
+    result = solve(program, work.u[0], CbfRows(work.a[0], b, h, work.priority[0], alpha2_psi))
+    if result is None:
+        return False
+    for place, value in zip(work.answer, result, strict=True):
+        place[0] = value
+    return True
+
+
+def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
+    """Return a program's answer; None where no solver has one that is finite."""
+    try:
+        result = program(u_nominal, without_gaps(rows))
+    except (SolverError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    failed = result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all()
+    m = rows.b.size
+    return None if failed else result._replace(slack=result.slack[:m], delta=result.delta[:m])
+
+
+def without_gaps(rows: CbfRows) -> CbfRows:
+    """Return rows whose ranks are 1, 2, …: what is not in sight leaves gaps in a list of barriers.
+
+    Where nothing strict is in sight, a last row of rank 1 asks for nothing.
+    """
+    ranks = np.unique(rows.priority)
+    if np.array_equal(ranks, np.arange(1, ranks.size + 1)):
+        return rows
+    lower = ranks[ranks > 1]
+    priority = np.where(rows.priority == 1, 1, 2 + np.searchsorted(lower, rows.priority))
+    rows = rows._replace(priority=priority)
+    if ranks[0] == 1:
+        return rows
+    psi = None if rows.alpha2_psi is None else np.append(rows.alpha2_psi, 0.0)
+    return CbfRows(
+        np.vstack([rows.a, np.zeros(rows.a.shape[1])]),
+        np.append(rows.b, -1.0),
+        np.append(rows.h, 1.0),
+        np.append(priority, 1),
+        psi,
+    )

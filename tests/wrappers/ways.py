@@ -1,0 +1,334 @@
+"""Every way to hand barriers over, in front of every core: what `test_ways_in` drives.
+
+A wall stands across the way of a point, a piece of a class with any name. Each way says where it
+stands in its own terms; each core filters the same point.
+"""
+
+import warnings
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import hcbf_gym
+from hcbf_gym import maps, models, scenarios, wrappers
+from hcbf_gym.barriers import Barrier, BarrierSet, ConvexPolygon, Disc, Jet, Shapes
+from hcbf_gym.envs.regions import RegionsEnv
+from hcbf_gym.envs.regions_vector import RegionsVectorEnv
+from hcbf_gym.models.plant import Estimate
+from hcbf_gym.online import Robot, VelocityFilter
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import Response
+from hcbf_gym.scenarios.references import PointReference
+
+T = 0.02
+LIMIT = 5.0
+FAR = 20.0
+AHEAD = np.array([LIMIT, 0.0])
+CALM = FilterStatus.VIOLATED  # what is below it promises something
+HALF, THICK = 3.0, 1.0
+GRID = maps.Grid(0.05, (-5.0, -HALF, 0.0), (120, 600))
+
+
+@dataclass
+class Scene:
+    """What stands around.
+
+    Args:
+        wall: where the near side of the wall is [m].
+        others: further conditions.
+    """
+
+    wall: float = FAR
+    others: tuple[Any, ...] = ()
+
+    def corners(self):
+        near, far = self.wall, self.wall + THICK
+        return [(near, -HALF), (far, -HALF), (far, HALF), (near, HALF)]
+
+    def listed(self):
+        return [ConvexPolygon("wall", 1, self.corners()), *self.others]
+
+    def shapes(self):
+        return [Shapes("wall", 1, "convex-polygon", [self.corners()]), *self.others]
+
+    def mapped(self):
+        cells = np.zeros(GRID.shape, dtype=np.bool_)
+        at = round((self.wall - GRID.origin[0]) / GRID.resolution)
+        cells[:, at : at + round(THICK / GRID.resolution)] = True
+        return [maps.RankedMap(GRID, (maps.MapClass("wall", 1, "keepout", cells),)), *self.others]
+
+    def scanned(self):
+        """All of the wall as points: a scan of its near side alone would be hollow."""
+        x, y = np.meshgrid(self.wall + np.arange(0.02, THICK, 0.04), np.arange(-1.0, 1.0, 0.04))
+        points = np.column_stack([x.ravel(), y.ravel()])
+        return [maps.Scan("wall", points, (0.0, 0.0, 0.0)), *self.others]
+
+    def distance(self, x, t):
+        """How far a point is from what is strict [m]."""
+        out = max(self.wall - x[0], x[0] - self.wall - THICK, abs(x[1]) - HALF)
+        return min([out, *(disc.h(x, t) for disc in self.others if isinstance(disc, Disc))])
+
+
+WAYS = ("list", "reader", "shapes", "new set", "set in place", "map", "scan", "change_scene")
+
+
+class Ways:
+    """The ways, by name: scene → what a reader returns. Those that set in place remember it."""
+
+    def __init__(self, name, count=1):
+        self.name, self.count = name, count
+        self.latest, self.said = None, None
+
+    def __call__(self, scene):
+        if self.latest is scene:
+            return self.said
+        parts = {"shapes": scene.shapes, "map": scene.mapped, "scan": scene.scanned}
+        listed = parts.get(self.name, scene.listed)()
+        if self.name == "new set" or (self.count > 1 and self.name != "set in place"):
+            self.said = BarrierSet([listed] * self.count)
+        elif self.name == "list" and self.said is not None:
+            self.said[:] = listed
+        elif self.name == "set in place" and self.said is not None and fits(self.said, listed):
+            for i in range(self.count):
+                self.said.set_scene(i, listed)
+        elif self.name == "set in place":
+            self.said = BarrierSet([listed] * self.count)
+        else:
+            self.said = listed
+        self.latest = scene
+        return self.said
+
+
+def fits(known, listed):
+    return known.kind.shape[1] == len(listed)
+
+
+@dataclass
+class World:
+    """The truth, and what is said of it.
+
+    Args:
+        model: by which the point moves.
+        scene: what stands around.
+        lie: estimate → what the sensors say.
+        raises: whether the reader raises.
+    """
+
+    model: Any = field(default_factory=models.DoubleIntegrator)
+    scene: Scene = field(default_factory=Scene)
+    lie: Any = None
+    raises: bool = False
+
+    def __post_init__(self):
+        self.x, self.steps = np.zeros(4), 0
+        self.entered = False
+
+    def estimate(self):
+        if self.raises:
+            raise RuntimeError("the sensor is not plugged in")
+        truth = Estimate(self.x.copy(), time=T * self.steps)
+        return truth if self.lie is None else self.lie(truth)
+
+    def move(self, u):
+        """Apply u for a period; look whether the wall is entered on the way."""
+        self.entered = False
+        for k in range(20):
+            self.x = self.model.step(self.x, np.asarray(u, dtype=np.float64), T / 20)
+            now = T * (self.steps + (k + 1) / 20)
+            self.entered |= bool(self.scene.distance(self.x, now) < -1e-6)
+        self.steps += 1
+
+
+class Point(gym.Env):
+    """The world as an environment."""
+
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
+    action_space = gym.spaces.Box(-LIMIT, LIMIT, (2,), np.float64)
+
+    def __init__(self, world):
+        self.world = world
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self.world.x.copy(), {}
+
+    def step(self, u):
+        assert self.action_space.contains(u)
+        self.world.move(u)
+        return self.world.x.copy(), 0.0, False, False, {}
+
+
+class Single:
+    """`SafetyFilter` around the point."""
+
+    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+        self.world = world
+        ways = Ways(way)
+        ways(world.scene)
+        given = ways.said if way == "list" else lambda *_: ways(world.scene)
+        self.ways = ways
+        plant = hcbf_gym.Plant(
+            world.model, given, lambda *_: world.estimate(), period=period, goal=goal, max_age=0.1
+        )  # fmt: skip
+        self.env = wrappers.SafetyFilter(Point(world), plant=plant, guidance=guidance, **options)
+
+    def reset(self):
+        return self.env.reset(seed=0)[1]["safety_filter"]
+
+    def step(self, u=AHEAD):
+        self.ways(self.world.scene)
+        return self.env.step(u)[4]["safety_filter"]
+
+
+class Changed(Single):
+    """The package's environment, whose scene is changed in an episode."""
+
+    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+        self.world = world
+        self.latest = world.scene
+        inner = RegionsEnv(scenario=self.scenario())
+
+        def state(env, *_):
+            world.x[:] = inner.rom_state
+            return world.estimate()
+
+        plant = replace(inner.plant, state=state, max_age=0.1, goal=goal)
+        self.env = wrappers.SafetyFilter(inner, plant=plant, guidance=guidance, **options)
+
+    def scenario(self):
+        return scenarios.Scenario(
+            "wall", tuple(self.world.scene.listed()),
+            PointReference((FAR - 1.0, 0.0)),
+        )  # fmt: skip
+
+    def reset(self):
+        return self.env.reset(seed=0)[1]["safety_filter"]
+
+    def step(self, u=AHEAD):
+        world, inner = self.world, self.env.unwrapped
+        if world.scene is not self.latest:
+            self.latest = world.scene
+            inner.change_scene(self.scenario())
+        pushed = inner.rom_state if world.lie or world.raises else world.x.copy()
+        inner._batch.x[0] = pushed
+        world.x = inner.rom_state.copy()
+        report = self.env.step(u.astype(np.float32))[4]["safety_filter"]
+        world.move(report["u_safe"])
+        world.x = inner.rom_state.copy()
+        return report
+
+
+class Batched:
+    """`VectorSafetyFilter`: the second of three points is lied to, the others are not."""
+
+    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+        self.world = world
+        ways, count = Ways(way, 3), 3
+        calm = np.array([[-3.0, 0.0, 0.0, 0.0]] * count)
+
+        def state(*_):
+            told = world.estimate()
+            each = [Estimate(x, time=told_time(world)) for x in calm]
+            each[1] = told
+            return stacked(each)
+
+        plant = hcbf_gym.Plant(
+            models.DoubleIntegrator(), lambda *_: ways(world.scene), state, period=period,
+            input_set=models.Box.symmetric(LIMIT), goal=goal, max_age=0.1,
+        )  # fmt: skip
+
+        class Envs(RegionsVectorEnv):
+            @property
+            def plant(self):
+                return plant
+
+        self.env = wrappers.VectorSafetyFilter(
+            Envs(count, scenario="paper-simulation"), guidance=guidance, **options
+        )
+
+    def reset(self):
+        return self.of_one(self.env.reset(seed=0)[1]["safety_filter"])
+
+    def step(self, u=AHEAD):
+        report = self.env.step(np.array([0.0 * u, u, 0.0 * u]))[4]["safety_filter"]
+        if not self.world.raises:
+            assert report["status"][[0, 2]].max() < FilterStatus.BACKUP or is_scene(report)
+        one = self.of_one(report)
+        self.world.move(one["u_safe"])
+        return one
+
+    @staticmethod
+    def of_one(report):
+        return {name: value[1] for name, value in report.items() if len(value) == 3}
+
+
+def is_scene(report):
+    """Whether it is the barriers, which the three share, that are not believed."""
+    return report["reason"][0] == hcbf_gym.models.plant.Reason.BARRIERS
+
+
+def told_time(world):
+    return T * world.steps
+
+
+def stacked(each):
+    """N estimates as one; what one of them does not have is zero."""
+    made = {}
+    for name in Estimate._fields:
+        parts = [getattr(one, name) for one in each]
+        if all(part is None for part in parts):
+            made[name] = None
+            continue
+        known = next(part for part in parts if part is not None)
+        blank = np.zeros(np.shape(known)) if name != "model" else None
+        made[name] = np.array([blank if part is None else part for part in parts], dtype=float)
+    return Estimate(**made)
+
+
+class Driven:
+    """`VelocityFilter` in a loop: an ideal robot that takes velocities."""
+
+    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+        self.world = world
+        self.ways = Ways(way)
+        exact = Response(
+            gain=(1.0, 1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.0, 0.0, 0.0),
+            sway=0.0, overshoot=0.0, rise=0.7, stopping=0.1, braking=LIMIT, falls=0, seconds=60.0,
+        )  # fmt: skip
+        robot = Robot(Command(forward=3.0, sideways=3.0, turn=1.0), exact)
+        self.filter = VelocityFilter(
+            robot, self.ways(world.scene), period=T, guidance=guidance, goal=goal, **options
+        )
+
+    def reset(self):
+        self.filter.reset()
+
+    def step(self, u=AHEAD):
+        world = self.world
+        told = world.estimate()
+        self.filter.barriers = self.ways(world.scene)
+        pose = None if told.x is None else (told.x[0], told.x[1], 0.0)
+        twist = None if told.x is None else (told.x[2], told.x[3], 0.0)
+        wanted = (3.0 * np.sign(u[0]), 0.0, 0.0)
+        now = None if told.age is None else told.time + told.age
+        command, report = self.filter.step(wanted, pose, twist, told.time, now)
+        world.move(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
+        return report
+
+
+@dataclass(frozen=True)
+class Broken(Barrier):
+    """A condition of one's own whose derivatives are no numbers."""
+
+    def jet(self, x, t=0.0):
+        n = len(x)
+        return Jet(1.0, np.full(n, np.nan), np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
+
+
+def quietly(call, *arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return call(*arguments)
