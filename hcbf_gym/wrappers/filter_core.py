@@ -79,6 +79,7 @@ class FilterCore(ABC):
         row_settings: how rows are made, for a held input where that was asked for.
         uncertainty: what they reserve.
         dip: what of it usual rows reserve against dips between samples [unit of h].
+        sway: what of the constant part a robot may use that is not its model [m].
         settles: how long the robot takes to follow [s]; 0 for one that is its model.
 
     Args:
@@ -111,6 +112,7 @@ class FilterCore(ABC):
         self.dip = 0.0 if held else self.uncertainty.distance - own
         leans = self.uncertainty.cap > 0.0
         self.settles = self.uncertainty.per_velocity if leans else 0.0
+        self.sway = 0.5 * self.uncertainty.distance if leans else 0.0
         self._hold = plant.period, input_set.radius
         if plant.period is None:
             warnings.warn(

@@ -374,9 +374,9 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     if told.reason == 0 or told.reason == plant.alarm:  # the state is believed
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
         of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[2, i], w.rows[PSI, i, :m]
-        lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, alpha1)
+        lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, lacks, c.period, c.settles)
-        told.proved = 0 if lacks.near or lacks.fast else 1
+        told.proved = 0 if lacks.any else 1
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(dx * dx + dy * dy)
     told.fallbacks = w.answer.fallbacks[i]

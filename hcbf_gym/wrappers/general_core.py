@@ -321,7 +321,7 @@ class GeneralCore(FilterCore):
         leaning = np.zeros(psi.size)
         alpha1 = self.row_settings.packed[ALPHA1 : ALPHA1 + 4]
         lacks = verdict.shortfall(
-            found.strict, rows.h, found.margin, leaning, psi, self.dip, alpha1
+            found.strict, rows.h, found.margin, leaning, psi, self.dip, self.sway, alpha1
         )
         violated = verdict.is_violated(
             self._memory[0], lacks, self.plant.period or 0.0, self.settles
@@ -333,7 +333,7 @@ class GeneralCore(FilterCore):
         told = {
             "status": status,
             "deadlock": stands,
-            "proved": not (lacks.near or lacks.fast),
+            "proved": not lacks.any,
         }
         of_rows = {"margin": found.margin, "conditioning": found.conditioning}
         return self._told(u_nominal, result, reason, told, of_rows)

@@ -62,7 +62,8 @@ class PlanarCore(FilterCore):
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": self._period}
         numbers |= {"has_way": self._way.guides, "through": self._way.through}
-        numbers |= {"brakes": self.brakes_on_alarm, "dip": self.dip, "settles": self.settles}
+        numbers |= {"brakes": self.brakes_on_alarm, "dip": self.dip}
+        numbers |= {"sway": self.sway, "settles": self.settles}
         self._constants, self._program = constants(program, numbers)
         self._guides_by_row = program.guided and self._way.guides
         self._intake = Intake(plant, count)

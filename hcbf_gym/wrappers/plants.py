@@ -36,6 +36,7 @@ CONSTANTS = np.dtype(
             ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
             ("period", "f8"),  # T [s], 0 where it is not known
             ("dip", "f8"),  # what usual rows reserve against dips between samples
+            ("sway", "f8"),  # what of d a robot may use that is not its model
             ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
             # guidance
             ("has_way", "?"),

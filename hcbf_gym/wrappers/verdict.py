@@ -2,10 +2,13 @@ r"""What a step may be called: whether rank 1 is proved, and the status that fol
 
 The proposition of `docs/guarantees.md` starts from h ≥ m and ψ ≥ 0 of every strict condition on
 the position. A step at which both hold is *proved*. One at which they do not is VIOLATED, whatever
-brought it there: a conflict, a push, a fix, barriers that are news. There is one exception. Where
-the robot leans at a wall, the part of m that stands for its tracking error jumps, with nothing
-entered. Such a step is not proved either, but it is VIOLATED only where h is below the rest of m,
-or ψ stays below zero for longer than the robot takes to follow, or news left it so.
+brought it there: a conflict, a push, a fix, barriers that are news.
+
+There is one exception. m is also there to be used: by a robot that sways and leans beside its
+model. With e what it may use of m without a word (the tracking error's part, less what `cap` cuts
+off of it, and half of the constant part d), such a step is not proved, but VIOLATED only where
+h < m − e, or ḣ − ṁ + α₁(h − m + e) stays below zero for longer than the robot takes to follow, or
+news left it so. A robot that is its model has e = 0.
 """
 
 from typing import Any, NamedTuple
@@ -39,19 +42,26 @@ class Shortfall(NamedTuple):
     """What the strict conditions on the position lack at one sample.
 
     Attributes:
-        near: whether h is below m.
-        within: whether h is below the part of m that does not lean.
-        fast: whether ψ is below zero.
+        any: whether h is below m, or ψ below zero.
+        near: whether h is below m − e.
+        fast: whether ψ, with m − e for m, is below zero.
     """
 
+    any: bool
     near: bool
-    within: bool
     fast: bool
 
 
 @njit(cache=True, error_model="numpy")
 def shortfall(
-    strict: Mask, h: Array, margin: Array, leaning: Array, psi: Array, dip: float, alpha1: Array
+    strict: Mask,
+    h: Array,
+    margin: Array,
+    leaning: Array,
+    psi: Array,
+    dip: float,
+    sway: float,
+    alpha1: Array,
 ) -> Shortfall:
     """Return what strict conditions lack; usual rows may dip between samples by what they reserve.
 
@@ -62,20 +72,21 @@ def shortfall(
         leaning: (m,) the tracking error's part of it.
         psi: (m,) ψ.
         dip: what usual rows reserve against dips between samples; 0 for held rows.
+        sway: what of the constant part a robot may use that is not its model.
         alpha1: (4,) α₁.
     """
-    near = within = fast = False
+    lacks = near = fast = False
     for k in range(strict.size):
         if not strict[k]:
             continue
-        kept = h[k] - margin[k]
-        spare = psi[k]
-        if dip > 0.0:
-            spare += class_k.value(alpha1, kept + dip) - class_k.value(alpha1, kept)
-        near |= kept + dip < -SHORT
-        within |= kept + dip + leaning[k] < -SHORT
-        fast |= spare < -SHORT
-    return Shortfall(near, within, fast)
+        kept = h[k] - margin[k] + dip
+        value = class_k.value(alpha1, kept)
+        spare = psi[k] + value - class_k.value(alpha1, kept - dip)
+        lacks |= kept < -SHORT or spare < -SHORT
+        used = leaning[k] + sway
+        near |= kept + used < -SHORT
+        fast |= spare + class_k.value(alpha1, kept + used) - value < -SHORT
+    return Shortfall(lacks, near, fast)
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,13 +99,12 @@ def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) ->
         period: T [s]; 0 where it is not known.
         settles: how long a robot takes to follow [s]; 0 for one that is its model.
     """
-    short = lacks.near or lacks.fast
-    memory.unproved = 1 if short and (memory.news != 0 or memory.unproved != 0) else 0
+    memory.unproved = 1 if lacks.any and (memory.news != 0 or memory.unproved != 0) else 0
     memory.news = 0
     memory.closing = memory.closing + period if lacks.fast else 0.0
     exact = settles == 0.0 or period == 0.0
     lasts = lacks.fast and (exact or memory.closing > settles)
-    return memory.unproved != 0 or lacks.within or lasts
+    return memory.unproved != 0 or lacks.near or lasts
 
 
 @njit(cache=True)

@@ -131,11 +131,11 @@ def is_closed(way, core, scene, **options):
         return True
 
 
-def too_near(run):
-    """Let a wall appear where nothing stops any more; tell what is said until it is proved."""
+def too_near(run, share):
+    """Let a wall appear at a share of the way that the robot needs to stop, on a cell's edge."""
     x, v = run.world.x[0], run.world.x[2]
     assert v > 0.5
-    run.world.scene = Scene(wall=x + 0.2 * v * v / 10.0 + 0.05)
+    run.world.scene = Scene(wall=round(20.0 * (x + share * v * v / 10.0)) / 20.0)
 
 
 def calms_down(run, steps=400):
@@ -144,24 +144,30 @@ def calms_down(run, steps=400):
     assert reports[-1]["status"] < CALM
 
 
-def news_too_near(way, core):
-    run = Run(way, core)
-    run.steps(30)
-    too_near(run)
-    assert run.step()["status"] >= CALM
-    calms_down(run)
+def news_too_near(share):
+    def happens(way, core):
+        run = Run(way, core)
+        run.steps(30)
+        too_near(run, share)
+        assert run.step()["status"] >= CALM
+        calms_down(run)
+
+    return happens
 
 
-def after_backup(way, core):
-    run = Run(way, core)
-    run.steps(40)
-    run.world.lie = lambda truth: truth._replace(x=np.full(4, np.nan))
-    assert run.step()["status"] == FilterStatus.BACKUP
-    too_near(run)
-    assert run.step()["status"] == FilterStatus.BACKUP
-    run.world.lie = None
-    assert run.step()["status"] >= CALM
-    calms_down(run)
+def after_backup(share):
+    def happens(way, core):
+        run = Run(way, core)
+        run.steps(40)
+        run.world.lie = lambda truth: truth._replace(x=np.full(4, np.nan))
+        assert run.step()["status"] == FilterStatus.BACKUP
+        too_near(run, share)
+        assert run.step()["status"] == FilterStatus.BACKUP
+        run.world.lie = None
+        assert run.step()["status"] >= CALM
+        calms_down(run)
+
+    return happens
 
 
 def after_a_conflict(way, core):
@@ -226,8 +232,10 @@ FAULTS = {
     "raises": raises,
     "bad row": of_barriers(Broken("broken", 1)),
     "limit": of_barriers(SpeedLimit("limit", 1, 0.05)),
-    "news too near": news_too_near,
-    "after BACKUP": after_backup,
+    "news much too near": news_too_near(0.3),
+    "news too near": news_too_near(1.1),
+    "after BACKUP, much too near": after_backup(0.3),
+    "after BACKUP, too near": after_backup(1.1),
     "after a conflict": after_a_conflict,
     "after a push": after_a_push,
     "guidance without a goal": without_goal,
@@ -274,7 +282,7 @@ def test_every_way_into_every_core_fails_closed(way, core):
 
 
 def test_the_cells_are_counted():
-    assert len(CELLS) == 887
+    assert len(CELLS) == 977
 
 
 @pytest.mark.parametrize("core", ["drag", "velocity filter"])
