@@ -78,7 +78,7 @@ def shares() -> list[dict[str, Any]]:
         "the action, as an array of numbers": _time(lambda: safety_filter._input(u, (2,))),
         "the plant's readers": _time(env._sense),
         "taking the estimate": _time(lambda: intake.take(estimate, None)),
-        "taking the barriers": _time(lambda: core._take_barriers(barriers)),
+        "taking the barriers": _time(lambda: core._note_news(core._read_barriers(barriers))),
         "crossing into compiled code": _time(lambda: call(refused)) - _time(later),
         "margins, rows, program, monitor": _time(lambda: call(sheet.plants))
         - _time(lambda: call(refused)),

@@ -80,6 +80,7 @@ class FilterCore(ABC):
         uncertainty: what they reserve.
         dip: what of it usual rows reserve against dips between samples [unit of h].
         sway: what of the constant part a robot may use that is not its model [m].
+        told_as: the type of the environment's actions.
         settles: how long the robot takes to follow [s]; 0 for one that is its model.
 
     Args:
@@ -121,6 +122,7 @@ class FilterCore(ABC):
                 SafetyWarning,
                 stacklevel=4,
             )
+        self.told_as = np.dtype(np.float64)
         self._said: set[str] = set()
         self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self._steps: Array = np.zeros(count)
@@ -129,6 +131,10 @@ class FilterCore(ABC):
         self._announcer = Announcer(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._fresh: Mask = np.ones(count, dtype=np.bool_)
+
+    def applied_as(self, dtype: Any) -> None:
+        """Note the type of the environment's actions: what the filter tells is what arrives."""
+        self.told_as = np.dtype(dtype)
 
     def cover(self, coverage: Any) -> None:
         """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).

@@ -251,6 +251,12 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
     row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
     if p.own.size > 0:
         _take_rows(p, w)
+    if c.rounding > 0.0:
+        for i in range(count):
+            for k in range(m):
+                if p.priority[i, k] == 1:
+                    size = abs(w.a[i, k, 0]) + abs(w.a[i, k, 1])
+                    w.rows[B, i, k] += c.rounding * size
 
 
 @njit(cache=True, inline="always")
@@ -360,6 +366,8 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     told = p.told[i]
     m = p.kind.shape[1]
     u = w.answer.u[i]
+    if c.rounding > 0.0:
+        u[0], u[1] = np.float32(u[0]), np.float32(u[1])
     u_nominal = told.u_nominal
     slack = w.answer.slack[i]
     delta = w.answer.delta[i]

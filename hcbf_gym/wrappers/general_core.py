@@ -347,6 +347,7 @@ class GeneralCore(FilterCore):
         rows: dict[str, Array],
     ) -> dict[str, Any]:
         """Return the fields of `wrappers.report`: those of any step, and those that were told."""
+        result = result._replace(u=result.u.astype(self.told_as).astype(np.float64))
         change = result.u - u_nominal
         rows = {"slack": result.slack, "delta": result.delta} | rows
         told |= {

@@ -77,9 +77,17 @@ class PlanarCore(FilterCore):
         self._listed: tuple[Any, ...] = ()
         self._checked: tuple[Any, ...] = ()
         if not callable(plant.barriers):
-            self._scene = self._read_barriers(plant.barriers)
-            self._scene.check(self._hold, plant.uncertainty.speed)
+            scene = self._read_barriers(plant.barriers)
+            scene.check(self._hold, plant.uncertainty.speed)
+            self._note_news(scene)
             self._check_inputs()
+
+    def applied_as(self, dtype: Any) -> None:
+        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
+        super().applied_as(dtype)
+        if self.told_as == np.float32:
+            rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
+            self._constants["rounding"] = rounding
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
@@ -169,7 +177,7 @@ class PlanarCore(FilterCore):
         told, rows = self._sheet.plants, self._sheet.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(told["status"] == programs.FilterStatus.BACKUP):
-                u = self._users_brake(int(i))
+                u = self._users_brake(int(i)).astype(self.told_as)
                 told["u_safe"][i] = self._intake.plants["input"][i] = u
                 told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
@@ -188,13 +196,15 @@ class PlanarCore(FilterCore):
 
     def _filter(self, *arrays: Any) -> int:
         """Filter what stands in the arrays of `fused.filter_plants`, and return what that says."""
+        compiled: Any = fused
         if self._solver is None:
-            return fused.filter_plants(*arrays)
-        said, part, work, source = fused.pose(*arrays)
+            return compiled.filter_plants(*arrays)
+        said, part, work, source = compiled.pose(*arrays)
         if said != fused.DONE:
             return said
+        constants, program, *_, rows = arrays
         answered = solvers.answer(self._solver, work)
-        return fused.close(*arrays[:2], answered, part, work, source, arrays[-1])
+        return fused.close(constants, program, answered, part, work, source, rows)
 
     def _take(self, barriers: Any, estimate: Estimate) -> None:
         """Note the states, and the barriers as they are now.
@@ -271,6 +281,7 @@ class PlanarCore(FilterCore):
             return
         out["a_x"], out["a_y"] = rows.a[..., 0], rows.a[..., 1]
         out["b"], out["h"], out["alpha2_psi"] = rows.b, rows.h, rows.alpha2_psi
+        assert rows.alpha2_psi is not None
         psi = [self.alpha2.inverse(value) for value in rows.alpha2_psi.ravel().tolist()]
         out["psi"] = np.reshape(psi, out.shape)
 

@@ -35,6 +35,7 @@ CONSTANTS = np.dtype(
             *((name, "f8") for name in Uncertainty._fields),
             ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
             ("period", "f8"),  # T [s], 0 where it is not known
+            ("rounding", "f8"),  # of an input that is told in 32 bits, 0 for 64 [m/s²]
             ("dip", "f8"),  # what usual rows reserve against dips between samples
             ("sway", "f8"),  # what of d a robot may use that is not its model
             ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model

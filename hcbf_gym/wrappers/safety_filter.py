@@ -126,6 +126,8 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
         )
         self._core = _core_of(self.plant, self._input_set, settings)
+        if self.plant.to_action is None:
+            self._core.applied_as(env.action_space.dtype)
         self._limits = _limits(settings, self.plant, one, other)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
@@ -237,6 +239,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         input_set = _input_set(self.plant, inner.single_action_space)
         settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
+        self._core.applied_as(env.action_space.dtype)
         self._limits = _limits(settings, self.plant, one, [])
         self._readers = Readers(self.plant)
         self._begun = False

@@ -65,9 +65,12 @@ def test_all_senders_of_a_page_have_bells(session):
         page._server._websock_server.on_client_connect(
             lambda connection: senders.append(connection.get_message_buffer())
         )
+        gone = threading.Event()
+        page._server._websock_server.on_client_disconnect(lambda connection: gone.set())
         version = [Subprotocol(f"viser-v{viser.__version__}")]
         with connect(f"ws://127.0.0.1:{page.port}", max_size=None, subprotocols=version) as browser:
             browser.recv(timeout=10.0)
+        assert gone.wait(10.0)  # or its transport would be closed with the page alone
         assert len(senders) == 2
         assert all(isinstance(sender.message_event, Bell) for sender in senders)
 

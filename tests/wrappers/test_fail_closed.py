@@ -223,7 +223,8 @@ def test_a_barrier_whose_jet_is_not_finite_brakes():
 
 def test_without_a_period_it_filters_and_stops_pushing_where_it_knows_nothing():
     told = []
-    env = filtered(lambda x: None if told else x, period=None)
+    with pytest.warns(UserWarning, match="period is not known"):
+        env = filtered(lambda x: None if told else x, period=None)
     env.reset(seed=0)
     for _ in range(300):
         assert quietly(env)["status"] <= FilterStatus.RELAXED

@@ -323,12 +323,13 @@ def test_a_report_has_the_same_keys_and_types_whatever_happens():
         for key, value in first["safety_filter"].items():
             other = info["safety_filter"][key]
             assert (other.shape, other.dtype) == (value.shape, value.dtype), key
-    for code in ("status", "reason", "covered"):
+    for code in ("status", "reason", "covered", "proved"):
         assert third["safety_filter"][code].dtype == np.int64
 
 
 def test_an_unknown_period_is_no_error_with_a_solver_by_name():
-    env, reader, world = filtered(model=models.DoubleIntegrator(), period=None)
+    with pytest.warns(UserWarning, match="period is not known"):
+        env, reader, world = filtered(model=models.DoubleIntegrator(), period=None)
     env.reset(seed=0)
     *_, info = env.step(PUSH)
     assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)

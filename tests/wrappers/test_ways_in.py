@@ -266,6 +266,18 @@ def why_not(way, core, fault):
     return ""
 
 
+def test_what_moves_is_not_believed_where_nobody_knows_the_time():
+    passing = Disc("passing", 1, (3.0, 0.0), 0.5, (-1.0, 0.0))
+    for core in ("compiled", "daqp", "drag"):
+        for others, reason in (((), 0), ((passing,), Reason.CLOCK)):
+            world = world_of(core, scene=Scene(others=others), lie=lambda e: e._replace(time=None))
+            begun = door("list", core, world, period=None)
+            quietly(begun.reset)
+            report = quietly(begun.step)
+            assert (report["status"] == FilterStatus.BACKUP) == bool(others)
+            assert report["reason"] in (reason, reason and Reason.BARRIERS)
+
+
 CELLS = [(w, c, f) for w in WAYS for c in CORES for f in FAULTS if not why_not(w, c, f)]
 
 

@@ -62,7 +62,7 @@ class Scene:
 
     def scanned(self):
         """All of the wall as points: a scan of its near side alone would be hollow."""
-        x, y = np.meshgrid(self.wall + np.arange(0.02, THICK, 0.04), np.arange(-1.0, 1.0, 0.04))
+        x, y = np.meshgrid(self.wall + np.arange(0.02, THICK, 0.04), np.arange(-HALF, HALF, 0.04))
         points = np.column_stack([x.ravel(), y.ravel()])
         return [maps.Scan("wall", points, (0.0, 0.0, 0.0)), *self.others]
 
