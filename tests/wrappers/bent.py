@@ -359,12 +359,60 @@ def batch(told, kind):
         assert (info["safety_filter"]["status"] == FilterStatus.BACKUP).all()
 
 
+places_or_values = st.one_of(
+    st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), st.just((0.0, -4.0)), values
+)
+
+
+@given(
+    places_or_values,
+    st.one_of(st.just(GOOD), estimates),
+    st.one_of(st.none(), values),
+    st.sampled_from(["geodesic", "local", {"kind": "geodesic", "through": 2}]),
+    st.sampled_from([None, "daqp"]),
+    st.integers(0, 2),
+)
+def guided(goal, told, extent, guidance, solver, resets):
+    """Guidance before a reset, after one that failed, and with bent goals and states."""
+    plant = hcbf_gym.Plant(
+        models.DoubleIntegrator(), (WALL,), lambda *_: told, period=PERIOD, goal=goal, extent=extent
+    )
+    env = wrappers.SafetyFilter(Point(), plant=plant, guidance=guidance, solver=solver)
+    for _ in range(resets):
+        try:
+            env.reset(seed=0)
+        except HcbfError:
+            TOLD["no way"] += 1
+    for _ in range(3):
+        report = env.step(np.array([3.0, -2.0]))[4]["safety_filter"]
+        assert np.isfinite(report["u_safe"]).all()
+        assert is_sound(told) or report["status"] == FilterStatus.BACKUP
+
+
+@given(
+    st.one_of(st.none(), places_or_values),
+    st.lists(st.one_of(st.just((0.1, -0.2, 0.3)), values), min_size=1, max_size=4),
+    st.one_of(st.just(0.0), values),
+    st.sampled_from([None, "geodesic", "local"]),
+)
+def driven(goal, poses, twist, guidance):
+    """A loop of one's own, whose messages are bent from the first one on."""
+    loop = hcbf_gym.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
+    for k, pose in enumerate(poses):
+        told = (0.0, 0.0, 0.0) if twist == 0.0 else twist
+        command, report = loop.step((0.5, 0.1, 0.0), pose, told, 0.05 * k)
+        assert np.isfinite(command).all()
+        assert np.isfinite(report["u_safe"]).all()
+
+
 SHARES = {
     state: 0.32,
-    barrier: 0.24,
-    action: 0.08,
-    plant: 0.08,
-    argument: 0.08,
+    barrier: 0.18,
+    guided: 0.08,
+    driven: 0.06,
+    action: 0.06,
+    plant: 0.06,
+    argument: 0.04,
     size: 0.04,
     scene: 0.12,
     batch: 0.04,

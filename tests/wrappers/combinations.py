@@ -95,6 +95,14 @@ def translated(one, shift):
             return replace(one, center=tuple(one.center + shift))
 
 
+def towards(world):
+    """The direction of the nearest strict condition, a moment ahead."""
+    t = T * world.steps
+    x = world.x[:2] + 0.2 * world.x[2:]
+    near = [world.scene.distance(np.array([*(x + 1e-3 * np.eye(2)[k]), 0, 0]), t) for k in (0, 1)]
+    return world.scene.distance(np.array([*x, 0, 0]), t) - np.array(near)
+
+
 def combination(seed, told):
     """Run one combination; return what was entered under a calm status, "" for nothing."""
     rng = np.random.default_rng([77, seed])
@@ -115,12 +123,12 @@ def combination(seed, told):
     except HcbfError:
         told["refused"] += 1
         return ""
-    at = int(rng.integers(5, STEPS // 2))
+    at, hostile = int(rng.integers(5, STEPS // 2)), rng.random() < 0.6
     lasts = int(rng.integers(1, 15))
     u, entered = np.zeros(2), ""
     for k in range(STEPS):
         if k % int(rng.integers(1, 20)) == 0:
-            u = 5.0 * np.sign(rng.normal(size=2))
+            u = 5.0 * np.sign(towards(world) if hostile else rng.normal(size=2))
         world.lie, world.raises = None, False
         if at <= k < at + lasts:
             match fault:
