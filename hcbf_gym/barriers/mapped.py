@@ -198,12 +198,13 @@ def at_hand(
     model: Array,
     lag: Array,
     covariance: Array,
+    growth: float,
 ) -> Scene:
     """Return the conditions of a state, classes of a map replaced by their pieces at hand.
 
     Args:
         settings: what the rows reserve, as `margins.derive` takes it.
-        rows: (11,) `RowSettings.packed`.
+        rows: (15,) `RowSettings.packed`.
         radius: the largest norm of an input [m/s²].
         scene: the conditions; `source` is not read.
         atlas: where the pieces stand.
@@ -211,10 +212,11 @@ def at_hand(
         model: (4,) the reduced-order model's own state.
         lag: (4,) the body's state minus the reduced-order model's.
         covariance: (4, 4) of x.
+        growth: by how much that of the velocity grows until the next sample [m²/s²].
     """
     m = scene.kind.size
     most = margins.most(settings, x, model, lag, covariance)
-    fastest = margins.fastest_drift(settings, covariance)
+    fastest = margins.fastest_drift(settings, covariance, growth)
     over = margins.of_speed(settings, lag, covariance)
     held = rows[HELD] != 0.0
     period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)

@@ -3,24 +3,28 @@ r"""What a row reserves between h and zero, from what is uncertain at this momen
 For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
 .. math::
-    m = d + k_v \max(0, -n·e_v) + k_p \max(0, n·e_p) + \max(0, n·(p - b)) + κ\sqrt{n^T P n} + ρ,
+    m = d + k_v \max(0, -n·e_v) + k_p \max(0, n·e_p) + \max(0, n·(p - b)) + κσ + ρ,
 
 where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), p the
-position that the row reads, b the body's, P the covariance of the estimated position, and ρ what
-the body reaches beyond its centre. The first three parts stand for the reduced-order model, which
-says that the body moves at the model's velocity: a body that moves faster towards the region will
-get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
-fourth is for rows that read the model's own position: as h is convex with ‖∇h‖ ≤ 1, a body that is
-nearer has no less than that of h. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ [m/s], with λ the
-largest eigenvalue of the velocity's covariance: a body that does not follow may overshoot, too, and
-one that follows needs little.
+position that the row reads, b the body's, σ the standard deviation of the estimated position, and ρ
+what the body reaches beyond its centre. The first three parts stand for the reduced-order model,
+which says that the body moves at the model's velocity: a body that moves faster towards the region
+will get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
+fourth is for rows that read the model's own position: a body that is nearer has no less than that
+of h. As ‖∇h‖ ≤ 1, no part is more than a way that h can lose; none is multiplied by ‖∇h‖, which
+rises along the side of an ellipse with no news. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ(P_vv)
+[m/s], with λ the largest eigenvalue: a body that does not follow may overshoot, too, and one that
+follows needs little.
 
-The margin moves. The estimate's part grows at most at the rate
+With P the covariance of the state, beside a wall σ = √(nᵀ P_pp n). Where n turns as the robot
+moves, σ = √λ(P_pp) is that of the worst direction. Over a hold T it grows by no more than
 
-.. math:: \dot m ≤ κ\, n^T P_{pv} n / \sqrt{n^T P n},
+.. math:: \dot m T, \qquad \dot m = κ \sqrt{n^T P_{vv}(T) n} \quad\text{or}\quad κ \sqrt{λ(P_{vv}(T))},
 
-which stands in the row; the tracking error's part decays where the model is right, and is bounded
-by `cap`, so that one sample can take at most that much away.
+as deviations add up at most: σ(T) ≤ σ + T σ_v. P_vv(T) ≤ P_vv + g is what the velocity's will be at
+the end of the hold, g what it grew by since the last sample. ṁ stands in the row, and so does its
+own growth m̈. The tracking error's part decays where the model is right, and is bounded by `cap`, so
+that one sample can take at most that much away.
 """
 
 from typing import TYPE_CHECKING
@@ -29,13 +33,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout, shapes
+from hcbf_gym.barriers import kernels, layout, zone
+from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.models.plant import Uncertainty
 
 if TYPE_CHECKING:
     from hcbf_gym.barriers.set import BarrierSet
 
 Array = NDArray[np.float64]
+
+
+MARGIN, RATE, QUICKENING, LEANING = range(4)
+"""What `derive` writes into the first axis of its output: m, ṁ, m̈, and the tracking error's part of
+m, less what `cap` cuts off of it."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,11 +58,11 @@ def derive(
     model: Array,
     lag: Array,
     covariance: Array,
-    margin: Array,
-    rate: Array,
-    leaning: Array,
+    growth: float,
+    period: float,
+    out: Array,
 ) -> None:
-    """Write the margins (m,) of one state's rows, and the rates (m,) at which they grow at most.
+    """Write the margins of one state's rows, and how fast they grow at most.
 
     Args:
         settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
@@ -63,25 +73,34 @@ def derive(
         model: (4,) the reduced-order model's own state.
         lag: (4,) the body's state minus the reduced-order model's.
         covariance: (4, 4) of x.
-        margin: (m,) to be written [m]; of a speed limit [m/s].
-        rate: (m,) to be written [m/s].
-        leaning: (m,) to be written: the tracking error's part of the margin, less what `cap` cuts
-            off of it [m].
+        growth: g, by how much that of the velocity grows until the next sample [m²/s²].
+        period: T [s]; 0 where it is not known.
+        out: (4, m) to be written, m [m], ṁ [m/s], m̈ [m/s²], leaning [m]; of speed limits m in m/s.
     """
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
-    certain = ahead_x == 0.0 and ahead_y == 0.0
-    certain = certain and _is_zero(lag) and _is_zero(covariance.ravel())
+    exact = _is_zero(covariance.ravel())
+    certain = exact and ahead_x == 0.0 and ahead_y == 0.0 and _is_zero(lag)
+    out[:, :] = 0.0
+    spread = drift = quickening = speeding = 0.0
+    if not exact:
+        spread = settings.confidence * np.sqrt(_largest(covariance, 0))
+        drift, quickening = _growing(settings, _largest(covariance, 2), growth, period)
+        if period > 0.0:
+            now = settings.confidence * np.sqrt(_largest(covariance, 2))
+            speeding = (drift - now) / period
     for k in range(kind.size):
-        rate[k] = leaning[k] = 0.0
         if kind[k] == layout.SPEED_LIMIT or kind[k] == layout.ZONES or kind[k] == layout.ZONE:
-            margin[k] = of_speed(settings, lag, covariance)
+            out[MARGIN, k], out[RATE, k] = of_speed(settings, lag, covariance), speeding
+            if kind[k] == layout.ZONE and parameters[k, layout.AWAY] > 0.0:
+                out[RATE, k] += zone.BRAKING * drift / parameters[k, layout.V_MAX]
             continue
         if kind[k] == layout.CUSTOM or kind[k] == layout.MAPPED:  # whose gradient is not known here
-            margin[k] = most(settings, x, model, lag, covariance)
-            leaning[k] = settings.cap
+            out[MARGIN, k] = most(settings, x, model, lag, covariance)
+            out[RATE, k], out[QUICKENING, k] = drift, quickening
+            out[LEANING, k] = settings.cap
             continue
-        if certain and shapes.IS_DISTANCE[kind[k]]:  # ∇h is a unit vector, whatever it is
-            margin[k] = settings.distance + settings.body
+        out[MARGIN, k] = settings.distance + settings.body
+        if certain:
             continue
         jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
         steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
@@ -90,14 +109,15 @@ def derive(
         lead = max(0.0, nx * lag[0] + ny * lag[1])
         faster = max(0.0, -nx * lag[2] - ny * lag[3])
         tracking = settings.per_velocity * faster + settings.per_lead * lead
-        variance = _along(covariance, 0, 0, nx, ny)
-        known = settings.confidence * np.sqrt(max(0.0, variance))
-        if known > 0.0:
-            drift = settings.confidence**2 * _along(covariance, 0, 2, nx, ny) / known
-            rate[k] = max(0.0, drift) * steepness
-        leaning[k] = (settings.cap - abs(settings.cap - tracking)) * steepness
-        total = settings.distance + min(tracking, settings.cap) + ahead + known + settings.body
-        margin[k] = total * steepness
+        known = spread
+        out[RATE, k], out[QUICKENING, k] = drift, quickening
+        if kind[k] == half_plane.CODE and not exact:
+            known = settings.confidence * np.sqrt(_along(covariance, 0, nx, ny))
+            out[RATE, k], out[QUICKENING, k] = _growing(
+                settings, _along(covariance, 2, nx, ny), growth, period
+            )
+        out[LEANING, k] = settings.cap - abs(settings.cap - tracking)
+        out[MARGIN, k] += min(tracking, settings.cap) + ahead + known
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,7 +125,7 @@ def most(settings: Uncertainty, x: Array, model: Array, lag: Array, covariance: 
     """Return what a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`."""
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]
     ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
-    spread = settings.confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
+    spread = settings.confidence * np.sqrt(_largest(covariance, 0))
     return settings.distance + settings.cap + ahead + spread + settings.body
 
 
@@ -114,15 +134,39 @@ def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
     """Return what the row of a speed limit reserves [m/s]; see `derive`."""
     slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
     sure = settings.speed + settings.speed_per_velocity * slip
-    return sure + fastest_drift(settings, covariance)
+    return sure + settings.confidence * np.sqrt(_largest(covariance, 2))
 
 
 @njit(cache=True, error_model="numpy")
-def fastest_drift(settings: Uncertainty, covariance: Array) -> float:
-    """Return κ √λ, the greatest error of the estimated speed, and rate of any margin [m/s]."""
+def fastest_drift(settings: Uncertainty, covariance: Array, growth: float) -> float:
+    """Return the greatest ṁ of any row on the position, now and at the next sample [m/s]."""
     if covariance[2, 2] == 0.0 and covariance[3, 3] == 0.0:
         return 0.0
-    return settings.confidence * np.sqrt(_largest(covariance))
+    return settings.confidence * np.sqrt(_largest(covariance, 2) + 2.0 * growth)
+
+
+@njit(cache=True, error_model="numpy")
+def growth_of(covariance: Array, before: Array) -> float:
+    """Return g, by how much the velocity's variance grew in its worst direction [m²/s²].
+
+    Args:
+        covariance: (4, 4) of the state.
+        before: (3,) xx, xy and yy of the velocity's at the last sample.
+    """
+    xx, xy, yy = covariance[2, 2], covariance[2, 3], covariance[3, 3]
+    return _greater(xx - before[0], xy - before[1], yy - before[2])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _growing(
+    settings: Uncertainty, variance: float, growth: float, period: float
+) -> tuple[float, float]:
+    """Return ṁ = κ√(σ_v² + g) and m̈, by how much more it is at the next sample, over T."""
+    rate = settings.confidence * np.sqrt(variance + growth)
+    if growth == 0.0 or period == 0.0:
+        return rate, 0.0
+    later = settings.confidence * np.sqrt(variance + 2.0 * growth)
+    return rate, (later - rate) / period
 
 
 @njit(cache=True, error_model="numpy")
@@ -142,8 +186,10 @@ def derive_all(
     model: Array,
     lag: Array,
     covariance: Array,
-) -> tuple[Array, Array]:
-    """Return the margins (N, m) of N states' rows and their rates (N, m); see `derive`.
+    growth: Array | None = None,
+    period: float = 0.0,
+) -> Array:
+    """Return (4, N, m) the margins of N states' rows and what else `derive` writes.
 
     Args:
         settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
@@ -153,27 +199,35 @@ def derive_all(
         model: (N, 4) states of the reduced-order models.
         lag: (N, 4) tracking errors.
         covariance: (N, 4, 4) of the states.
+        growth: (N,) g, by how much those of the velocities grow until the next sample [m²/s²];
+            None for zeros.
+        period: T [s]; 0 where it is not known.
     """
     numbers = Uncertainty(*map(float, settings))
-    margin, rate, leaning = np.zeros((3, *scenes.kind.shape))
+    out = np.zeros((4, *scenes.kind.shape))
     for i in range(len(x)):
-        state = x[i], t[i], model[i], lag[i], covariance[i]
-        out = margin[i], rate[i], leaning[i]
-        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, *out)
-    return margin + scenes.own_margin, rate
+        grown = 0.0 if growth is None else float(growth[i])
+        state = x[i], t[i], model[i], lag[i], covariance[i], grown, period
+        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, out[:, i])
+    out[MARGIN] += scenes.own_margin
+    return out
 
 
 @njit(cache=True, error_model="numpy")
-def _largest(covariance: Array) -> float:
-    """Return the largest eigenvalue of the velocity's block (2, 2) of the covariance."""
-    xx, xy, yy = covariance[2, 2], covariance[2, 3], covariance[3, 3]
+def _largest(covariance: Array, i: int) -> float:
+    """Return the largest eigenvalue of the block (2, 2) of the covariance that starts at (i, i)."""
+    return _greater(covariance[i, i], covariance[i, i + 1], covariance[i + 1, i + 1])
+
+
+@njit(cache=True, error_model="numpy")
+def _greater(xx: float, xy: float, yy: float) -> float:
+    """Return the larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative."""
     half = 0.5 * (xx - yy)
     return max(0.0, 0.5 * (xx + yy) + np.sqrt(half * half + xy * xy))
 
 
 @njit(cache=True, error_model="numpy")
-def _along(covariance: Array, i: int, j: int, nx: float, ny: float) -> float:
-    """Return nᵀ C n of the block C (2, 2) of the covariance that starts at (i, j)."""
-    xx, xy = covariance[i, j], covariance[i, j + 1]
-    yx, yy = covariance[i + 1, j], covariance[i + 1, j + 1]
-    return nx * (xx * nx + xy * ny) + ny * (yx * nx + yy * ny)
+def _along(covariance: Array, i: int, nx: float, ny: float) -> float:
+    """Return nᵀ C n, at least 0, of the block C (2, 2) of the covariance that starts at (i, i)."""
+    xx, xy, yy = covariance[i, i], covariance[i, i + 1], covariance[i + 1, i + 1]
+    return max(0.0, nx * (xx * nx + xy * ny) + ny * (xy * nx + yy * ny))

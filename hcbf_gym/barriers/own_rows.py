@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
-from hcbf_gym.barriers.row_kernels import held_row, reach_of
+from hcbf_gym.barriers.row_kernels import held_row, reach_of, support
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, RowSettings
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
@@ -15,7 +15,13 @@ Array = NDArray[np.float64]
 
 
 def own_row(
-    barrier: Barrier, x: Array, t: float, settings: RowSettings, margin: float, margin_rate: float
+    barrier: Barrier,
+    x: Array,
+    t: float,
+    settings: RowSettings,
+    margin: float,
+    margin_rate: float,
+    quickening: float,
 ) -> tuple[Array, float, float, float]:
     """Return a (2,), b, h and α₂(ψ) of a barrier's row.
 
@@ -29,14 +35,15 @@ def own_row(
         settings: α₁, α₂, and whether u is held.
         margin: what the row reserves between h and zero.
         margin_rate: its rate of change.
+        quickening: the rate of that.
     """
     if settings.held and isinstance(barrier, PlanarBarrier):
-        row = _held_row(barrier, x, t, settings, margin, margin_rate)
+        row = _held_row(barrier, x, t, settings, margin, margin_rate, quickening)
         if row is not None:
             return row
     usual = _usual(settings)([barrier], x, t, np.array([margin]), margin_rate)
     assert usual.alpha2_psi is not None
-    return usual.a[0], float(usual.b[0]), float(usual.h[0]), float(usual.alpha2_psi[0])
+    return usual.a[0], float(usual.b[0]) + quickening, float(usual.h[0]), float(usual.alpha2_psi[0])
 
 
 def _held_row(
@@ -46,6 +53,7 @@ def _held_row(
     settings: RowSettings,
     margin: float,
     margin_rate: float,
+    quickening: float,
 ) -> tuple[Array, float, float, float] | None:
     """Return the row for a held input, None where the barrier knows no core."""
     w, packed = barrier.frame_velocity, settings.packed
@@ -60,6 +68,8 @@ def _held_row(
     b, alpha2_psi, _ = held_row(
         float(h) - margin,
         float(gradient @ r) - margin_rate,
+        quickening,
+        support(packed, float(gradient[0]), float(gradient[1])),
         speed,
         float(np.sqrt(max(0.0, bending))),
         float(core.distance),

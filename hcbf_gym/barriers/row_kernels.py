@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit, zone
 from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT, ZONE
-from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, PERIOD, U_MAX
+from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, HIGH, LOW, PERIOD, U_MAX
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -46,10 +46,11 @@ def rows(
     Args:
         kind: (N, m) as `BarrierSet` holds it.
         parameters: (N, m, 19) as `BarrierSet` holds it.
-        margin: (2, N, m) what each row reserves between h and zero, and its rate of change.
+        margin: (3 or more, N, m) what each row reserves between h and zero, the rate of that, and
+            the rate of that again.
         x: (N, 4) positions [m] and velocities [m/s].
         t: (N,) times [s].
-        settings: (11,) `RowSettings.packed`.
+        settings: (15,) `RowSettings.packed`.
         a: (N, m, 2) the gradients.
         out: (4, N, m) b, h, α₂(ψ) and ψ.
     """
@@ -84,15 +85,18 @@ def rows(
                 h, gx, gy, distance, tx, ty = shapes.jet(which, c, qx, qy)
                 a[i, k, 0], a[i, k, 1] = gx, gy
                 kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
+                quickening, most = margin[2, i, k], support(settings, gx, gy)
                 sideways = abs(tx * rx + ty * ry)
                 if settings[HELD] == 0.0:
-                    b, alpha2_psi, psi = _usual_row(kept, rate, sideways, distance, alpha1, alpha2)
+                    b, alpha2_psi, psi = _usual_row(
+                        kept, rate, quickening, most, sideways, distance, alpha1, alpha2
+                    )
                 else:
                     speed = np.sqrt(rx * rx + ry * ry)
                     reach = reach_of(speed, settings)
                     distance, radius, is_point = shapes.core(which, c, qx, qy, h, distance, reach)
                     b, alpha2_psi, psi = held_row(
-                        kept, rate, speed, sideways, distance, radius, is_point,
+                        kept, rate, quickening, most, speed, sideways, distance, radius, is_point,
                         alpha1, alpha2, settings,
                     )  # fmt: skip
             out[B, i, k], out[H, i, k] = b, h
@@ -101,19 +105,31 @@ def rows(
 
 @njit(cache=True, error_model="numpy")
 def _usual_row(
-    kept: float, rate: float, sideways: float, distance: float, alpha1: Array, alpha2: Array
+    kept: float,
+    rate: float,
+    quickening: float,
+    most: float,
+    sideways: float,
+    distance: float,
+    alpha1: Array,
+    alpha2: Array,
 ) -> Row:
     """Return b, α₂(ψ) and ψ of a barrier on the position, looked at in this instant alone."""
     psi = rate + class_k.value(alpha1, kept)
     alpha2_psi = class_k.value(alpha2, psi)
-    curving = sideways * sideways / distance
-    return -alpha2_psi - curving - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi
+    given = sideways * sideways / distance - quickening  # that turns h away by itself
+    b = -alpha2_psi - given - class_k.slope(alpha1, kept) * rate
+    if psi < 0.0:
+        b = max(b, late(kept, rate, -given, most))
+    return b, alpha2_psi, psi
 
 
 @njit(cache=True, error_model="numpy")
 def held_row(
     kept: float,
     rate: float,
+    quickening: float,
+    most: float,
     speed: float,
     sideways: float,
     distance: float,
@@ -128,6 +144,8 @@ def held_row(
     Args:
         kept: h − m [m].
         rate: ḣ − ṁ [m/s].
+        quickening: m̈ [m/s²].
+        most: a·u of the input of U that gives most of it [m/s²].
         speed: ‖r‖ in the barrier's frame [m/s].
         sideways: the speed across the direction from the core, if that is a point [m/s].
         distance: from the core, as in `Core` [m]; infinite where the gradient does not turn.
@@ -135,7 +153,7 @@ def held_row(
         is_point: whether the core is a point.
         alpha1: (4,) α₁.
         alpha2: (4,) α₂.
-        s: (11,) `RowSettings.packed`.
+        s: (15,) `RowSettings.packed`.
     """
     period = s[PERIOD]
     half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
@@ -146,12 +164,41 @@ def held_row(
     end = kept + rate * period
     chord = min(class_k.slope(alpha1, end - half), class_k.slope(alpha1, end + half))
     promised = class_k.value(alpha1, end - half) + chord * half
-    nu = turning(speed, sideways if is_point else 0.0, distance, s)
+    nu = turning(speed, sideways if is_point else 0.0, distance, s) + quickening * period
     wanted = psi - period * alpha2_psi - rate + nu
     b = (wanted - promised) / (period + 0.5 * chord * period * period)
     if kept >= 0.0 and end >= 0.0:  # h >= 0 on the way, whatever α₁
         b = max(b, -2.0 * end / (period * period))
+    if psi < 0.0:
+        b = max(b, late(kept, rate, nu / period, most))
     return b, alpha2_psi, psi
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def late(kept: float, rate: float, lost: float, most: float) -> float:
+    """Return what a row asks where ψ < 0: to stop at h = m at a constant rate, if U can.
+
+    Args:
+        kept: h − m [m].
+        rate: ḣ − ṁ [m/s].
+        lost: of every input, by how much less h − m gains [m/s²].
+        most: a·u of the input of U that gives most of it [m/s²].
+    """
+    if rate >= 0.0 or kept <= 0.0:
+        return -np.inf
+    return min(rate * rate / (2.0 * kept) + lost, most)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def support(s: Array, ax: float, ay: float) -> float:
+    """Return the most that an input of U gives of a·u; −∞ where U is not known.
+
+    U is looked at as what its limits and its radius leave.
+    """
+    if s[U_MAX] == 0.0:
+        return -np.inf
+    along_x, along_y = max(ax * s[LOW], ax * s[HIGH]), max(ay * s[LOW + 1], ay * s[HIGH + 1])
+    return min(along_x + along_y, s[U_MAX] * np.sqrt(ax * ax + ay * ay))
 
 
 @njit(cache=True, error_model="numpy")

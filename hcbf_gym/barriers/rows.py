@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.barriers.barrier import Pair
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError, finite_float
 
-ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11
-"""Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, and 1 for held rows."""
+ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, LOW, HIGH, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11, 13, 15
+"""Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, 1 for held rows, and the least
+and the greatest inputs (2 each)."""
 
 
 class CbfRows(NamedTuple):
@@ -44,7 +46,10 @@ class RowSettings:
         alpha2: α₂, applied to ψ; linear with gain 2 unless given.
         period: T, how long u is held [s]: rows then preserve h ≥ 0 between two samples, too.
             None makes the usual rows, which look at the sample alone.
-        u_max: the largest norm of an input [m/s²]; a held row needs it.
+        u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late
+            asks for no more.
+        limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where `u_max` says
+            all.
 
     Raises:
         InvalidInputError: if a number is not positive and finite, if `u_max` is missing, or if T
@@ -55,6 +60,7 @@ class RowSettings:
     alpha2: ClassK = field(default_factory=LinearClassK)
     period: float | None = None
     u_max: float | None = None
+    limits: tuple[Pair, Pair] | None = None
 
     def __post_init__(self) -> None:
         if self.period is None:
@@ -77,11 +83,15 @@ class RowSettings:
 
     @cached_property
     def packed(self) -> NDArray[np.float64]:
-        """(11,) the same numbers as the compiled kernel reads them."""
+        """(15,) the same numbers as the compiled kernel reads them."""
         packed = np.zeros(SETTINGS_WIDTH)
         packed[ALPHA1 : ALPHA1 + 4] = self.alpha1.parameters()
         packed[ALPHA2 : ALPHA2 + 4] = self.alpha2.parameters()
         if self.period is not None and self.u_max is not None:
-            packed[PERIOD], packed[U_MAX], packed[HELD] = self.period, self.u_max, 1.0
+            packed[PERIOD], packed[HELD] = self.period, 1.0
+        if self.u_max is not None:
+            packed[U_MAX] = self.u_max
+            low, high = self.limits or ((-self.u_max,) * 2, (self.u_max,) * 2)
+            packed[LOW : LOW + 2], packed[HIGH : HIGH + 2] = low, high
         packed.flags.writeable = False
         return packed

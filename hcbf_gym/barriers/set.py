@@ -230,6 +230,7 @@ class BarrierSet:
         settings: RowSettings,
         margin: Array | float = 0.0,
         margin_rate: Array | float = 0.0,
+        quickening: Array | float = 0.0,
     ) -> CbfRows:
         """Return the rows of N states, each field with a leading axis N.
 
@@ -239,11 +240,11 @@ class BarrierSet:
             settings: α₁, α₂, and whether u is held.
             margin: (N, m) what each row reserves between h and zero; or one number, see `margins`.
             margin_rate: (N, m) its rate of change, as far as it is known.
+            quickening: (N, m) the rate of that of rows on the position.
         """
         shape = self.kind.shape
-        margins = np.empty((2, *shape))
-        margins[0] = self.margins(margin)
-        margins[1] = margin_rate
+        margins = np.empty((3, *shape))
+        margins[0], margins[1], margins[2] = self.margins(margin), margin_rate, quickening
         a, out = np.empty((*shape, 2)), np.empty((4, *shape))
         row_kernels.rows(self.kind, self.parameters, margins, x, t, settings.packed, a, out)
         for (i, k), barrier in self.own.items():
@@ -265,6 +266,7 @@ class BarrierSet:
         model: Array,
         lag: Array,
         covariance: Array,
+        growth: float = 0.0,
     ) -> "tuple[BarrierSet, Integers]":
         """Return scene 0 at a state, a map replaced by its pieces at hand, and (M,) what is whose.
 
@@ -276,14 +278,14 @@ class BarrierSet:
             model: (4,) the reduced-order model's own.
             lag: (4,) tracking error.
             covariance: (4, 4) of x.
+            growth: by how much that of the velocity grows until the next sample [m²/s²].
         """
         whole = mapped.Scene(
             self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0], self.kind[0]
         )
         numbers = Uncertainty(*map(float, uncertainty))
-        found = mapped.at_hand(
-            numbers, settings.packed, radius, whole, self.atlas.numbers, x, model, lag, covariance
-        )
+        state = x, model, lag, covariance, growth
+        found = mapped.at_hand(numbers, settings.packed, radius, whole, self.atlas.numbers, *state)
         part = BarrierSet([()])
         for name in ("kind", "parameters", "priority", "own_margin"):
             setattr(part, name, getattr(found, name)[None])
@@ -305,8 +307,8 @@ class BarrierSet:
         out: Array,
     ) -> None:
         """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
-        kept, rate = float(margins[0, i, k]), float(margins[1, i, k])
-        a[i, k], b, h, alpha2_psi = own_row(barrier, x, t, settings, kept, rate)
+        reserved = margins[:, i, k].tolist()
+        a[i, k], b, h, alpha2_psi = own_row(barrier, x, t, settings, *reserved)
         psi = settings.alpha2.inverse(alpha2_psi)
         out[:, i, k] = b, h, alpha2_psi, psi  # in the order of `row_kernels.B` and the others
 

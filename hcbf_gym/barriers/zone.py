@@ -49,7 +49,7 @@ def row(
         vy: likewise.
         limit: L [m/s].
         alpha2: (4,) α₂.
-        s: (11,) `RowSettings.packed`.
+        s: (15,) `RowSettings.packed`.
     """
     alpha2_psi = class_k.value(alpha2, kept)
     b = -alpha2_psi

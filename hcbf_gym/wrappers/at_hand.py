@@ -24,7 +24,7 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
         atlas: where the pieces stand.
         plant: `senses.PLANT`, looked at.
     """
-    state = plant.x, plant.model, plant.lag, plant.covariance
+    state = plant.x, plant.model, plant.lag, plant.covariance, plant.growth
     return mapped.at_hand(c, c.rows, c.radius, scene, atlas, *state)
 
 

@@ -104,10 +104,8 @@ class FilterCore(ABC):
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
         self.alpha1_scale = self._fit_alpha1()
-        planar = isinstance(plant.model, DoubleIntegrator)
-        held = settings.rows == "held" and planar and plant.period is not None
-        hold = {"period": plant.period, "u_max": input_set.radius} if held else {}
-        self.row_settings = RowSettings(self.alpha1, self.alpha2, **hold)
+        held = settings.rows == "held" and self._is_planar and plant.period is not None
+        self.row_settings = self._row_settings(held)
         self.uncertainty = kept(plant, settings.margin, held)
         own = plant.uncertainty.distance if settings.margin is None else 0.0
         self.dip = 0.0 if held else self.uncertainty.distance - own
@@ -171,19 +169,26 @@ class FilterCore(ABC):
                 f"input set: got {self.input_set}, which holds no braking input in some direction; "
                 "expected 0 inside it, not on its edge"
             )
-        rows = self._row_settings()
-        factor = braking.share(rows, self.input_set)
+        period = self.plant.period if self.settings.rows == "held" else None
+        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        held = period is not None and steepest * period <= 1.0
+        factor = braking.share(self._row_settings(held), self.input_set)
         if factor < 1.0:
             self.alpha1 = self.alpha1.scaled(factor)
         return factor
 
-    def _row_settings(self) -> RowSettings:
-        """Return how rows are made, for a held input where that was asked for and α's allow it."""
-        period = self.plant.period if self.settings.rows == "held" else None
-        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
-        if period is None or steepest * period > 1.0:
+    @property
+    def _is_planar(self) -> bool:
+        """Whether the model is the planar double integrator, whose rows are compiled and held."""
+        return self.plant.model == DoubleIntegrator()
+
+    def _row_settings(self, held: bool) -> RowSettings:
+        """Return how rows are made, for a held input or for one instant."""
+        period = self.plant.period if held else None
+        if not self._is_planar:
             return RowSettings(self.alpha1, self.alpha2)
-        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius)
+        low, high = input_limits(self.input_set)
+        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
@@ -227,6 +232,13 @@ class FilterCore(ABC):
         if estimate.time is not None:
             return estimate.time
         return self._steps * (self.plant.period or 0.0)
+
+
+def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the least and the greatest entries of the inputs of a planar U."""
+    corners = input_set.vertices()
+    (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return (low_x, low_y), (high_x, high_y)
 
 
 def kept(plant: Plant, margin: float | None, held: bool) -> Uncertainty:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.barriers import layout, margins, row_kernels
 from hcbf_gym.barriers.mapped import Scene
+from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
@@ -239,9 +240,9 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
             plant.model,
             plant.lag,
             plant.covariance,
-            w.margin[0, i],
-            w.margin[1, i],
-            w.margin[2, i],
+            plant.growth,
+            c.period,
+            w.margin[:, i],
         )
         for k in range(m):
             w.margin[0, i, k] += p.own_margin[i, k]
@@ -381,7 +382,7 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     violated = False
     if told.reason == 0 or told.reason == plant.alarm:  # the state is believed
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
-        of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[2, i], w.rows[PSI, i, :m]
+        of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[LEANING, i], w.rows[PSI, i, :m]
         lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, lacks, c.period, c.settles)
         told.proved = 0 if lacks.any else 1

@@ -10,7 +10,7 @@ import numpy as np
 from hcbf_gym import programs
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.barriers.margins import derive_all
+from hcbf_gym.barriers.margins import LEANING, MARGIN, derive_all
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.input_sets import InputSet
@@ -271,11 +271,13 @@ class PlanarCore(FilterCore):
         plants, out = self._intake.plants, self._own_rows
         for i in range(self.count):
             self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
-        state = [plants[name] for name in ("x", "time", "model", "lag", "covariance")]
-        margin, rate = derive_all(self.uncertainty, scene, *state)
-        out["margin"] = margin
+        names = "x", "time", "model", "lag", "covariance", "growth"
+        reserved = derive_all(
+            self.uncertainty, scene, *(plants[name] for name in names), self._period
+        )
+        out["margin"] = reserved[MARGIN]
         try:
-            rows = scene.rows(plants["x"], plants["time"], self.row_settings, margin, rate)
+            rows = scene.rows(plants["x"], plants["time"], self.row_settings, *reserved[:LEANING])
         except UNREADABLE:
             out["b"] = np.nan
             return

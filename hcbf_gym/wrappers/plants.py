@@ -105,7 +105,7 @@ class Work(NamedTuple):
         a: (n, M, 2) gradients.
         rows: (4, n, M) b, h, α₂(ψ) and ψ.
         priority: (n, M).
-        margin: (3, n, m) margins, their rates, and what leans of them.
+        margin: (4, n, m) as `margins.derive` writes them.
         strict: (n, m) which conditions are of rank 1 and on the position.
         answer: of the program, with a leading n.
         polygons: the program's own.
@@ -151,7 +151,7 @@ def make_work(settings: Settings, n: int, m: int, total: int) -> Work:
         np.empty((n, total, 2)),
         np.empty((4, n, total)),
         np.empty((n, total), dtype=np.int64),
-        np.empty((3, n, m)),
+        np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
         FilterResult(
             np.empty((n, 2)),

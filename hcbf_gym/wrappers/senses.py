@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from hcbf_gym.barriers import margins
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.wrappers import verdict
@@ -52,6 +53,8 @@ PLANT = np.dtype(
             ("motion", "f8", 2),  # m [m]
             ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
             ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
+            ("vague", "f8", 3),  # xx, xy and yy of its covariance at the last sample [m²/s²]
+            ("growth", "f8"),  # what that grew by when it grew last [m²/s²]
             ("input", "f8", 2),  # applied since [m/s²]
             ("believed", "f8", 4),  # the last state that was
             ("believed_at", "f8"),  # its time [s]
@@ -85,6 +88,7 @@ def look(plant: Any, period: float) -> int:
         reason = CLOCK
     state = plant.believed
     if reason == 0:
+        _grow(plant)
         state[:] = x
         plant.believed_at = t
         plant.known = 1
@@ -100,6 +104,22 @@ def look(plant: Any, period: float) -> int:
     plant.covariance[:, :] = 0.0
     plant.time = plant.believed_at
     return reason
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _grow(plant: Any) -> None:
+    """Note by how much the velocity's covariance grows in one period; a fix does not change that.
+
+    Of a sample that follows none all of it is taken, as nothing is known of how it grows.
+    """
+    covariance = plant.covariance
+    if plant.follows == 0:
+        plant.vague[:] = 0.0
+    grown = margins.growth_of(covariance, plant.vague)
+    if grown > 0.0 or plant.follows == 0:
+        plant.growth = grown
+    plant.vague[0], plant.vague[1] = covariance[2, 2], covariance[2, 3]
+    plant.vague[2] = covariance[3, 3]
 
 
 @njit(cache=True, error_model="numpy")

@@ -78,7 +78,7 @@ def core(barrier, q, reach):
     return Core(h, 0.0, bool(((beyond >= reach) & (along <= -reach)).any()))
 
 
-def held_row(barrier, x, t, settings, margin, margin_rate):
+def held_row(barrier, x, t, settings, margin, margin_rate, quickening=0.0):
     """Return a, b, h and α₂(ψ) of a built-in barrier while u is held."""
     period, u_max = settings.period, settings.u_max
     alpha1, alpha2, half = settings.alpha1, settings.alpha2, 0.5 * u_max * period**2
@@ -96,13 +96,22 @@ def held_row(barrier, x, t, settings, margin, margin_rate):
     kept, rate = h - margin - max(0.0, half - radius), float(gradient @ r) - margin_rate
     psi, end = rate + alpha1(kept), kept + rate * period
     sideways = np.sqrt(max(0.0, distance * float(r @ hessian @ r))) if is_point else 0.0
-    nu = turning(distance, sideways, reach, period, u_max)
+    nu = turning(distance, sideways, reach, period, u_max) + quickening * period
     chord = min(alpha1.derivative(end - half), alpha1.derivative(end + half))
     promised = alpha1(end - half) + chord * half
     b = (psi - period * alpha2(psi) - rate + nu - promised) / (period + 0.5 * chord * period**2)
     if kept >= 0.0 and end >= 0.0:
         b = max(b, -2.0 * end / period**2)
+    if psi < 0.0 and rate < 0.0 < kept:
+        most = u_max * float(np.linalg.norm(gradient))
+        most = most if settings.limits is None else min(most, support(gradient, settings.limits))
+        b = max(b, min(rate**2 / (2.0 * kept) + nu / period, most))
     return gradient, b, h, alpha2(psi)
+
+
+def support(a, limits):
+    """Return the most that a box gives of a·u."""
+    return float(np.maximum(a * np.array(limits[0]), a * np.array(limits[1])).sum())
 
 
 def turning(distance, sideways, reach, period, u_max):

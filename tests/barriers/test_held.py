@@ -170,12 +170,14 @@ def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_
 def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     rng = np.random.default_rng(seed)
     scene = [shape(kind, rng) for kind in SHAPES] + [SpeedLimit("cap", 1, 1.2, 0.1)]
-    how = RowSettings(ALPHAS[seed % 3], LinearClassK(2.0), period, U_MAX)
+    limits = None if seed % 2 else ((-5.0, -3.0), (4.0, 5.0))
+    how = RowSettings(ALPHAS[seed % 3], LinearClassK(2.0), period, U_MAX, limits)
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
-    compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None])
+    quickening = rng.uniform(0.0, 0.3, len(scene))
+    compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None], quickening)
     for k, barrier in enumerate(scene):
-        a, b, h, alpha2_psi = readable.held_row(barrier, x, t, how, margin[k], rate[k])
+        a, b, h, alpha2_psi = readable.held_row(barrier, x, t, how, margin[k], rate[k], quickening[k])
         np.testing.assert_allclose(compiled.a[0, k], a, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(compiled.b[0, k], b, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(compiled.h[0, k], h, rtol=1e-9, atol=1e-9)
@@ -236,7 +238,7 @@ def test_psi_is_reported_beside_its_alpha2():
     how = RowSettings(period=0.02, u_max=U_MAX)
     a, out = np.empty((1, len(SHAPES), 2)), np.empty((4, 1, len(SHAPES)))
     row_kernels.rows(
-        barriers.kind, barriers.parameters, np.zeros((2, 1, len(SHAPES))), x, t, how.packed, a, out
+        barriers.kind, barriers.parameters, np.zeros((3, 1, len(SHAPES))), x, t, how.packed, a, out
     )
     np.testing.assert_allclose(out[row_kernels.ALPHA2_PSI], 2.0 * out[row_kernels.PSI])
 

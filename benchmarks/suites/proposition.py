@@ -1,0 +1,355 @@
+"""The proposition of `docs/guarantees.md` under attack: random scenes, judged between the samples.
+
+Nothing but the filter is the package's: distances, motion and errors of the estimate stand here
+once more. The rows read a state that moves as p̈ = u; the robot is where the worst error allows, up
+to κ standard deviations away. A region is *entered unannounced* where the body is in it during a
+step whose status is none of VIOLATED, UNSAFE and BACKUP.
+"""
+
+from typing import Any, NamedTuple
+
+import joblib
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rich.console import Console
+
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, LinearClassK
+from hcbf_gym.barriers import BarrierSet, LogClassK
+from hcbf_gym.evaluation.statistics import BOUNDED, counted
+from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.wrappers.filter_core import FilterSettings
+from hcbf_gym.wrappers.planar_core import PlanarCore
+
+Array = NDArray[np.float64]
+
+SHAPES = ("wall", "disc", "ellipse", "polygon", "capsule")
+TOGETHER = 500
+"""Scenes of one draw of U, T, α, body and covariance."""
+SECONDS = 5.0
+LOOK = 1e-3
+"""Between two looks [s]."""
+ROUNDING = 1e-9
+"""What counts as not entered [m]."""
+CORNERS = 5
+WIDTH = 2 + 2 * CORNERS
+DIRECTIONS = 8
+"""In which the robot may be off."""
+
+BOTH_SIDES, UNKNOWN = 1e-13, "none"
+
+
+@njit(cache=True)
+def _to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the distance from a segment."""
+    ex, ey = bx - ax, by - ay
+    share = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+    share = min(max(share, 0.0), 1.0)
+    return np.hypot(x - ax - share * ex, y - ay - share * ey)
+
+
+@njit(cache=True)
+def _to_ellipse(x: float, y: float, a: float, b: float) -> float:
+    """Return the signed distance from the ellipse x²/a² + y²/b² = 1, by bisection."""
+    x, y = abs(x), abs(y) + BOTH_SIDES
+    if a < b:
+        x, y, a, b = y, x + BOTH_SIDES, b, a
+    apart = a * a - b * b
+    low, high = b * y, b * y + a * x + b * b  # of s in (a x/(s + apart))² + (b y/s)² = 1
+    for _ in range(60):
+        s = 0.5 * (low + high)
+        if (a * x / (s + apart)) ** 2 + (b * y / s) ** 2 > 1.0:
+            low = s
+        else:
+            high = s
+    s = 0.5 * (low + high)
+    return (s - b * b) * np.hypot(x / (s + apart), y / s)
+
+
+@njit(cache=True)
+def distance(kind: int, c: Array, x: float, y: float) -> float:
+    """Return the signed distance from a region of the kind with the numbers c (WIDTH,)."""
+    if kind == 0:
+        return c[0] * x + c[1] * y - c[2]
+    if kind == 1:
+        return np.hypot(x - c[0], y - c[1]) - c[2]
+    if kind == 2:
+        cos, sin = np.cos(c[4]), np.sin(c[4])
+        dx, dy = x - c[0], y - c[1]
+        return _to_ellipse(cos * dx + sin * dy, cos * dy - sin * dx, c[2], c[3])
+    if kind == 4:
+        return _to_segment(x, y, c[0], c[1], c[2], c[3]) - c[4]
+    nearest, inside = np.inf, True
+    for i in range(CORNERS):
+        j = (i + 1) % CORNERS
+        ax, ay, bx, by = c[2 * i], c[2 * i + 1], c[2 * j], c[2 * j + 1]
+        nearest = min(nearest, _to_segment(x, y, ax, ay, bx, by))
+        inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0
+    return -nearest if inside else nearest
+
+
+@njit(cache=True)
+def least_while_held(
+    kind: NDArray[np.int64],
+    numbers: Array,
+    velocity: Array,
+    x: Array,
+    u: Array,
+    t: float,
+    period: float,
+    spread: Array,
+    least: Array,
+) -> None:
+    """Write the least distance (N,) from any region, seen from all places where the robot may be.
+
+    Args:
+        kind: (m,) of `SHAPES`.
+        numbers: (N, m, WIDTH).
+        velocity: (N, m, 2) of their frames [m/s].
+        x: (N, 4) the states that the rows read.
+        u: (N, 2) inputs.
+        t: time [s].
+        period: T [s].
+        spread: (looks + 1, 2, 2) what a unit vector is multiplied by to be an error [m].
+        least: (N,) written to.
+    """
+    looks = spread.shape[0] - 1
+    for i in range(x.shape[0]):
+        least[i] = np.inf
+        for look in range(looks + 1):
+            s = period * look / looks
+            px = x[i, 0] + s * x[i, 2] + 0.5 * s * s * u[i, 0]
+            py = x[i, 1] + s * x[i, 3] + 0.5 * s * s * u[i, 1]
+            root = spread[look]
+            count = DIRECTIONS if root[0, 0] > 0.0 or root[1, 1] > 0.0 else 1
+            for k in range(kind.size):
+                qx = px - velocity[i, k, 0] * (t + s)
+                qy = py - velocity[i, k, 1] * (t + s)
+                for turn in range(count):
+                    angle = 2.0 * np.pi * turn / count
+                    ex, ey = (np.cos(angle), np.sin(angle)) if count > 1 else (0.0, 0.0)
+                    ox, oy = root[0, 0] * ex + root[0, 1] * ey, root[1, 0] * ex + root[1, 1] * ey
+                    least[i] = min(least[i], distance(kind[k], numbers[i, k], qx + ox, qy + oy))
+
+
+class Draw(NamedTuple):
+    """What the scenes of one batch share.
+
+    Attributes:
+        period: T [s].
+        alpha1: α₁.
+        alpha2: α₂'s gain [1/s].
+        input_set: U.
+        body: ρ [m].
+        distance: d [m].
+        known: how the covariance grows: "exact", "constant", "dead reckoning", "accelerating".
+        kinds: (m,) of `SHAPES`.
+        moving: whether regions move.
+        program: its name.
+    """
+
+    period: float
+    alpha1: Any
+    alpha2: float
+    input_set: Any
+    body: float
+    distance: float
+    known: str
+    kinds: tuple[int, ...]
+    moving: bool
+    program: str
+
+
+KNOWN = ("exact", "constant", "dead reckoning", "accelerating")
+KAPPA = 3.0
+
+
+def draw(rng: np.random.Generator) -> Draw:
+    """Return what a batch shares, drawn."""
+    period = float(rng.choice([0.01, 0.02, 0.05, 0.1, 0.2]))
+    steepest = 1.0 / period
+    log = LogClassK(rng.uniform(0.5, 2.0), 0.5, rng.uniform(0.1, 0.4))
+    alpha1 = log if rng.random() < 0.6 else LinearClassK(rng.uniform(0.5, 3.0))
+    if alpha1.derivative(0.0) > steepest:
+        alpha1 = alpha1.scaled(steepest / alpha1.derivative(0.0))
+    size = rng.uniform(1.5, 6.0)
+    sets = (
+        Box.symmetric(size),
+        Ball(size, int(rng.integers(6, 20))),
+        Box(-size * rng.uniform(0.5, 1.0, 2), size * rng.uniform(0.5, 1.0, 2)),
+    )
+    return Draw(
+        period,
+        alpha1,
+        float(rng.uniform(0.5, min(4.0, steepest))),
+        sets[rng.integers(3)],
+        float(rng.choice([0.0, 0.2, 0.46])),
+        float(rng.choice([0.0, 0.02])),
+        str(rng.choice(KNOWN, p=[0.55, 0.15, 0.15, 0.15])),
+        tuple(rng.integers(0, len(SHAPES), rng.integers(1, 4)).tolist()),
+        bool(rng.random() < 0.3),
+        str(rng.choice(["lex-cbf-qp", "lex-cbf-qp", "cbf-qp", "eh-cbf-qp"])),
+    )
+
+
+def region(kind: int, rng: np.random.Generator, moving: bool) -> tuple[Any, Array, Array]:
+    """Return a region as the package and as `distance` have it, and its velocity."""
+    c = np.zeros(WIDTH)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    away = rng.uniform(0.3, 2.5) * np.array([np.cos(angle), np.sin(angle)])
+    velocity = rng.uniform(-0.3, 0.3, 2) if moving and kind else np.zeros(2)
+    w = tuple(velocity.tolist())
+    if kind == 0:
+        c[:3] = -np.cos(angle), -np.sin(angle), -rng.uniform(0.5, 2.5)
+        return HalfPlane("wall", 1, (c[0], c[1]), c[2]), c, velocity
+    if kind == 1:
+        c[:3] = *away, 10.0 ** rng.uniform(-3.0, 0.0)
+        return Disc("disc", 1, (c[0], c[1]), c[2], w), c, velocity
+    if kind == 2:
+        c[:5] = *away, *10.0 ** rng.uniform(-1.5, 0.2, 2), rng.uniform(0.0, 2.0 * np.pi)
+        return Ellipse("ellipse", 1, (c[0], c[1]), (c[2], c[3]), c[4], w), c, velocity
+    if kind == 4:
+        end = away + rng.normal(0.0, 0.7, 2)
+        c[:5] = *away, *end, 10.0 ** rng.uniform(-2.5, -0.3)
+        return Capsule("capsule", 1, (c[0], c[1]), (c[2], c[3]), c[4], w), c, velocity
+    turn = rng.uniform(0.0, 6.0) + 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    squeeze = np.array([1.0, rng.uniform(0.1, 1.0)]) * rng.uniform(0.1, 1.0)
+    cos, sin = np.cos(angle), np.sin(angle)
+    corners = np.column_stack([np.cos(turn), np.sin(turn)]) * squeeze
+    corners = away + corners @ np.array([[cos, sin], [-sin, cos]])
+    c[: 2 * CORNERS] = corners.ravel()
+    return ConvexPolygon("polygon", 1, tuple(map(tuple, corners.tolist())), w), c, velocity
+
+
+def covariance(known: str, t: float, size: float, shape: Array) -> Array:
+    """Return P (4, 4) of the state at the time t, whose own errors grow as its model says.
+
+    Args:
+        known: as `Draw` has it.
+        t: [s].
+        size: of the errors of velocity [m/s].
+        shape: (2, 2) positive definite, their form.
+    """
+    out = np.zeros((4, 4))
+    if known == "exact":
+        return out
+    of_position, mixed, of_velocity = 1.0 * (0.3 * size) ** 2, 0.0, 0.0
+    if known != "constant":
+        of_velocity, mixed = size**2, size**2 * t
+        of_position += size**2 * t * t
+    if known == "accelerating":
+        noise = size**2
+        of_velocity += noise * t
+        mixed += noise * t * t / 2.0
+        of_position += noise * t**3 / 3.0
+    out[:2, :2], out[2:, 2:] = of_position * shape, of_velocity * shape
+    out[:2, 2:] = out[2:, :2] = mixed * shape
+    return out
+
+
+def walk(
+    seed: int, count: int = TOGETHER, drawn: Draw | None = None, rest: float = 0.5
+) -> dict[str, Any]:
+    """Run the scenes of one batch for `SECONDS`, attacked, and return what was entered.
+
+    Args:
+        seed: decides all.
+        count: how many scenes.
+        drawn: what they share; None draws it.
+        rest: the share that starts at rest.
+    """
+    rng = np.random.default_rng(seed)
+    d = draw(rng) if drawn is None else drawn
+    made = [[region(kind, rng, d.moving) for kind in d.kinds] for _ in range(count)]
+    numbers = np.array([[one[1] for one in scene] for scene in made])
+    velocity = np.array([[one[2] for one in scene] for scene in made])
+    scenes = BarrierSet([[one[0] for one in scene] for scene in made])
+    kinds = np.array(d.kinds)
+    plant = Plant(
+        DoubleIntegrator(), scenes, lambda *_: None, d.input_set, period=d.period,
+        uncertainty=Uncertainty(distance=d.distance, body=d.body, confidence=KAPPA),
+    )  # fmt: skip
+    options = {"alpha1": d.alpha1, "alpha2": LinearClassK(d.alpha2)}
+    settings = FilterSettings(d.program, "held", None, None, None, "warn", False, options)
+    core = PlanarCore(plant, d.input_set, settings, count)
+    x = np.zeros((count, 4))
+    x[:, :2] = rng.normal(0.0, 0.4, (count, 2))
+    x[:, 2:] = rng.normal(0.0, 0.6, (count, 2)) * (rng.random((count, 1)) >= rest)
+    size = 0.15 * rng.random() if d.known != "constant" else 0.5 * rng.random()
+    stretch = rng.uniform(0.2, 1.0)
+    turn = rng.uniform(0.0, np.pi)
+    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    shape = axes.T @ np.diag([1.0, stretch]) @ axes
+    root_shape = axes.T @ np.diag([1.0, np.sqrt(stretch)]) @ axes
+    core.restart(np.ones(count, dtype=np.bool_))
+    style = rng.integers(0, 4, count)
+    sign, corner = np.ones(count), np.zeros((count, 2))
+    entered = np.zeros(count, dtype=np.bool_)
+    silent, silent_ever = entered.copy(), entered.copy()
+    said, began = entered.copy(), entered.copy()
+    depth, violated, deepest = 0.0, 0, np.inf
+    radius, steps = d.input_set.radius, int(SECONDS / d.period)
+    looks = max(1, round(d.period / LOOK))
+    least = np.empty(count)
+    for step in range(steps):
+        t = step * d.period
+        known = covariance(d.known, t, size, shape)
+        estimate = Estimate(
+            x, np.full(count, t), None if d.known == "exact" else np.broadcast_to(
+                known, (count, 4, 4)
+            ).copy(),
+        )  # fmt: skip
+        h, sensed = scenes.sense(x, np.full(count, t))
+        order = np.argsort(h, axis=1)
+        every = np.arange(count)
+        normal = sensed[every, order[:, 0], 1:3]
+        sign[rng.random(count) < d.period / 0.7] *= -1.0
+        changes = rng.random(count) < d.period / 0.3
+        corner[changes] = radius * rng.choice([-1.0, 1.0], (int(changes.sum()), 2))
+        tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+        wanted = np.where(style[:, None] == 1, -radius * normal, corner)
+        along = radius * (sign[:, None] * tangent - normal)
+        wanted = np.where(style[:, None] == 2, along, wanted)
+        wanted = np.where(style[:, None] == 3, radius * sign[:, None] * normal, wanted)
+        if step == 0:
+            core.begin(scenes, estimate, None, None)
+        u, report = core.step(wanted, scenes, estimate)
+        status = np.array(report["status"])
+        bad = np.isin(status, [FilterStatus.VIOLATED, FilterStatus.UNSAFE, FilterStatus.BACKUP])
+        violated += int(bad.sum())
+        said |= bad
+        u = np.array(u)
+        spreads = np.zeros((looks + 1, 2, 2))
+        for look in range(looks + 1) if d.known != "exact" else ():
+            later = covariance(d.known, t + d.period * look / looks, size, shape)
+            spreads[look] = KAPPA * np.sqrt(later[0, 0] / shape[0, 0]) * root_shape
+        least_while_held(kinds, numbers, velocity, x, u, t, d.period, spreads, least)
+        least -= d.body
+        inside = least < -ROUNDING
+        silent |= inside & ~bad
+        silent_ever |= inside & ~said
+        entered |= inside
+        quiet = inside & ~bad
+        if quiet.any():
+            deepest = min(deepest, float(least[quiet].min()))
+        depth = min(depth, float(least.min()))
+        x = x.copy()
+        x[:, :2] += d.period * x[:, 2:] + 0.5 * d.period**2 * u
+        x[:, 2:] += d.period * u
+    return {
+        "draw": d,
+        "seed": seed,
+        "scenes": count,
+        "steps": count * steps,
+        "said": int(said.sum()),
+        "violated": violated,
+        "entered": int(entered.sum()),
+        "silent": int(silent.sum()),
+        "silent_ever": int(silent_ever.sum()),
+        "deepest": deepest,
+        "depth": depth,
+    }
