@@ -14,10 +14,13 @@ The alarm is raised where in any window
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
-d is what nobody knows the robot was told: a command that was not renewed in time.
+d is what nobody knows: what a command that was not renewed in time still did, and, of a response
+that nobody measured or that has complaints, (τ + δ) times all by which v̂ changes.
 """
 
 import math
+from typing import Any
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -27,6 +30,7 @@ from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import UNKNOWN, Response
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
 
 SHORTEST = 0.1
 """The shortest window [s]: a few samples of any loop."""
@@ -37,12 +41,21 @@ BEYOND = 1.3
 SHARE, DOUBTED = 0.15, 0.5
 """a: share of the motion that may be missing or too much, and of a response that nobody measured
 or that has complaints."""
+FAST = 0.25
+"""Share of the greatest speed above which motion is compared with what was told: legs that are told
+less may stand."""
+LONG = 4.0
+"""W over which it is [s]."""
+APART = 0.6
+"""k: sway that is no answer to commands hardly correlates with them."""
 FILLED = 0.6
 """Share of the shortest window that must have been seen."""
 PAUSE = 0.5
 """Time between two samples after which all starts anew [s]."""
 LEAP = 0.2
 """What position may be off within one sample before it counts as put elsewhere [m]."""
+FASTEST = 3.0
+"""Of the greatest speed that it may be told, and faster than which it counts as such, too."""
 HELD = 256
 """Commands that are remembered: the delay's worth of the fastest controller."""
 
@@ -60,7 +73,22 @@ NOTES = np.dtype(
         ("moved", "f8", WINDOWS),  # m [m]
         ("doubt", "f8", WINDOWS),  # d [m]
         ("seen", "f8", WINDOWS),  # w [s]
+        ("missing", "f8", 2),  # c [m²/s]
+        ("asked", "f8"),  # E [m²/s]
         ("worst", "f8"),  # the greatest share of a bound at the last sample
+    ]
+)
+
+LAW = np.dtype(
+    [
+        ("tau", "f8"),  # [s]
+        ("delay", "f8"),  # δ [s]
+        ("follows", "f8"),  # τ + δ [s]
+        ("first", "f8"),  # the shortest window [s]
+        ("most", "f8"),  # K S [m/s]
+        ("lasting", "f8"),  # K D [m/s]
+        ("share", "f8"),  # a
+        ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
 )
 
@@ -94,11 +122,12 @@ class ResponseMonitor:
         lasting = min(known.sway / follows, known.residual[1])
         lasting = lasting if known.drift is None else min(known.drift, most)
         share = DOUBTED if doubted else SHARE
-        first = max(follows, SHORTEST)
-        self._law = np.array([
-            known.time_constant, known.delay, follows, first, widened * BEYOND * most,
-            widened * BEYOND * lasting, widened * share, 3.0 * command.forward,
-        ])  # fmt: skip
+        law = np.zeros(1, dtype=LAW)
+        law["tau"], law["delay"], law["follows"] = known.time_constant, known.delay, follows
+        law["first"] = max(follows, SHORTEST)
+        law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
+        law["share"], law["forward"] = widened * share, command.forward
+        self._law = law
         self._notes = np.zeros(1, dtype=NOTES)
 
     def forget(self) -> None:
@@ -130,7 +159,7 @@ class ResponseMonitor:
 
 
 @njit(cache=True, error_model="numpy")
-def _tell(notes: Array, forward: float, aside: float, time: float) -> None:
+def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
     note = notes[0]
     while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
         note.count -= 1  # what was to come after it is told no more
@@ -143,9 +172,9 @@ def _tell(notes: Array, forward: float, aside: float, time: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _observe(
-    notes: Array, law: Array, pose: Array, velocity: Array, time: float, good_until: float
+    notes: Array, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
-    note, fastest = notes[0], law[7]
+    note, law = notes[0], laws[0]
     passed = time - note.time
     if note.begun and passed <= 0.0:
         return False
@@ -155,7 +184,7 @@ def _observe(
     dx, dy = pose[0] - note.place[0], pose[1] - note.place[1]
     cos, sin = np.cos(middle), np.sin(middle)
     ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
-    leap = np.hypot(ahead, aside) > LEAP + fastest * passed
+    leap = np.hypot(ahead, aside) > LEAP + FASTEST * law.forward * passed
     known = note.begun == 1 and passed <= PAUSE and not leap
     note.place[0], note.place[1], note.place[2] = pose[0], pose[1], pose[2]
     began, note.time, note.begun = note.time, time, 1
@@ -164,39 +193,64 @@ def _observe(
         note.velocity[0] = cos * velocity[0] + sin * velocity[1]
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
         note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
+        note.missing[:], note.asked = 0.0, 0.0
         _follow(note, law, time - PAUSE, time, False)
         return False
     went_ahead, went_aside, length = _follow(note, law, began, time, True)
     unsure = min(max(0.0, time - good_until), passed)
-    speed = 0.0
+    off = ahead - went_ahead, aside - went_aside
+    shares = _strays(note, law, off, length, passed, unsure)
+    if unsure == 0.0:
+        shares = max(shares, _differs(note, law, off, (went_ahead, went_aside), passed))
+    note.worst = shares
+    return shares > 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, unsure: float) -> float:
+    """Add a sample to r of every window, and return the greatest share of its bound."""
+    speed, worst = 0.0, 0.0
     for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
         told = note.told[last % HELD]
         speed = max(speed, np.hypot(told[0], told[1]))
-    alarm, note.worst = False, 0.0
     for i in range(WINDOWS):
-        window = law[3] * 2.0**i
-        keep = max(0.0, 1.0 - passed / window)
-        note.missed[i, 0] = keep * note.missed[i, 0] + ahead - went_ahead
-        note.missed[i, 1] = keep * note.missed[i, 1] + aside - went_aside
+        keep = max(0.0, 1.0 - passed / (law.first * 2.0**i))
+        note.missed[i, 0] = keep * note.missed[i, 0] + off[0]
+        note.missed[i, 1] = keep * note.missed[i, 1] + off[1]
         note.moved[i] = keep * note.moved[i] + length
         note.doubt[i] = keep * note.doubt[i] + speed * unsure
-        note.seen[i] = keep * note.seen[i] + passed
-        if note.seen[i] < FILLED * law[3]:
+        note.seen[i] = seen = keep * note.seen[i] + passed
+        if seen < FILLED * law.first:
             continue
-        bound = law[5] * note.seen[i] + max(0.0, law[4] - law[5]) * np.sqrt(law[2] * note.seen[i])
-        bound += law[6] * note.moved[i] + note.doubt[i]
-        share = np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound
-        note.worst = max(note.worst, share)
-        alarm = alarm or share > 1.0
-    return alarm
+        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.follows * seen)
+        bound += law.share * note.moved[i] + note.doubt[i]
+        worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float:
+    """Add a sample to c, and return its share of the bound."""
+    keep = max(0.0, 1.0 - passed / LONG)
+    note.missing[0], note.missing[1] = keep * note.missing[0], keep * note.missing[1]
+    note.asked *= keep
+    least = FAST * law.forward
+    if np.hypot(went[0], went[1]) > least * passed:
+        note.missing[0] += (off[0] * went[0] + off[1] * went[1]) / passed
+        note.missing[1] += (off[1] * went[0] - off[0] * went[1]) / passed
+        note.asked += (went[0] ** 2 + went[1] ** 2) / passed
+    if note.asked < least**2 * law.first:
+        return 0.0
+    bound = law.share * note.asked + APART * law.most * np.sqrt(law.first * note.asked)
+    return np.hypot(note.missing[0], note.missing[1]) / bound
 
 
 @njit(cache=True, error_model="numpy")
 def _follow(
-    note: Array, law: Array, start: float, end: float, moves: bool
+    note: Any, law: Any, start: float, end: float, moves: bool
 ) -> tuple[float, float, float]:
     """Let v̂ follow the commands from a time to another, and return ∫v̂ (2) and ∫‖v̂‖ [m]."""
-    tau, delay = max(law[0], 1e-6), law[1]
+    tau, delay = max(law.tau, 1e-6), law.delay
     ahead = aside = length = 0.0
     now = start
     note.acting = max(note.acting, note.count - HELD)

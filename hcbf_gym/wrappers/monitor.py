@@ -11,9 +11,9 @@ something where the filter asked for something, ``‖u‖ > FLOOR ū`` with ū t
 is missed where ``‖Δu‖ > SHARE ‖u‖``. The alarm is raised where most of the last `TELLING` samples
 that tell were missed. A gain of 2 misses every one that is not cut off at the limits.
 
-A plant that meets most of them to ``‖Δu‖ ≤ EXACT ‖u‖`` is exact, and few misses are significant
-there: where more than `FEW` of them are off by ``OFF_EXACT ‖u‖``, that alarms, too. So every third
-input that is reversed, or braking that is weakened, is seen.
+A double integrator that meets most of them to ``‖Δu‖ ≤ EXACT ‖u‖`` is exact, and few
+misses are significant there: where more than `FEW` of them are off by ``OFF_EXACT ‖u‖``, that
+alarms, too. So every third input that is reversed, or braking that is weakened, is seen.
 """
 
 from typing import Any
@@ -74,7 +74,7 @@ _ACCOUNT = np.dtype((np.record, ACCOUNT))
 
 @njit(cache=True)
 def account(memory: Any, error: float, chosen: float, rate: float, radius: float) -> bool:
-    """Count one sample's ‖Δu‖² and ‖u‖², and return whether most, or too many, were missed.
+    """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
 
     Args:
         memory: a record with the fields of `ACCOUNT`, written to.
@@ -90,8 +90,17 @@ def account(memory: Any, error: float, chosen: float, rate: float, radius: float
         memory.missed += share * ((error > SHARE * SHARE * chosen) - memory.missed)
         memory.exact += share * ((error <= EXACT * EXACT * chosen) - memory.exact)
         memory.off += share * ((error > OFF_EXACT * OFF_EXACT * chosen) - memory.off)
-    few = memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
-    return few or (memory.samples >= LEAST_SAMPLES and memory.missed > MOST)
+    return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
+
+
+@njit(cache=True)
+def breaks_off(memory: Any) -> bool:
+    """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
+
+    Args:
+        memory: a record with the fields of `ACCOUNT`, of a plant whose steps have no rounding.
+    """
+    return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
 
 
 class Monitor:

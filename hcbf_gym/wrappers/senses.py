@@ -22,7 +22,7 @@ from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.wrappers import verdict
 from hcbf_gym.wrappers.belief import are_near, is_covariance
-from hcbf_gym.wrappers.monitor import ACCOUNT, APART, WINDOW, account
+from hcbf_gym.wrappers.monitor import ACCOUNT, APART, WINDOW, account, breaks_off
 
 DRIFT = 0.01
 """What position and velocity may drift apart in any case [m]: rounding of a plant's own steps."""
@@ -132,7 +132,7 @@ def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
             missed += miss * miss
             chosen += plant.input[k] * plant.input[k]
         alarm = account(plant, missed, chosen, period / WINDOW, radius)
-        if alarm and plant.alarm == 0:
+        if (alarm or breaks_off(plant)) and plant.alarm == 0:
             plant.alarm = INPUT
         strays = _strays(plant, period, confidence)
         if strays and plant.alarm == 0:
