@@ -13,7 +13,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.walker_drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.evaluation.attacked import Outcome
+from hcbf_gym.evaluation.attacked import Outcome, alarm_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.walker import Walker
 
@@ -88,6 +88,7 @@ class LoopEpisode:
         rate: of the messages [Hz].
         v_max: strict cap on the speed [m/s].
         seconds: how long.
+        lost: share of the messages that never come.
     """
 
     robot: str
@@ -97,6 +98,7 @@ class LoopEpisode:
     rate: float
     v_max: float
     seconds: float = 20.0
+    lost: float = LOST
 
     def run(self) -> Outcome:
         """Run it to its end."""
@@ -118,13 +120,14 @@ class LoopEpisode:
         attack = attacks.make(self.attack, self.seed)
         counts, margins = np.zeros(len(FilterStatus), dtype=np.int64), [0.0]
         least, speed_left = np.full(barriers.kind.shape[1], np.inf), np.inf
-        changed, state = False, cart.follower()
+        changed, state, alarm = False, cart.follower(), 0
         while cart.time < self.seconds and not cart.physics.fallen:
-            if cart.time == 0.0 or rng.random() >= LOST:
+            if cart.time == 0.0 or rng.random() >= self.lost:
                 wanted = attack.wants(_seen(barriers, strict, state, cart.time))
                 command = cart.towards(wanted, cart.walker.command.forward)
                 _, told = door.step(command, *cart.says(), cart.time)
                 counts[int(told["status"])] += 1
+                alarm = max(alarm, alarm_of({"safety_filter": told}))
                 margins.append(float(told["margin"][strict].max()))
                 changed = changed or bool(told["intervention"] > 1e-3)
             end = cart.time + rng.uniform(1.0 - JITTER, 1.0 + JITTER) / self.rate
@@ -145,6 +148,7 @@ class LoopEpisode:
             status_counts=counts.tolist(),
             median_margin=float(np.median(margins)),
             changed=changed,
+            alarm=alarm,
         )
 
 

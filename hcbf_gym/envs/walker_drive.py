@@ -12,7 +12,8 @@ from hcbf_gym.envs.a1_walker import Walk, ticks_of
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import UNREADABLE
-from hcbf_gym.models.plant import Estimate
+from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_policy import Controller
 from hcbf_gym.robots.walker_terms import Observer, Source
@@ -30,6 +31,7 @@ class WalkerDrive:
         simulation: the scene.
         adapter: what turns the model's velocity into commands.
         footprint: measures the whole robot's distance to the regions; None for a point.
+        widened: by how much the bounds of what it may do beside what it is told are wider.
 
     Attributes:
         truth: (4,) position [m] and velocity [m/s] of the point that follows the model.
@@ -41,10 +43,17 @@ class WalkerDrive:
         InvalidInputError: if the physics' tick does not divide the control step.
     """
 
-    def __init__(self, simulation: WalkerPhysics, adapter: Adapter, footprint: Footprint | None):
+    def __init__(
+        self,
+        simulation: WalkerPhysics,
+        adapter: Adapter,
+        footprint: Footprint | None,
+        widened: float = 1.0,
+    ):
         self.simulation, self.adapter = simulation, adapter
         walker, timestep = simulation.walker, float(simulation.model.opt.timestep)
         self._footprint = footprint
+        self._monitor = ResponseMonitor(walker.command, walker.response, widened)
         self._ticks: Array = np.arange(1, ticks_of(timestep) + 1) * np.float64(timestep)
         self._base: Array = np.empty((len(self._ticks), 13))
         self._rows = list(self._base)
@@ -71,6 +80,8 @@ class WalkerDrive:
         self.truth: Array = np.array([*position, 0.0, 0.0])
         self._velocity[:] = 0.0
         self._since = 0
+        self._monitor.forget()
+        self._fault = Reason.NONE
         self.failed = False
 
     def reset(
@@ -119,9 +130,11 @@ class WalkerDrive:
         force = np.zeros(simulation.obstacle_forces().shape)
         touches, footprint = len(force) > 0, self._footprint is not None
         vx, vy = velocity.tolist()
+        timestep = float(self._ticks[0])
         for k, row in enumerate(self._rows):
             if self._since % self._per_action == 0:
                 self.told[:] = self.adapter.command(vx, vy, simulation.yaw, simulation.yaw_rate)
+                self._monitor.tell(self.told, time + k * timestep)
                 self.act()
             self._since += 1
             simulation.step(self.ctrl)
@@ -147,9 +160,20 @@ class WalkerDrive:
         Args:
             time: since the reset [s].
         """
-        x = self.truth.copy()
+        body, yaw = self.odometry()
+        x = body.copy()
         x[2:] = self._velocity
-        return Estimate(x, time, None, x, self.truth - x, np.float64(self.simulation.yaw))
+        pose = np.array([body[0], body[1], yaw])
+        if self._monitor.observe(pose, body[2:], time):
+            self._fault = Reason.RESPONSE
+        return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault)
+
+    def odometry(self) -> tuple[Array, float]:
+        """Return (4,) position [m] and velocity [m/s] of the point that follows, and the heading.
+
+        The filter and the monitor know nothing else of the robot.
+        """
+        return self.truth, self.simulation.yaw
 
     def act(self) -> None:
         """Ask the controller, and keep the last inputs where it gives none."""

@@ -15,6 +15,9 @@ OFF_NOMINAL = 0.02
 """What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
 but the contract's robot on a flat and calm floor."""
 
+WIDENED = 2.0
+"""Of the bounds of what the robot does beside what it is told, there as well."""
+
 
 class Declared(NamedTuple):
     """What the arguments of `WalkerRegionsEnv` declare.
@@ -71,6 +74,11 @@ def outside(found: certificates.Nearest, walker: Walker, declared: Declared) -> 
         return found.differs
     said = [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
     return said + [f"{departure} (certified: none)" for departure in declared.departures]
+
+
+def widened(declared: Declared) -> float:
+    """Return by how much a robot may do otherwise than it was measured: what is declared does."""
+    return WIDENED if declared.departures else 1.0
 
 
 def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:

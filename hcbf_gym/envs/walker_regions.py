@@ -130,7 +130,9 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
         self._uncertainty = walker_plant.uncertainty_of(
             found, walker, task.CONTROL_DT, declared, reach
         )
-        self.walker: WalkerDrive = WalkerDrive(simulation, adapter, footprint)
+        self.walker: WalkerDrive = WalkerDrive(
+            simulation, adapter, footprint, walker_plant.widened(declared)
+        )
         self._enter(terrain, "HCBF-WalkerRegions-v0")
 
     @property

@@ -27,7 +27,7 @@ class Reason(IntEnum):
     BARRIERS: a barrier or its row is not finite, or there is no list of them. SOLVER: every solver
     failed. INPUT: the plant does not receive the chosen input. MOTION: the position does not move
     as the velocity says. SLIP, LAG, LIFT: a walking robot's feet slide, its torques come late, or
-    its legs carry another load.
+    its legs carry another load. RESPONSE: the robot does not move as it was told.
     """
 
     NONE = 0
@@ -41,6 +41,7 @@ class Reason(IntEnum):
     SLIP = 8
     LAG = 9
     LIFT = 10
+    RESPONSE = 11
 
 
 FIRST_ALARM = Reason.INPUT

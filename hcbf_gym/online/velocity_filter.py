@@ -16,9 +16,10 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Coverage, Estimate, Plant
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_parts import Command
@@ -76,6 +77,8 @@ class VelocityFilter:
         radius: what the robot reaches beyond the point that follows its commands [m]; None takes
             the robot's reach, and ℓ besides for a differential drive.
         max_age: the greatest age of data that are believed [s].
+        on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
+            or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
         **options: as `wrappers.SafetyFilter` takes them.
 
     Raises:
@@ -102,6 +105,7 @@ class VelocityFilter:
         v_max: float | None = None,
         radius: float | None = None,
         max_age: float = 0.1,
+        on_alarm: str = "warn",
         **options: Any,
     ):
         known = _known(robot)
@@ -125,10 +129,11 @@ class VelocityFilter:
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
             uncertainty=margins,
         )  # fmt: skip
-        settings = FilterSettings(program, "held", guidance, None, None, None, False, options)
+        settings = FilterSettings(program, "held", guidance, None, None, on_alarm, False, options)
         self._core = PlanarCore(plant, input_set, settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self._follows = response.follows
+        self._monitor = ResponseMonitor(known.command, known.response)
         self._goal = None if goal is None else finite_array("goal", goal, (2,))
         if guidance is not None and self._goal is None:
             raise InvalidInputError(
@@ -144,6 +149,8 @@ class VelocityFilter:
         self._time: float | None = None  # of the last sample, while none is missing [s]
         self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
+        self._monitor.forget()
+        self._fault = Reason.NONE
         self._told: Array = np.zeros(len(self._limits))
         self._good_from = self._good_until = -math.inf
 
@@ -179,7 +186,7 @@ class VelocityFilter:
         place, motion = _numbers(pose), _numbers(twist)
         stamp = _number(time)
         age = 0.0 if now is None else _number(now) - stamp
-        if self._time is not None and stamp - self._time > LATE * self._period:
+        if self._time is not None and stamp - self._time > self._period + ROUNDING:
             self._miss()
         sound = bool(np.isfinite(place.sum() + motion.sum() + stamp))
         body = self._follower(place, motion)
@@ -187,7 +194,12 @@ class VelocityFilter:
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         stale = not -ROUNDING <= age <= self._max_age
-        estimate = Estimate(x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age))
+        point = np.array([body[0], body[1], place[2]])
+        if sound and self._monitor.observe(point, body[2:], stamp, self._good_until):
+            self._fault = Reason.RESPONSE
+        estimate = Estimate(
+            x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age), fault=self._fault
+        )
         barriers = self._scene()
         if not self._begun and sound and not stale:
             self._core.cover(Coverage.OUTSIDE)
@@ -208,10 +220,17 @@ class VelocityFilter:
             self._velocity, self._input = velocity, u
             told = self._tell(wanted, place[2], motion[2])
         self._told = told
+        self._tell_monitor(stamp + max(0.0, age))
         self._good_from = stamp
         self._good_until = stamp + self._period if math.isfinite(stamp) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
         return told.copy(), report
+
+    def _tell_monitor(self, now: float) -> None:
+        """Note what the robot is told from now on [s], where the clocks say when that is."""
+        if math.isfinite(now):
+            self._monitor.tell(self._told, now)
+            self._monitor.tell(np.zeros(len(self._limits)), now + self._period)
 
     def command_at(self, now: float) -> Array:
         """Return what the robot is to be told now [s]: the last command while it is good, or zero.

@@ -19,6 +19,8 @@ SAYS = {
     Reason.SLIP: "the robot's feet slide more than on the declared floor",
     Reason.LAG: "the robot's torques act later than the declared plant's",
     Reason.LIFT: "the robot's legs carry more or less than the declared load and motors",
+    Reason.RESPONSE: "the robot does not do what it is told: expected it to follow as its response "
+    "was measured, on the declared floor, and odometry of that robot that is up to date",
 }
 """Each reason in words."""
 

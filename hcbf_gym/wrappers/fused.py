@@ -44,6 +44,7 @@ TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
 BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.MOTION)
+RESPONSE = int(Reason.RESPONSE)
 
 
 @njit(cache=True)
@@ -374,7 +375,7 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     delta = w.answer.delta[i]
     stops = _stops(told.reason, plant.alarm, c.brakes)
     if stops:
-        _brake(told.reason == plant.alarm and told.reason != MOTION, w, i)
+        _brake(told.reason == plant.alarm and told.reason not in (MOTION, RESPONSE), w, i)
     dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]
     moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + c.radius)
     unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)

@@ -183,7 +183,7 @@ class GeneralCore(FilterCore):
         """
         braking = self._backup.input()
         result = None
-        if self._alarm != Reason.MOTION and self.plant.brake is None:
+        if self._alarm not in (Reason.MOTION, Reason.RESPONSE) and self.plant.brake is None:
             result = solvers.solve(self.program, braking, found.rows)
         if result is None:
             return self._brake(wanted, braking, self._alarm)

@@ -10,6 +10,10 @@ The alarm counts samples, so that it makes no difference how large they are. A s
 something where the filter asked for something, ``‖u‖ > FLOOR ū`` with ū the largest input; then it
 is missed where ``‖Δu‖ > SHARE ‖u‖``. The alarm is raised where most of the last `TELLING` samples
 that tell were missed. A gain of 2 misses every one that is not cut off at the limits.
+
+A double integrator that meets most of them to ``‖Δu‖ ≤ EXACT ‖u‖`` is exact, and few
+misses are significant there: where more than `FEW` of them are off by ``OFF_EXACT ‖u‖``, that
+alarms, too. So every third input that is reversed, or braking that is weakened, is seen.
 """
 
 from typing import Any
@@ -37,7 +41,11 @@ TELLING = 25
 LEAST_SAMPLES = 10
 """Telling samples since the reset before which no alarm is raised."""
 MOST = 0.5
-"""Share of misses above which the alarm is raised."""
+"""Share of misses above which the alarm is raised; of exact samples above which a plant is so."""
+EXACT, OFF_EXACT = 0.02, 0.1
+"""Share of the chosen input up to which it was met exactly, and from which on it was not at all."""
+FEW = 0.1
+"""Share of samples that are off above which an exact plant alarms: three in a row."""
 
 STILL = 0.002
 """Share of what the largest inputs change in τ below which a motion tells nothing."""
@@ -56,6 +64,8 @@ _WRAPPED = 0.5  # how near to a whole turn a jump must be to be one [rad]
 ACCOUNT = [
     ("error", "f8"),  # E
     ("missed", "f8"),  # the share of misses
+    ("exact", "f8"),  # the share that was met exactly
+    ("off", "f8"),  # the share that was off by more than an exact plant ever is
     ("samples", "f8"),  # that tell
 ]
 """What is remembered of the input's signal; zeros at a reset."""
@@ -75,10 +85,22 @@ def account(memory: Any, error: float, chosen: float, rate: float, radius: float
     """
     memory.error += min(1.0, rate) * (error - memory.error)
     if chosen > (FLOOR * radius) ** 2:
-        missed = 1.0 if error > SHARE * SHARE * chosen else 0.0
         memory.samples += 1.0
-        memory.missed += (missed - memory.missed) / min(memory.samples, TELLING)
+        share = 1.0 / min(memory.samples, TELLING)
+        memory.missed += share * ((error > SHARE * SHARE * chosen) - memory.missed)
+        memory.exact += share * ((error <= EXACT * EXACT * chosen) - memory.exact)
+        memory.off += share * ((error > OFF_EXACT * OFF_EXACT * chosen) - memory.off)
     return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
+
+
+@njit(cache=True)
+def breaks_off(memory: Any) -> bool:
+    """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
+
+    Args:
+        memory: a record with the fields of `ACCOUNT`, of a plant whose steps have no rounding.
+    """
+    return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
 
 
 class Monitor:

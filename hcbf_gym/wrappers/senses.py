@@ -7,8 +7,10 @@ its velocity. With
 ``τ = WINDOW``, over every sample of length T,
 
     r ← (1 − T/τ) r + Δp − T (v + v')/2,        m ← (1 − T/τ) m + T (v + v')/2,
+    c ← (1 − T/τ) c + .6 T ‖v' − v‖,
 
-and the alarm is raised where ``‖r‖ > DRIFT + SHARE max(‖m‖, ‖m + r‖) + κ √tr P``.
+and the alarm is raised where ``‖r‖ > DRIFT + SHARE max(‖m‖, ‖m + r‖) + c + κ √tr P``: c is what
+the way between two samples may bend, where the velocity turns or changes between them.
 """
 
 from typing import Any
@@ -21,7 +23,7 @@ from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.wrappers import verdict
 from hcbf_gym.wrappers.belief import are_near, is_covariance
-from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account
+from hcbf_gym.wrappers.monitor import ACCOUNT, APART, WINDOW, account, breaks_off
 
 DRIFT = 0.01
 """What position and velocity may drift apart in any case [m]: rounding of a plant's own steps."""
@@ -51,6 +53,7 @@ PLANT = np.dtype(
             *ACCOUNT,
             ("drift", "f8", 2),  # r [m]
             ("motion", "f8", 2),  # m [m]
+            ("bend", "f8"),  # c [m]
             ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
             ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
             ("vague", "f8", 3),  # xx, xy and yy of its covariance at the last sample [m²/s²]
@@ -149,7 +152,7 @@ def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
             missed += miss * miss
             chosen += plant.input[k] * plant.input[k]
         alarm = account(plant, missed, chosen, period / WINDOW, radius)
-        if alarm and plant.alarm == 0:
+        if (alarm or breaks_off(plant)) and plant.alarm == 0:
             plant.alarm = INPUT
         strays = _strays(plant, period, confidence)
         if strays and plant.alarm == 0:
@@ -168,7 +171,7 @@ def _strays(plant: Any, period: float, confidence: float) -> bool:
     model, lag, body, covariance = plant.model, plant.lag, plant.body, plant.covariance
     drift, motion = plant.drift, plant.motion
     keep = max(0.0, 1.0 - period / WINDOW)
-    drift2 = told2 = seen2 = 0.0
+    drift2 = told2 = seen2 = changed2 = 0.0
     for k in range(2):
         position = model[k] + lag[k]
         velocity = model[2 + k] + lag[2 + k]
@@ -178,5 +181,7 @@ def _strays(plant: Any, period: float, confidence: float) -> bool:
         drift2 += drift[k] ** 2
         told2 += motion[k] ** 2
         seen2 += (motion[k] + drift[k]) ** 2
+        changed2 += (velocity - body[2 + k]) ** 2
+    plant.bend = keep * plant.bend + APART * period * np.sqrt(changed2)
     spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
-    return np.sqrt(drift2) > DRIFT + SHARE * np.sqrt(max(told2, seen2)) + spread
+    return np.sqrt(drift2) > DRIFT + SHARE * np.sqrt(max(told2, seen2)) + plant.bend + spread

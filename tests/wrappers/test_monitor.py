@@ -56,6 +56,15 @@ def test_a_delay_and_a_hold_are_alarms(seed):
     assert alarmed(u, np.repeat(u[::25], 25, axis=0))
 
 
+@given(seeds)
+def test_few_inputs_that_an_exact_plant_misses_are_an_alarm(seed):
+    u = wanted(seed)
+    third = np.where(np.arange(len(u))[:, None] % 3 == 0, -1.0, 1.0)
+    assert alarmed(0.1 * u + 0.6, third * (0.1 * u + 0.6))
+    weak = np.where(np.arange(len(u))[:, None] % 20 >= 14, 0.6, 1.0)
+    assert alarmed(0.1 * u + 0.6, weak * (0.1 * u + 0.6))
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.2])
 def test_noise_at_rest_is_no_alarm(noise):
     rng = np.random.default_rng(0)

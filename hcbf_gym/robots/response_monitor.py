@@ -1,0 +1,278 @@
+r"""Does a robot do what it is told? Its measured response says where it should have moved.
+
+In the robot's own axes the response (`walker_response`) turns commands into a velocity v̂. Over
+every sample of length T, with Δp the motion of the point that follows, in the axes of the mean
+heading, and for windows W that double from the larger of τ + δ and `SHORTEST`,
+
+.. math::
+    r ← (1 - T/W) r + Δp - ∫v̂ \, dt, \quad m ← (1 - T/W) m + ∫‖v̂‖ dt, \quad
+    w ← (1 - T/W) w + T.
+
+The alarm is raised where in any window
+
+.. math:: ‖r‖ > K (D w + (S - D) \sqrt{(τ + δ) w}) + a\, m + d
+
+with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
+what of it remains over long times (sway about it averages out): the response's residuals set both.
+d is what nobody knows: what a command that was not renewed in time still did, and, of a response
+that nobody measured or that has complaints, (τ + δ) times all by which v̂ changes.
+"""
+
+import math
+from typing import Any
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import UNKNOWN, Response
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+SHORTEST = 0.1
+"""The shortest window [s]: a few samples of any loop."""
+WINDOWS = 5
+"""How many there are, each twice as long as the one before."""
+BEYOND = 1.3
+"""K: an hour shows more than the minute of identification."""
+SHARE, DOUBTED = 0.15, 0.5
+"""a: share of the motion that may be missing or too much, and of a response that nobody measured
+or that has complaints."""
+FAST = 0.25
+"""Share of the greatest speed above which motion is compared with what was told: legs that are told
+less may stand."""
+LONG = 4.0
+"""W over which it is [s]."""
+APART = 0.6
+"""k: sway that is no answer to commands hardly correlates with them."""
+FILLED = 0.6
+"""Share of the shortest window that must have been seen."""
+PAUSE = 0.5
+"""Time between two samples after which all starts anew [s]."""
+LEAP = 0.2
+"""What position may be off within one sample before it counts as put elsewhere [m]."""
+FASTEST = 3.0
+"""Of the greatest speed that it may be told, and faster than which it counts as such, too."""
+HELD = 256
+"""Commands that are remembered: the delay's worth of the fastest controller."""
+
+NOTES = np.dtype(
+    [
+        ("told_at", "f8", HELD),  # [s]
+        ("told", "f8", (HELD, 2)),  # what they lead to: gain × command, in the plane [m/s]
+        ("count", "i8"),  # of all that were told
+        ("acting", "i8"),  # the number of the one that acts
+        ("velocity", "f8", 2),  # v̂ in the robot's axes [m/s]
+        ("place", "f8", 3),  # x, y [m] and heading [rad] at the last sample
+        ("time", "f8"),  # of it [s]
+        ("begun", "i8"),  # whether there is one
+        ("missed", "f8", (WINDOWS, 2)),  # r [m]
+        ("moved", "f8", WINDOWS),  # m [m]
+        ("doubt", "f8", WINDOWS),  # d [m]
+        ("seen", "f8", WINDOWS),  # w [s]
+        ("missing", "f8", 2),  # c [m²/s]
+        ("asked", "f8"),  # E [m²/s]
+        ("worst", "f8"),  # the greatest share of a bound at the last sample
+    ]
+)
+
+LAW = np.dtype(
+    [
+        ("tau", "f8"),  # [s]
+        ("delay", "f8"),  # δ [s]
+        ("follows", "f8"),  # τ + δ [s]
+        ("first", "f8"),  # the shortest window [s]
+        ("most", "f8"),  # K S [m/s]
+        ("lasting", "f8"),  # K D [m/s]
+        ("share", "f8"),  # a
+        ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
+    ]
+)
+
+
+class ResponseMonitor:
+    """Compares what a robot was told with what it did.
+
+    Args:
+        command: what the robot may be told.
+        response: how it follows; None, or one with complaints, gives wide bounds.
+        widened: by how much bounds are wider, where the plant is declared to be another one.
+
+    Examples:
+        >>> command = Command(forward=1.0, turn=1.0, sideways=1.0)
+        >>> monitor = ResponseMonitor(command, None)
+        >>> for k in range(100):  # told 1 m/s, it stands
+        ...     monitor.tell(np.array([1.0, 0.0, 0.0]), 0.02 * k)
+        ...     alarmed = monitor.observe(np.zeros(3), np.zeros(2), 0.02 * (k + 1))
+        >>> alarmed
+        True
+    """
+
+    def __init__(self, command: Command, response: Response | None, widened: float = 1.0):
+        known = UNKNOWN if response is None else response
+        doubted = response is None or bool(known.complaints)
+        gains = np.array(known.gain) if response is not None else np.ones(len(command.limits))
+        self._gains = gains[: len(command.limits)]
+        self._command = command
+        follows = max(known.follows, 1e-3)
+        most = known.residual[2] if doubted else known.sway / follows
+        lasting = min(known.sway / follows, known.residual[1])
+        lasting = lasting if known.drift is None else min(known.drift, most)
+        share = DOUBTED if doubted else SHARE
+        law = np.zeros(1, dtype=LAW)
+        law["tau"], law["delay"], law["follows"] = known.time_constant, known.delay, follows
+        law["first"] = max(follows, SHORTEST)
+        law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
+        law["share"], law["forward"] = widened * share, command.forward
+        self._law = law
+        self._notes = np.zeros(1, dtype=NOTES)
+
+    def forget(self) -> None:
+        """Start anew: after a reset, or where nothing is known of what the robot did."""
+        self._notes[:] = 0
+
+    def tell(self, command: Array, time: float) -> None:
+        """Note what the robot is told (k,), in its own axes [m/s, rad/s], from a time on [s]."""
+        moves = self._command.in_plane(self._gains * command)
+        _tell(self._notes, moves[0], moves[1], time)
+
+    def observe(
+        self, pose: Array, velocity: Array, time: float, good_until: float = math.inf
+    ) -> bool:
+        """Compare odometry with what the robot was told, and return whether that alarms.
+
+        Args:
+            pose: (3,) x, y of the point that follows [m] and the heading [rad].
+            velocity: (2,) of that point in the world [m/s], with which all begins.
+            time: of both [s]; one that does not go on says nothing.
+            good_until: until when the last command was good [s]; from then on it may be zero.
+        """
+        return bool(_observe(self._notes, self._law, pose, velocity, time, good_until))
+
+    @property
+    def worst(self) -> float:
+        """The greatest share of its bound that a window had at the last sample; 1 is an alarm."""
+        return float(self._notes[0]["worst"])
+
+
+@njit(cache=True, error_model="numpy")
+def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
+    note = notes[0]
+    while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
+        note.count -= 1  # what was to come after it is told no more
+    note.acting = min(note.acting, note.count)
+    at = note.count % HELD
+    note.told_at[at] = time
+    note.told[at, 0], note.told[at, 1] = forward, aside
+    note.count += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _observe(
+    notes: Array, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
+) -> bool:
+    note, law = notes[0], laws[0]
+    passed = time - note.time
+    if note.begun and passed <= 0.0:
+        return False
+    turn = pose[2] - note.place[2]
+    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    middle = note.place[2] + 0.5 * turn
+    dx, dy = pose[0] - note.place[0], pose[1] - note.place[1]
+    cos, sin = np.cos(middle), np.sin(middle)
+    ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+    leap = np.hypot(ahead, aside) > LEAP + FASTEST * law.forward * passed
+    known = note.begun == 1 and passed <= PAUSE and not leap
+    note.place[0], note.place[1], note.place[2] = pose[0], pose[1], pose[2]
+    began, note.time, note.begun = note.time, time, 1
+    if not known:
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        note.velocity[0] = cos * velocity[0] + sin * velocity[1]
+        note.velocity[1] = cos * velocity[1] - sin * velocity[0]
+        note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
+        note.missing[:], note.asked = 0.0, 0.0
+        _follow(note, law, time - PAUSE, time, False)
+        return False
+    went_ahead, went_aside, length = _follow(note, law, began, time, True)
+    unsure = min(max(0.0, time - good_until), passed)
+    off = ahead - went_ahead, aside - went_aside
+    shares = _strays(note, law, off, length, passed, unsure)
+    if unsure == 0.0:
+        shares = max(shares, _differs(note, law, off, (went_ahead, went_aside), passed))
+    note.worst = shares
+    return shares > 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, unsure: float) -> float:
+    """Add a sample to r of every window, and return the greatest share of its bound."""
+    speed, worst = 0.0, 0.0
+    for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
+        told = note.told[last % HELD]
+        speed = max(speed, np.hypot(told[0], told[1]))
+    for i in range(WINDOWS):
+        keep = max(0.0, 1.0 - passed / (law.first * 2.0**i))
+        note.missed[i, 0] = keep * note.missed[i, 0] + off[0]
+        note.missed[i, 1] = keep * note.missed[i, 1] + off[1]
+        note.moved[i] = keep * note.moved[i] + length
+        note.doubt[i] = keep * note.doubt[i] + speed * unsure
+        note.seen[i] = seen = keep * note.seen[i] + passed
+        if seen < FILLED * law.first:
+            continue
+        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.follows * seen)
+        bound += law.share * note.moved[i] + note.doubt[i]
+        worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float:
+    """Add a sample to c, and return its share of the bound."""
+    keep = max(0.0, 1.0 - passed / LONG)
+    note.missing[0], note.missing[1] = keep * note.missing[0], keep * note.missing[1]
+    note.asked *= keep
+    least = FAST * law.forward
+    if np.hypot(went[0], went[1]) > least * passed:
+        note.missing[0] += (off[0] * went[0] + off[1] * went[1]) / passed
+        note.missing[1] += (off[1] * went[0] - off[0] * went[1]) / passed
+        note.asked += (went[0] ** 2 + went[1] ** 2) / passed
+    if note.asked < least**2 * law.first:
+        return 0.0
+    bound = law.share * note.asked + APART * law.most * np.sqrt(law.first * note.asked)
+    return np.hypot(note.missing[0], note.missing[1]) / bound
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(
+    note: Any, law: Any, start: float, end: float, moves: bool
+) -> tuple[float, float, float]:
+    """Let v̂ follow the commands from a time to another, and return ∫v̂ (2) and ∫‖v̂‖ [m]."""
+    tau, delay = max(law.tau, 1e-6), law.delay
+    ahead = aside = length = 0.0
+    now = start
+    note.acting = max(note.acting, note.count - HELD)
+    while now < end:
+        while note.acting < note.count and note.told_at[note.acting % HELD] + delay <= now + 1e-9:
+            note.acting += 1
+        until = end
+        if note.acting < note.count:
+            until = min(end, note.told_at[note.acting % HELD] + delay)
+        forward = sideways = 0.0
+        if note.acting > 0:
+            forward = note.told[(note.acting - 1) % HELD, 0]
+            sideways = note.told[(note.acting - 1) % HELD, 1]
+        span = until - now
+        if moves:
+            left = np.exp(-span / tau)
+            x, y = note.velocity[0] - forward, note.velocity[1] - sideways
+            part_x = forward * span + x * tau * (1.0 - left)
+            part_y = sideways * span + y * tau * (1.0 - left)
+            ahead += part_x
+            aside += part_y
+            length += np.hypot(part_x, part_y)
+            note.velocity[0], note.velocity[1] = forward + x * left, sideways + y * left
+        now = until
+    return ahead, aside, length
