@@ -20,7 +20,6 @@ that nobody measured or that has complaints, (τ + δ) times all by which v̂ ch
 
 import math
 from typing import Any
-from typing import Any
 
 import numpy as np
 from numba import njit

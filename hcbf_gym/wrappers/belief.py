@@ -50,11 +50,11 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
         last_time: of the estimate that was believed before; −∞ where there was none [s].
         max_age: the greatest age that is believed; None for any [s].
     """
-    x = real_numbers(estimate.x, (n,))
+    x = _of_one(estimate.x, (n,))
     optional = {"covariance": (n, n), "model": (n,), "lag": (n,)}
     given = {name: getattr(estimate, name) for name in optional}
     parts = {
-        name: None if given[name] is None else real_numbers(given[name], shape)
+        name: None if given[name] is None else _of_one(given[name], shape)
         for name, shape in optional.items()
     }
     bent = any(parts[name] is None and given[name] is not None for name in optional)
@@ -72,6 +72,14 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
         return Reason.CLOCK
     model = x if parts["model"] is None else parts["model"]
     return Belief(x, time, covariance, model, parts["lag"])
+
+
+def _of_one(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return numbers of one plant, given with or without a leading 1; None if they are none."""
+    numbers = real_numbers(value, shape)
+    if numbers is None:
+        numbers = real_numbers(value, (1, *shape))
+    return None if numbers is None else numbers.reshape(shape)
 
 
 def alarm_of(estimate: Estimate) -> Reason | None:

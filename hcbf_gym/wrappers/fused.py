@@ -20,6 +20,7 @@ from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import Settings
 from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import at_hand, verdict
+from hcbf_gym.wrappers.monitor import APART
 from hcbf_gym.wrappers.plants import (
     OWN_ROW,
     Plants,
@@ -285,7 +286,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     told.model_error = np.sqrt(plant.error)
     if told.reason == 0:
         plant.news |= plant.follows == 0
-        told.model_error = watch(plant, c.period, c.radius, c.confidence)
+        apart = APART if c.settles > 0.0 else 0.0
+        told.model_error = watch(plant, c.period, c.radius, c.confidence, apart)
         told.reason = plant.alarm
     else:
         plant.follows = 0

@@ -277,7 +277,9 @@ class PlanarCore(FilterCore):
         )
         out["margin"] = reserved[MARGIN]
         try:
-            rows = scene.rows(plants["x"], plants["time"], self.row_settings, *reserved[:LEANING])
+            with np.errstate(all="ignore"):
+                x, time = plants["x"], plants["time"]
+                rows = scene.rows(x, time, self.row_settings, *reserved[:LEANING])
         except UNREADABLE:
             out["b"] = np.nan
             return

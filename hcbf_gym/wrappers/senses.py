@@ -23,7 +23,7 @@ from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.wrappers import verdict
 from hcbf_gym.wrappers.belief import are_near, is_covariance
-from hcbf_gym.wrappers.monitor import ACCOUNT, APART, WINDOW, account, breaks_off
+from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account, breaks_off
 
 DRIFT = 0.01
 """What position and velocity may drift apart in any case [m]: rounding of a plant's own steps."""
@@ -133,7 +133,7 @@ def _is_sound(plant: Any) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
+def watch(plant: Any, period: float, radius: float, confidence: float, apart: float) -> float:
     """Compare a believed sample with the one before, raise what alarms there are, return √E.
 
     Args:
@@ -141,6 +141,8 @@ def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
         period: T [s]; 0 where it is not known.
         radius: the largest norm of an input [m/s²].
         confidence: κ.
+        apart: by how much of T ‖v' − v‖ the way may bend between two samples; 0 of a plant that is
+            its model, whose trapezoids are exact.
     """
     model, lag = plant.model, plant.lag
     if plant.alarm == 0 and plant.fault >= INPUT:
@@ -154,7 +156,7 @@ def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
         alarm = account(plant, missed, chosen, period / WINDOW, radius)
         if (alarm or breaks_off(plant)) and plant.alarm == 0:
             plant.alarm = INPUT
-        strays = _strays(plant, period, confidence)
+        strays = _strays(plant, period, confidence, apart)
         if strays and plant.alarm == 0:
             plant.alarm = MOTION
     for k in range(4):
@@ -166,7 +168,7 @@ def watch(plant: Any, period: float, radius: float, confidence: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _strays(plant: Any, period: float, confidence: float) -> bool:
+def _strays(plant: Any, period: float, confidence: float, apart: float) -> bool:
     """Tell whether the body's position has drifted from what its velocity says."""
     model, lag, body, covariance = plant.model, plant.lag, plant.body, plant.covariance
     drift, motion = plant.drift, plant.motion
@@ -182,6 +184,6 @@ def _strays(plant: Any, period: float, confidence: float) -> bool:
         told2 += motion[k] ** 2
         seen2 += (motion[k] + drift[k]) ** 2
         changed2 += (velocity - body[2 + k]) ** 2
-    plant.bend = keep * plant.bend + APART * period * np.sqrt(changed2)
+    plant.bend = keep * plant.bend + apart * period * np.sqrt(changed2)
     spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
     return np.sqrt(drift2) > DRIFT + SHARE * np.sqrt(max(told2, seen2)) + plant.bend + spread
