@@ -20,7 +20,6 @@ that nobody measured or that has complaints, (τ + δ) times all by which v̂ ch
 
 import math
 from typing import Any
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -75,6 +74,7 @@ NOTES = np.dtype(
         ("seen", "f8", WINDOWS),  # w [s]
         ("missing", "f8", 2),  # c [m²/s]
         ("asked", "f8"),  # E [m²/s]
+        ("hidden", "f8"),  # d of it [m²/s]
         ("worst", "f8"),  # the greatest share of a bound at the last sample
     ]
 )
@@ -88,6 +88,7 @@ LAW = np.dtype(
         ("most", "f8"),  # K S [m/s]
         ("lasting", "f8"),  # K D [m/s]
         ("share", "f8"),  # a
+        ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
 )
@@ -127,6 +128,7 @@ class ResponseMonitor:
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
         law["share"], law["forward"] = widened * share, command.forward
+        law["guessed"] = widened * follows if doubted else 0.0
         self._law = law
         self._notes = np.zeros(1, dtype=NOTES)
 
@@ -172,7 +174,7 @@ def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _observe(
-    notes: Array, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
+    notes: Any, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
@@ -193,32 +195,33 @@ def _observe(
         note.velocity[0] = cos * velocity[0] + sin * velocity[1]
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
         note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
-        note.missing[:], note.asked = 0.0, 0.0
+        note.missing[:], note.asked, note.hidden = 0.0, 0.0, 0.0
         _follow(note, law, time - PAUSE, time, False)
         return False
+    forward, sideways = note.velocity[0], note.velocity[1]
     went_ahead, went_aside, length = _follow(note, law, began, time, True)
-    unsure = min(max(0.0, time - good_until), passed)
+    speed = np.hypot(forward, sideways)
+    for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
+        speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))
+    doubt = speed * min(max(0.0, time - good_until), passed)
+    doubt += law.guessed * np.hypot(note.velocity[0] - forward, note.velocity[1] - sideways)
     off = ahead - went_ahead, aside - went_aside
-    shares = _strays(note, law, off, length, passed, unsure)
-    if unsure == 0.0:
-        shares = max(shares, _differs(note, law, off, (went_ahead, went_aside), passed))
-    note.worst = shares
-    return shares > 1.0
+    strays = _strays(note, law, off, length, passed, doubt)
+    differs = _differs(note, law, off, (went_ahead, went_aside), passed, doubt * speed)
+    note.worst = max(strays, differs)
+    return note.worst > 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, unsure: float) -> float:
+def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt: float) -> float:
     """Add a sample to r of every window, and return the greatest share of its bound."""
-    speed, worst = 0.0, 0.0
-    for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
-        told = note.told[last % HELD]
-        speed = max(speed, np.hypot(told[0], told[1]))
+    worst = 0.0
     for i in range(WINDOWS):
         keep = max(0.0, 1.0 - passed / (law.first * 2.0**i))
         note.missed[i, 0] = keep * note.missed[i, 0] + off[0]
         note.missed[i, 1] = keep * note.missed[i, 1] + off[1]
         note.moved[i] = keep * note.moved[i] + length
-        note.doubt[i] = keep * note.doubt[i] + speed * unsure
+        note.doubt[i] = keep * note.doubt[i] + doubt
         note.seen[i] = seen = keep * note.seen[i] + passed
         if seen < FILLED * law.first:
             continue
@@ -229,11 +232,11 @@ def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, unsure
 
 
 @njit(cache=True, error_model="numpy")
-def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float:
+def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float, hidden: float) -> float:
     """Add a sample to c, and return its share of the bound."""
     keep = max(0.0, 1.0 - passed / LONG)
     note.missing[0], note.missing[1] = keep * note.missing[0], keep * note.missing[1]
-    note.asked *= keep
+    note.asked, note.hidden = keep * note.asked, keep * note.hidden + hidden
     least = FAST * law.forward
     if np.hypot(went[0], went[1]) > least * passed:
         note.missing[0] += (off[0] * went[0] + off[1] * went[1]) / passed
@@ -242,7 +245,7 @@ def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float
     if note.asked < least**2 * law.first:
         return 0.0
     bound = law.share * note.asked + APART * law.most * np.sqrt(law.first * note.asked)
-    return np.hypot(note.missing[0], note.missing[1]) / bound
+    return np.hypot(note.missing[0], note.missing[1]) / (bound + note.hidden)
 
 
 @njit(cache=True, error_model="numpy")
