@@ -2,7 +2,7 @@ r"""Does a robot do what it is told? Its measured response says where it should 
 
 In the robot's own axes the response (`walker_response`) turns commands into a velocity v̂. Over
 every sample of length T, with Δp the motion of the point that follows, in the axes of the mean
-heading, and for windows W that double from the larger of τ + δ and `SHORTEST`,
+heading, and for windows W that double from W₀, the larger of τ + δ and `SHORTEST`,
 
 .. math::
     r ← (1 - T/W) r + Δp - ∫v̂ \, dt, \quad m ← (1 - T/W) m + ∫‖v̂‖ dt, \quad
@@ -10,12 +10,22 @@ heading, and for windows W that double from the larger of τ + δ and `SHORTEST`
 
 The alarm is raised where in any window
 
-.. math:: ‖r‖ > K (D w + (S - D) \sqrt{(τ + δ) w}) + a\, m + d
+.. math:: ‖r‖ > K (D w + (S - D) \sqrt{W_0 w}) + a\, m + d
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
 d is what nobody knows: what a command that was not renewed in time still did, and, of a response
 that nobody measured or that has complaints, (τ + δ) times all by which v̂ changes.
+
+A gait sways more than many a fault shows in r. What follows late, by another share or in another
+direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
+quarter turn, W = `LONG`, and over the samples at which ‖v̂‖ is above `FAST` of the greatest speed,
+
+.. math::
+    c ← (1 - T/W) c + T (e·v̂, e·Jv̂), \quad E ← (1 - T/W) E + T ‖v̂‖^2,
+
+and the alarm is raised where ``‖c‖ > a E + k K S √(W₀ E) + d'``: c/E is the share of v̂ that is
+missing, or too much, along it and across; d' is d times the speed that was told.
 """
 
 import math
@@ -83,8 +93,7 @@ LAW = np.dtype(
     [
         ("tau", "f8"),  # [s]
         ("delay", "f8"),  # δ [s]
-        ("follows", "f8"),  # τ + δ [s]
-        ("first", "f8"),  # the shortest window [s]
+        ("first", "f8"),  # W₀ [s]
         ("most", "f8"),  # K S [m/s]
         ("lasting", "f8"),  # K D [m/s]
         ("share", "f8"),  # a
@@ -124,7 +133,7 @@ class ResponseMonitor:
         lasting = lasting if known.drift is None else min(known.drift, most)
         share = DOUBTED if doubted else SHARE
         law = np.zeros(1, dtype=LAW)
-        law["tau"], law["delay"], law["follows"] = known.time_constant, known.delay, follows
+        law["tau"], law["delay"] = known.time_constant, known.delay
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
         law["share"], law["forward"] = widened * share, command.forward
@@ -225,7 +234,7 @@ def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt:
         note.seen[i] = seen = keep * note.seen[i] + passed
         if seen < FILLED * law.first:
             continue
-        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.follows * seen)
+        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.first * seen)
         bound += law.share * note.moved[i] + note.doubt[i]
         worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
     return worst
