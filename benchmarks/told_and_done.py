@@ -154,7 +154,7 @@ class Seen(NamedTuple):
 def run(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn") -> Seen:
     """Run the k-th episode of a fault."""
     warnings.simplefilter("ignore")
-    options = {"v_max": 0.8} if k // (2 * len(POLICIES)) % 2 else {}
+    options: dict[str, Any] = {"v_max": 0.8} if k // (2 * len(POLICIES)) % 2 else {}
     env: Any = wrappers.SafetyFilter(
         gym.make(
             "HCBF-WalkerRegions-v0", robot=ROBOTS[robot], scenario=FAMILIES[k % 2],
@@ -183,6 +183,11 @@ def run(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn"
     return Seen(entered, alarmed, reason)
 
 
+def _all(seen: Any) -> list[Seen]:
+    """Return what a pool has run."""
+    return list(seen)
+
+
 def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
     """Yield the lines of a robot's faults, in rounds until so many episodes entered."""
     entered = {name: [] for name in FAULTS}
@@ -197,7 +202,7 @@ def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
                 for k in range(size)
             ]
             for job, one in zip(
-                jobs, parallel(joblib.delayed(run)(robot, *job) for job in jobs), strict=True
+                jobs, _all(parallel(joblib.delayed(run)(robot, *job) for job in jobs)), strict=True
             ):
                 seen[job[0]] += 1
                 alarmed[job[0]] += one.alarmed < math.inf
@@ -207,7 +212,7 @@ def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
                 break
         warned = braked = apart = total = 0
         for name, those in entered.items():
-            again = parallel(joblib.delayed(run)(robot, *job, "brake") for job, _ in those)
+            again = _all(parallel(joblib.delayed(run)(robot, *job, "brake") for job, _ in those))
             before = sum(one.alarmed < one.entered for _, one in those)
             still = sum(one.entered < math.inf for one in again)
             warned, total = warned + before, total + len(those)
