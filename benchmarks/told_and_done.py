@@ -5,6 +5,7 @@ that enter a strict region while the alarm is ignored, in how many the filter ha
 and how many still enter with ``on_alarm="brake"``; then the alarms of undisturbed episodes.
 """
 
+import itertools
 import math
 import warnings
 from collections import deque
@@ -128,6 +129,16 @@ def late_odometry(seconds: float) -> Callable[[Any], None]:
     return arm
 
 
+def acting(change: Callable[[int, Any], Any]) -> Callable[[Any], None]:
+    """Return a fault: a wrapper inside that keeps the space hands on a change of the k-th action."""
+
+    def arm(drive: Any) -> None:
+        hold, count = drive.hold, itertools.count()
+        drive.hold = lambda u, *rest: hold(change(next(count), u), *rest)
+
+    return arm
+
+
 FAULTS: dict[str, Callable[[Any], None]] = {
     "dead odometry": scaled_odometry(0.0),
     "half odometry": scaled_odometry(0.5),
@@ -140,6 +151,8 @@ FAULTS: dict[str, Callable[[Any], None]] = {
     "floor .03": floor(0.03),
     "floor .1": floor(0.1),
     "compass off by 1.2": compass(1.2),
+    "every third action reversed": acting(lambda k, u: -u if k % 3 == 0 else u),
+    "actions times .5": acting(lambda k, u: 0.5 * u),
 }
 
 
