@@ -130,7 +130,7 @@ def late_odometry(seconds: float) -> Callable[[Any], None]:
 
 
 def acting(change: Callable[[int, Any], Any]) -> Callable[[Any], None]:
-    """Return a fault: a wrapper inside that keeps the space hands on a change of the k-th action."""
+    """Return a fault: a wrapper inside that keeps the space changes the k-th action."""
 
     def arm(drive: Any) -> None:
         hold, count = drive.hold, itertools.count()

@@ -183,7 +183,7 @@ def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _observe(
-    notes: Any, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
+    notes: Any, laws: Any, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
