@@ -130,7 +130,6 @@ class ResponseMonitor:
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows
         lasting = min(known.sway / follows, known.residual[1])
-        lasting = lasting if known.drift is None else min(known.drift, most)
         share = DOUBTED if doubted else SHARE
         law = np.zeros(1, dtype=LAW)
         law["tau"], law["delay"] = known.time_constant, known.delay
