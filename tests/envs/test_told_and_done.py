@@ -36,13 +36,10 @@ def test_lost_and_jittered_messages_raise_no_alarm(seed):
 @pytest.mark.parametrize("on_alarm", ["warn", "brake"])
 def test_dead_odometry_warns_or_brakes_as_the_user_asks(on_alarm):
     door = VelocityFilter("cart", WALL, period=0.05, on_alarm=on_alarm)
-    time = 0.0
-    for time in 0.05 * np.arange(5):
-        assert door.step((0.6, 0.0), np.zeros(3), np.zeros(3), time)[1]["reason"] == Reason.NONE
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        for k in range(1, 40):
-            told, report = door.step((0.6, 0.0), np.zeros(3), np.zeros(3), time + 0.05 * k)
+        for k in range(40):
+            told, report = door.step((0.6, 0.0), np.zeros(3), np.zeros(3), 0.05 * k)
     assert any("does not do what it is told" in str(warning.message) for warning in caught)
     assert report["reason"] == Reason.RESPONSE
     brakes = on_alarm == "brake"
