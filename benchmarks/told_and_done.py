@@ -5,6 +5,7 @@ that enter a strict region while the alarm is ignored, in how many the filter ha
 and how many still enter with ``on_alarm="brake"``; then the alarms of undisturbed episodes.
 """
 
+import itertools
 import math
 import warnings
 from collections import deque
@@ -128,6 +129,16 @@ def late_odometry(seconds: float) -> Callable[[Any], None]:
     return arm
 
 
+def acting(change: Callable[[int, Any], Any]) -> Callable[[Any], None]:
+    """Return a fault: a wrapper inside that keeps the space changes the k-th action."""
+
+    def arm(drive: Any) -> None:
+        hold, count = drive.hold, itertools.count()
+        drive.hold = lambda u, *rest: hold(change(next(count), u), *rest)
+
+    return arm
+
+
 FAULTS: dict[str, Callable[[Any], None]] = {
     "dead odometry": scaled_odometry(0.0),
     "half odometry": scaled_odometry(0.5),
@@ -140,6 +151,8 @@ FAULTS: dict[str, Callable[[Any], None]] = {
     "floor .03": floor(0.03),
     "floor .1": floor(0.1),
     "compass off by 1.2": compass(1.2),
+    "every third action reversed": acting(lambda k, u: -u if k % 3 == 0 else u),
+    "actions times .5": acting(lambda k, u: 0.5 * u),
 }
 
 
@@ -154,7 +167,7 @@ class Seen(NamedTuple):
 def run(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn") -> Seen:
     """Run the k-th episode of a fault."""
     warnings.simplefilter("ignore")
-    options = {"v_max": 0.8} if k // (2 * len(POLICIES)) % 2 else {}
+    options: dict[str, Any] = {"v_max": 0.8} if k // (2 * len(POLICIES)) % 2 else {}
     env: Any = wrappers.SafetyFilter(
         gym.make(
             "HCBF-WalkerRegions-v0", robot=ROBOTS[robot], scenario=FAMILIES[k % 2],
@@ -183,6 +196,11 @@ def run(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn"
     return Seen(entered, alarmed, reason)
 
 
+def _all(seen: Any) -> list[Seen]:
+    """Return what a pool has run."""
+    return list(seen)
+
+
 def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
     """Yield the lines of a robot's faults, in rounds until so many episodes entered."""
     entered = {name: [] for name in FAULTS}
@@ -197,7 +215,7 @@ def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
                 for k in range(size)
             ]
             for job, one in zip(
-                jobs, parallel(joblib.delayed(run)(robot, *job) for job in jobs), strict=True
+                jobs, _all(parallel(joblib.delayed(run)(robot, *job) for job in jobs)), strict=True
             ):
                 seen[job[0]] += 1
                 alarmed[job[0]] += one.alarmed < math.inf
@@ -207,7 +225,7 @@ def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
                 break
         warned = braked = apart = total = 0
         for name, those in entered.items():
-            again = parallel(joblib.delayed(run)(robot, *job, "brake") for job, _ in those)
+            again = _all(parallel(joblib.delayed(run)(robot, *job, "brake") for job, _ in those))
             before = sum(one.alarmed < one.entered for _, one in those)
             still = sum(one.entered < math.inf for one in again)
             warned, total = warned + before, total + len(those)

@@ -2,7 +2,7 @@ r"""Does a robot do what it is told? Its measured response says where it should 
 
 In the robot's own axes the response (`walker_response`) turns commands into a velocity v̂. Over
 every sample of length T, with Δp the motion of the point that follows, in the axes of the mean
-heading, and for windows W that double from the larger of τ + δ and `SHORTEST`,
+heading, and for windows W that double from W₀, the larger of τ + δ and `SHORTEST`,
 
 .. math::
     r ← (1 - T/W) r + Δp - ∫v̂ \, dt, \quad m ← (1 - T/W) m + ∫‖v̂‖ dt, \quad
@@ -10,12 +10,22 @@ heading, and for windows W that double from the larger of τ + δ and `SHORTEST`
 
 The alarm is raised where in any window
 
-.. math:: ‖r‖ > K (D w + (S - D) \sqrt{(τ + δ) w}) + a\, m + d
+.. math:: ‖r‖ > K (D w + (S - D) \sqrt{W_0 w}) + a\, m + d
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
 d is what nobody knows: what a command that was not renewed in time still did, and, of a response
 that nobody measured or that has complaints, (τ + δ) times all by which v̂ changes.
+
+A gait sways more than many a fault shows in r. What follows late, by another share or in another
+direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
+quarter turn, W = `LONG`, and over the samples at which ‖v̂‖ is above `FAST` of the greatest speed,
+
+.. math::
+    c ← (1 - T/W) c + T (e·v̂, e·Jv̂), \quad E ← (1 - T/W) E + T ‖v̂‖^2,
+
+and the alarm is raised where ``‖c‖ > a E + k K S √(W₀ E) + d'``: c/E is the share of v̂ that is
+missing, or too much, along it and across; d' is d times the speed that was told.
 """
 
 import math
@@ -74,6 +84,7 @@ NOTES = np.dtype(
         ("seen", "f8", WINDOWS),  # w [s]
         ("missing", "f8", 2),  # c [m²/s]
         ("asked", "f8"),  # E [m²/s]
+        ("hidden", "f8"),  # d of it [m²/s]
         ("worst", "f8"),  # the greatest share of a bound at the last sample
     ]
 )
@@ -82,11 +93,11 @@ LAW = np.dtype(
     [
         ("tau", "f8"),  # [s]
         ("delay", "f8"),  # δ [s]
-        ("follows", "f8"),  # τ + δ [s]
-        ("first", "f8"),  # the shortest window [s]
+        ("first", "f8"),  # W₀ [s]
         ("most", "f8"),  # K S [m/s]
         ("lasting", "f8"),  # K D [m/s]
         ("share", "f8"),  # a
+        ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
 )
@@ -119,13 +130,13 @@ class ResponseMonitor:
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows
         lasting = min(known.sway / follows, known.residual[1])
-        lasting = lasting if known.drift is None else min(known.drift, most)
         share = DOUBTED if doubted else SHARE
         law = np.zeros(1, dtype=LAW)
-        law["tau"], law["delay"], law["follows"] = known.time_constant, known.delay, follows
+        law["tau"], law["delay"] = known.time_constant, known.delay
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
         law["share"], law["forward"] = widened * share, command.forward
+        law["guessed"] = widened * follows if doubted else 0.0
         self._law = law
         self._notes = np.zeros(1, dtype=NOTES)
 
@@ -171,7 +182,7 @@ def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _observe(
-    notes: Array, laws: Array, pose: Array, velocity: Array, time: float, good_until: float
+    notes: Any, laws: Any, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
@@ -192,47 +203,48 @@ def _observe(
         note.velocity[0] = cos * velocity[0] + sin * velocity[1]
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
         note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
-        note.missing[:], note.asked = 0.0, 0.0
+        note.missing[:], note.asked, note.hidden = 0.0, 0.0, 0.0
         _follow(note, law, time - PAUSE, time, False)
         return False
+    forward, sideways = note.velocity[0], note.velocity[1]
     went_ahead, went_aside, length = _follow(note, law, began, time, True)
-    unsure = min(max(0.0, time - good_until), passed)
+    speed = np.hypot(forward, sideways)
+    for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
+        speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))
+    doubt = speed * min(max(0.0, time - good_until), passed)
+    doubt += law.guessed * np.hypot(note.velocity[0] - forward, note.velocity[1] - sideways)
     off = ahead - went_ahead, aside - went_aside
-    shares = _strays(note, law, off, length, passed, unsure)
-    if unsure == 0.0:
-        shares = max(shares, _differs(note, law, off, (went_ahead, went_aside), passed))
-    note.worst = shares
-    return shares > 1.0
+    strays = _strays(note, law, off, length, passed, doubt)
+    differs = _differs(note, law, off, (went_ahead, went_aside), passed, doubt * speed)
+    note.worst = max(strays, differs)
+    return note.worst > 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, unsure: float) -> float:
+def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt: float) -> float:
     """Add a sample to r of every window, and return the greatest share of its bound."""
-    speed, worst = 0.0, 0.0
-    for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
-        told = note.told[last % HELD]
-        speed = max(speed, np.hypot(told[0], told[1]))
+    worst = 0.0
     for i in range(WINDOWS):
         keep = max(0.0, 1.0 - passed / (law.first * 2.0**i))
         note.missed[i, 0] = keep * note.missed[i, 0] + off[0]
         note.missed[i, 1] = keep * note.missed[i, 1] + off[1]
         note.moved[i] = keep * note.moved[i] + length
-        note.doubt[i] = keep * note.doubt[i] + speed * unsure
+        note.doubt[i] = keep * note.doubt[i] + doubt
         note.seen[i] = seen = keep * note.seen[i] + passed
         if seen < FILLED * law.first:
             continue
-        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.follows * seen)
+        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.first * seen)
         bound += law.share * note.moved[i] + note.doubt[i]
         worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
     return worst
 
 
 @njit(cache=True, error_model="numpy")
-def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float:
+def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float, hidden: float) -> float:
     """Add a sample to c, and return its share of the bound."""
     keep = max(0.0, 1.0 - passed / LONG)
     note.missing[0], note.missing[1] = keep * note.missing[0], keep * note.missing[1]
-    note.asked *= keep
+    note.asked, note.hidden = keep * note.asked, keep * note.hidden + hidden
     least = FAST * law.forward
     if np.hypot(went[0], went[1]) > least * passed:
         note.missing[0] += (off[0] * went[0] + off[1] * went[1]) / passed
@@ -241,7 +253,7 @@ def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float) -> float
     if note.asked < least**2 * law.first:
         return 0.0
     bound = law.share * note.asked + APART * law.most * np.sqrt(law.first * note.asked)
-    return np.hypot(note.missing[0], note.missing[1]) / bound
+    return np.hypot(note.missing[0], note.missing[1]) / (bound + note.hidden)
 
 
 @njit(cache=True, error_model="numpy")

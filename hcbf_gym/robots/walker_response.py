@@ -45,7 +45,6 @@ class Response:
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].
         falls: how often it fell meanwhile.
         seconds: how long it was observed [s].
-        drift: mean of w over 2 s, 99.9 % of it [m/s]; None derives it from the other residuals.
 
     Raises:
         InvalidInputError: on a number out of range.
@@ -62,7 +61,6 @@ class Response:
     braking: float
     falls: int
     seconds: float
-    drift: float | None = None
 
     def __post_init__(self) -> None:
         for name, count in (("gain", None), ("residual", 3)):
@@ -79,8 +77,6 @@ class Response:
             "seconds",
         ):
             finite_float(f"response: {name}", getattr(self, name), minimum=0.0)
-        if self.drift is not None:
-            finite_float("response: drift", self.drift, minimum=0.0)
         finite_float("response: braking", self.braking, minimum=0.0, exclusive=True)
 
     @classmethod

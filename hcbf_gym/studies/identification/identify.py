@@ -20,8 +20,6 @@ QUANTILES = (50.0, 95.0, 99.9)
 
 FAST = 0.6
 """Share of the greatest speed that was told from which on the robot is fast."""
-DRIFTS = 2.0
-"""How long a residual must last to be a drift [s]."""
 RECENT = 1.0
 """How far back a greater command excuses a speed [s]."""
 
@@ -73,7 +71,6 @@ def identify(walker: Walker, seconds: float, seed: int) -> Identified:
         braking=round(braking, 2),
         falls=record.falls + sum(one.falls for one in stops),
         seconds=seconds,
-        drift=round(_sway(left, DRIFTS) / DRIFTS, 4),
     )
     return Identified(response, record, fits)
 

@@ -1,0 +1,49 @@
+"""A robot that does not do what it is told is noticed before it enters; one that does, never."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+from benchmarks import told_and_done
+from benchmarks.velocity_loops import LoopEpisode
+from hcbf_gym import VelocityFilter
+from hcbf_gym.barriers import HalfPlane
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.programs import FilterStatus
+
+WALL = [HalfPlane("wall", 1, (-1.0, 0.0), -20.0)]
+
+
+@pytest.mark.parametrize("fault", told_and_done.FAULTS)
+def test_a_fault_is_warned_of_before_a_region_is_entered(fault):
+    seen = told_and_done.run("cart", fault, k=0, seed=11)
+    assert seen.alarmed < seen.entered
+    assert seen.reason in (Reason.RESPONSE, Reason.INPUT, Reason.MOTION)
+
+
+@pytest.mark.parametrize("robot", ["cart", "holonomic-cart"])
+def test_an_undisturbed_robot_raises_no_alarm(robot):
+    assert told_and_done.run(robot, None, k=2, seed=12).alarmed == math.inf
+
+
+@pytest.mark.parametrize("seed", [13, 14])
+def test_lost_and_jittered_messages_raise_no_alarm(seed):
+    assert LoopEpisode("cart", "bang-bang", "random", seed, 20.0, 1.2, lost=0.3).run().alarm == 0
+
+
+@pytest.mark.parametrize("on_alarm", ["warn", "brake"])
+def test_dead_odometry_warns_or_brakes_as_the_user_asks(on_alarm):
+    door = VelocityFilter("cart", WALL, period=0.05, on_alarm=on_alarm)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for k in range(40):
+            told, report = door.step((0.6, 0.0), np.zeros(3), np.zeros(3), 0.05 * k)
+    assert any("does not do what it is told" in str(warning.message) for warning in caught)
+    assert report["reason"] == Reason.RESPONSE
+    brakes = on_alarm == "brake"
+    assert (report["status"] == FilterStatus.BACKUP) == brakes
+    assert (np.abs(told).max() == 0.0) == brakes
+    door.reset()
+    assert door.step((0.6, 0.0), np.zeros(3), np.zeros(3), 0.0)[1]["reason"] == Reason.NONE
