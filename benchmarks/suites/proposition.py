@@ -6,6 +6,7 @@ to κ standard deviations away. A region is *entered unannounced* where the body
 step whose status is none of VIOLATED, UNSAFE and BACKUP.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import joblib
@@ -251,6 +252,78 @@ def covariance(known: str, t: float, size: float, shape: Array) -> Array:
     return out
 
 
+class Way(NamedTuple):
+    """One robot beside one region.
+
+    Attributes:
+        region: the package's.
+        kind: of `SHAPES`.
+        numbers: as `distance` reads them.
+        start: (4,) [m] and [m/s].
+        seconds: how long it is followed.
+        size: of the errors of velocity [m/s].
+    """
+
+    region: Any
+    kind: int
+    numbers: tuple[float, ...]
+    start: Array
+    seconds: float
+    size: float = 0.0
+
+
+def follow(d: Draw, way: Way, policy: Callable[[Array], Array]) -> tuple[float, bool]:
+    """Return the least distance of the body from the region, and whether that was kept silent.
+
+    Args:
+        d: of the filter; `kinds` and `moving` are not read.
+        way: of the robot.
+        policy: x (4,) → u*.
+    """
+    core = _core(d, [way.region], None)
+    numbers, x = np.zeros((1, 1, WIDTH)), way.start[None].astype(np.float64)
+    numbers[0, 0, : len(way.numbers)] = way.numbers
+    least, silent, nearest = np.empty(1), False, np.inf
+    kinds, still, shape = np.array([way.kind]), np.zeros((1, 1, 2)), np.eye(2)
+    for step in range(round(way.seconds / d.period)):
+        t = step * d.period
+        known = None if d.known == "exact" else covariance(d.known, t, way.size, shape)
+        u, report = core.step(policy(x[0]), [way.region], Estimate(x[0], t, known))
+        spreads = _spreads(d, t, way.size, shape, shape)
+        least_while_held(kinds, numbers, still, x, u[None].copy(), t, d.period, spreads, least)
+        nearest = min(nearest, float(least[0]) - d.body)
+        silent |= least[0] - d.body < -ROUNDING and report["status"] < FilterStatus.VIOLATED
+        x = _moved(x, u[None], d.period)
+    return nearest, bool(silent)
+
+
+def _core(d: Draw, barriers: Any, batch: int | None) -> PlanarCore:
+    """Return the filter of a draw."""
+    plant = Plant(
+        DoubleIntegrator(), barriers, lambda *_: None, d.input_set, period=d.period,
+        uncertainty=Uncertainty(distance=d.distance, body=d.body, confidence=KAPPA),
+    )  # fmt: skip
+    options = {"alpha1": d.alpha1, "alpha2": LinearClassK(d.alpha2)}
+    settings = FilterSettings(d.program, "held", None, None, None, "warn", False, options)
+    return PlanarCore(plant, d.input_set, settings, batch)
+
+
+def _spreads(d: Draw, t: float, size: float, shape: Array, root: Array) -> Array:
+    """Return (looks + 1, 2, 2) what a unit vector is multiplied by to be an error, in one hold."""
+    looks = max(1, round(d.period / LOOK))
+    out = np.zeros((looks + 1, 2, 2))
+    for look in range(looks + 1) if d.known != "exact" else ():
+        later = covariance(d.known, t + d.period * look / looks, size, shape)
+        out[look] = KAPPA * np.sqrt(later[0, 0] / shape[0, 0]) * root
+    return out
+
+
+def _moved(x: Array, u: Array, period: float) -> Array:
+    """Return the states (N, 4) after one hold."""
+    position = x[:, :2] + period * x[:, 2:] + 0.5 * period**2 * u
+    return np.hstack([position, x[:, 2:] + period * u])
+
+
 def walk(
     seed: int, count: int = TOGETHER, drawn: Draw | None = None, rest: float = 0.5
 ) -> dict[str, Any]:
@@ -269,13 +342,7 @@ def walk(
     velocity = np.array([[one[2] for one in scene] for scene in made])
     scenes = BarrierSet([[one[0] for one in scene] for scene in made])
     kinds = np.array(d.kinds)
-    plant = Plant(
-        DoubleIntegrator(), scenes, lambda *_: None, d.input_set, period=d.period,
-        uncertainty=Uncertainty(distance=d.distance, body=d.body, confidence=KAPPA),
-    )  # fmt: skip
-    options = {"alpha1": d.alpha1, "alpha2": LinearClassK(d.alpha2)}
-    settings = FilterSettings(d.program, "held", None, None, None, "warn", False, options)
-    core = PlanarCore(plant, d.input_set, settings, count)
+    core = _core(d, scenes, count)
     x = np.zeros((count, 4))
     x[:, :2] = rng.normal(0.0, 0.4, (count, 2))
     x[:, 2:] = rng.normal(0.0, 0.6, (count, 2)) * (rng.random((count, 1)) >= rest)
@@ -293,7 +360,6 @@ def walk(
     said, began = entered.copy(), entered.copy()
     depth, violated, deepest = 0.0, 0, np.inf
     radius, steps = d.input_set.radius, int(SECONDS / d.period)
-    looks = max(1, round(d.period / LOOK))
     least = np.empty(count)
     for step in range(steps):
         t = step * d.period
@@ -323,10 +389,7 @@ def walk(
         violated += int(bad.sum())
         said |= bad
         u = np.array(u)
-        spreads = np.zeros((looks + 1, 2, 2))
-        for look in range(looks + 1) if d.known != "exact" else ():
-            later = covariance(d.known, t + d.period * look / looks, size, shape)
-            spreads[look] = KAPPA * np.sqrt(later[0, 0] / shape[0, 0]) * root_shape
+        spreads = _spreads(d, t, size, shape, root_shape)
         least_while_held(kinds, numbers, velocity, x, u, t, d.period, spreads, least)
         least -= d.body
         inside = least < -ROUNDING
@@ -337,9 +400,7 @@ def walk(
         if quiet.any():
             deepest = min(deepest, float(least[quiet].min()))
         depth = min(depth, float(least.min()))
-        x = x.copy()
-        x[:, :2] += d.period * x[:, 2:] + 0.5 * d.period**2 * u
-        x[:, 2:] += d.period * u
+        x = _moved(x, u, d.period)
     return {
         "draw": d,
         "seed": seed,

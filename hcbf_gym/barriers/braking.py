@@ -21,7 +21,6 @@ from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shape import TINY
-from hcbf_gym.barriers.shapes import IS_DISTANCE
 from hcbf_gym.models.input_sets import InputSet
 
 Array = NDArray[np.float64]
@@ -134,8 +133,8 @@ class _Asked(NamedTuple):
         left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
         margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
-        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or one
-            whose h grows slowly somewhere, as an ellipse's does along its long axis, or a map.
+        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or a
+            map.
         slows: (N,) whether there are strict speed zones.
     """
 
@@ -177,12 +176,11 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     kept = scenes.own_margin + speed_margin
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    slow = regions & ~IS_DISTANCE[scenes.kind]
     return _Asked(
         left=left.min(axis=1, initial=np.inf),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        narrows=(regions.sum(axis=1) > 1) | (slow | maps).any(axis=1),
+        narrows=(regions.sum(axis=1) > 1) | maps.any(axis=1),
         slows=(strict & (scenes.kind == layout.ZONES)).any(axis=1),
     )
 

@@ -34,20 +34,18 @@ class Compiled(NamedTuple):
 
     Attributes:
         code: the kind by which `shapes` finds them.
-        jet: (c, x, y) → H, ∇H (x, y), d, t (x, y). Every Hessian has rank one, ``∇²H = t tᵀ/d``: d
-            is the distance from the region's core (a disc's centre, a polygon's corner), and
-            infinite where H is flat.
+        jet: (c, x, y) → H, ∇H (x, y), d, t (x, y). H is the signed distance, so that ‖∇H‖ = 1, and
+            its Hessian has rank one, ``∇²H = t tᵀ/d``: d is the distance from the centre of
+            curvature (a disc's centre, a polygon's corner), and infinite where H is flat.
         core: (c, x, y, H, d, reach) → the entries of a `Core`, for rows of a held input.
         bounds: (c) → least x, least y, greatest x, greatest y of the region, infinite and the wrong
             way round where it has none.
-        is_distance: whether ‖∇H‖ = 1 everywhere.
     """
 
     code: int
     jet: Callable[[Array, float, float], PlanarJet]
     core: Callable[[Array, float, float, float, float, float], tuple[float, float, bool]]
     bounds: Callable[[Array], tuple[float, float, float, float]]
-    is_distance: bool
 
 
 class Oval(NamedTuple):

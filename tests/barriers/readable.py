@@ -16,13 +16,7 @@ def jet(barrier, q):
         distance, direction, curvature = norm_jet(q - np.array(barrier.center))
         return distance - barrier.radius, direction, curvature
     if isinstance(barrier, Ellipse):
-        scaling, scale = scaling_of(barrier), min(barrier.semi_axes)
-        norm, direction, curvature = norm_jet(scaling @ (q - np.array(barrier.center)))
-        return (
-            scale * (norm - 1.0),
-            scale * scaling.T @ direction,
-            scale * scaling.T @ curvature @ scaling,
-        )
+        return ellipse_jet(barrier, q)
     if isinstance(barrier, Capsule):
         start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
         share = np.clip((q - start) @ vector / (vector @ vector), 0.0, 1.0)
@@ -55,8 +49,8 @@ def core(barrier, q, reach):
     if isinstance(barrier, Disc):
         return Core(h + barrier.radius, barrier.radius, True)
     if isinstance(barrier, Ellipse):
-        radius = min(barrier.semi_axes)
-        return Core(h + radius, radius, True)
+        radius = min(barrier.semi_axes) ** 2 / max(barrier.semi_axes)
+        return Core(h + radius, radius, False)
     if isinstance(barrier, Capsule):
         start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
         length = float(np.linalg.norm(vector))
@@ -134,7 +128,20 @@ def norm_jet(r):
     return distance, direction, (np.eye(2) - np.outer(direction, direction)) / distance
 
 
-def scaling_of(ellipse):
-    """Return (2, 2) the map from p − c to the coordinates in which an ellipse is a unit disc."""
+def ellipse_jet(ellipse, q):
+    """Return H, ∇H and ∇²H of an ellipse, its nearest point found among many and then by Newton."""
     cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
-    return np.diag(1.0 / np.array(ellipse.semi_axes)) @ np.array([[cos, sin], [-sin, cos]])
+    turned, (a, b) = np.array([[cos, sin], [-sin, cos]]), ellipse.semi_axes
+    u, v = turned @ (q - np.array(ellipse.center))
+    turn = np.linspace(0.0, 2.0 * np.pi, 20001)
+    t = turn[np.argmin((a * np.cos(turn) - u) ** 2 + (b * np.sin(turn) - v) ** 2)]
+    for _ in range(20):
+        x, y, dx, dy = a * np.cos(t), b * np.sin(t), -a * np.sin(t), b * np.cos(t)
+        slope = (x - u) * dx + (y - v) * dy
+        t -= slope / (dx * dx + dy * dy - (x - u) * x - (y - v) * y)
+    normal = np.array([b * np.cos(t), a * np.sin(t)])
+    size = float(np.linalg.norm(normal))
+    normal /= size
+    h = float((u - a * np.cos(t)) * normal[0] + (v - b * np.sin(t)) * normal[1])
+    tangent = turned.T @ np.array([-normal[1], normal[0]])
+    return h, turned.T @ normal, np.outer(tangent, tangent) / (size**3 / (a * b) + h)

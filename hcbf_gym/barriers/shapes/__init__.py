@@ -6,7 +6,6 @@ A new shape is a file here and its name in this one: in `SHAPES`, and a line in 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import Array, PlanarJet, Shape
 from hcbf_gym.barriers.shapes import capsule, convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.barriers.shapes.capsule import Capsule
@@ -18,10 +17,6 @@ from hcbf_gym.barriers.shapes.half_plane import HalfPlane
 __all__ = ["Capsule", "ConvexPolygon", "Disc", "Ellipse", "HalfPlane"]
 
 SHAPES: tuple[type[Shape], ...] = (HalfPlane, Disc, Ellipse, ConvexPolygon, Capsule)
-
-IS_DISTANCE = np.zeros(layout.ZONE + 1, dtype=np.bool_)
-"""By kind: whether ‖∇h‖ = 1 everywhere."""
-IS_DISTANCE[[shape.compiled.code for shape in SHAPES if shape.compiled.is_distance]] = True
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -110,7 +110,7 @@ class Capsule(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "capsule"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
 
     def __post_init__(self) -> None:
         super().__post_init__()

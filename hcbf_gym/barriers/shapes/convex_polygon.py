@@ -144,7 +144,7 @@ class ConvexPolygon(Shape):
     vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "convex-polygon"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,23 +9,29 @@ from numba import njit
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Pair
 from hcbf_gym.barriers.shape import (
+    TINY,
     Array,
     Compiled,
     Oval,
     Planar,
     PlanarJet,
     Shape,
-    point_jet,
     set_pairs,
     shifted,
-    traced_norm,
 )
 from hcbf_gym.errors import finite_float
 
 CODE = 2
 CENTER_X, CENTER_Y = 2, 3  # [m]
-MAP_XX, MAP_XY, MAP_YX, MAP_YY = 4, 5, 6, 7  # its axes as unit circle, row by row [1/m]
-SHORTER_AXIS = 8  # [m]
+COS, SIN = 4, 5  # the direction of the longer semi-axis
+LONGER, SHORTER = 6, 7  # semi-axes [m]
+
+HAIR = 1e-13
+"""How far from the longer axis a point is at least, so that its normal has a side [m]."""
+MOST_STEPS = 20
+"""Newton's steps to the foot of a point; three to six are taken."""
+SURE_STEPS, DIFFERENTIATED = 8, 3
+"""What JAX takes of them, without derivatives and with."""
 
 
 @njit(cache=True)
@@ -35,58 +41,68 @@ def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float)
     c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
     c[CENTER_X], c[CENTER_Y] = center
     first, second = semi_axes
-    c[MAP_XX], c[MAP_XY] = np.cos(angle) / first, np.sin(angle) / first
-    c[MAP_YX], c[MAP_YY] = -np.sin(angle) / second, np.cos(angle) / second
-    c[SHORTER_AXIS] = min(first, second)
+    c[COS], c[SIN] = np.cos(angle), np.sin(angle)
+    if second > first:
+        c[COS], c[SIN] = -c[SIN], c[COS]
+    c[LONGER], c[SHORTER] = max(first, second), min(first, second)
     return CODE
 
 
 @njit(cache=True, error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`."""
+    """Return H and its derivatives; see `Compiled`.
+
+    With u along the longer and v along the shorter axis, the normal at the foot of (u, v) is along
+    ``w = (u / (s + a² - b²), v / s)``, where s > 0 solves ``(a w_u)² + (b w_v)² = 1``; then
+    ``H = (s - b²) ‖w‖``. The reciprocal root of the left side is nearly linear and concave in s, so
+    that Newton's steps come from below and are few.
+    """
     dx = x - c[CENTER_X]
     dy = y - c[CENTER_Y]
-    scale = c[SHORTER_AXIS]
-    xx, xy = scale * c[MAP_XX], scale * c[MAP_XY]
-    yx, yy = scale * c[MAP_YX], scale * c[MAP_YY]
-    n, nx, ny, distance, tx, ty = point_jet(xx * dx + xy * dy, yx * dx + yy * dy)
-    return (
-        n - scale,
-        xx * nx + yx * ny,
-        xy * nx + yy * ny,
-        distance,
-        xx * tx + yx * ty,
-        xy * tx + yy * ty,
-    )
+    a, b, cos, sin = c[LONGER], c[SHORTER], c[COS], c[SIN]
+    along = cos * dx + sin * dy
+    across = cos * dy - sin * dx
+    u, v = abs(along), abs(across) + HAIR
+    apart = a * a - b * b
+    s = max(b * v, a * u - apart)
+    for _ in range(MOST_STEPS):
+        wu, wv = u / (s + apart), v / s
+        first, second = a * a * wu * wu, b * b * wv * wv
+        size = first + second
+        step = size * (np.sqrt(size) - 1.0) / (first / (s + apart) + second / s)
+        s += step
+        if not step > 1e-15 * s:
+            break
+    wu, wv = u / (s + apart), v / s
+    norm = np.sqrt(wu * wu + wv * wv)
+    h = (s - b * b) * norm
+    distance = a * a * b * b * norm * norm * norm + h  # the radius of curvature at the foot, and h
+    nu, nv = np.copysign(wu / norm, along), np.copysign(wv / norm, across)
+    nx, ny = cos * nu - sin * nv, sin * nu + cos * nv
+    if distance < TINY:
+        distance = np.inf
+    return h, nx, ny, distance, -ny, nx
 
 
 @njit(cache=True, error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
-    """Return the centre as the core: shortened along its long axis, an ellipse is a disc.
-
-    In the coordinates min(a, b) z, which shorten every way, it is a disc of radius min(a, b).
-    """
-    return distance, c[SHORTER_AXIS], True
+    """Return as the core what a disc of the smallest radius of curvature, b²/a, leaves inside."""
+    radius = c[SHORTER] * c[SHORTER] / c[LONGER]
+    return h + radius, radius, False
 
 
 @njit(cache=True, error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the square around the circle around the ellipse."""
-    first = c[MAP_XX] ** 2 + c[MAP_XY] ** 2
-    second = c[MAP_YX] ** 2 + c[MAP_YY] ** 2
-    x = c[CENTER_X]
-    y = c[CENTER_Y]
-    longer = 1.0 / np.sqrt(min(first, second))
+    x, y, longer = c[CENTER_X], c[CENTER_Y], c[LONGER]
     return x - longer, y - longer, x + longer, y + longer
 
 
 @dataclass(frozen=True)
 class Ellipse(Shape):
-    """The outside of an ellipse, ``h = min(a, b) (√(zᵀz) − 1)``, ``z = diag(1/a, 1/b) Rᵀ(p − c)``.
-
-    h is zero on the ellipse and never exceeds the distance to it, as |∇h| ≤ 1.
+    """The outside of an ellipse: h is the signed distance to it.
 
     Args:
         name: what tables and figures call it.
@@ -105,7 +121,7 @@ class Ellipse(Shape):
     angle: float = 0.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "ellipse"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=False)
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -124,16 +140,28 @@ class Ellipse(Shape):
 
     def traced(self, jax: Any) -> Planar:
         """Return (x, y) → H for JAX."""
-        (cx, cy), (first, second) = self.center, self.semi_axes
-        cos = np.cos(self.angle)
-        sin = np.sin(self.angle)
-        scale = min(first, second)
+        jnp = jax.numpy
+        block = self._block
+        cx, cy, cos, sin, a, b = block[[CENTER_X, CENTER_Y, COS, SIN, LONGER, SHORTER]].tolist()
+        apart = a * a - b * b
+
+        def stepped(s: Any, u: Any, v: Any) -> Any:
+            first, second = (a * u / (s + apart)) ** 2, (b * v / s) ** 2
+            size = first + second
+            return s + size * (jnp.sqrt(size) - 1.0) / (first / (s + apart) + second / s)
 
         def value(x: Any, y: Any) -> Any:
             dx, dy = x - cx, y - cy
-            along = (cos * dx + sin * dy) / first
-            across = (cos * dy - sin * dx) / second
-            return scale * (traced_norm(jax, along, across) - 1.0)
+            along, across = cos * dx + sin * dy, cos * dy - sin * dx
+            u = jnp.where(along >= 0.0, along, -along)
+            v = jnp.where(across >= 0.0, across, -across) + HAIR
+            fixed = jax.lax.stop_gradient((u, v))
+            s = jnp.maximum(b * fixed[1], a * fixed[0] - apart)
+            for _ in range(SURE_STEPS):
+                s = stepped(s, *fixed)
+            for _ in range(DIFFERENTIATED):  # each doubles how many derivatives are right
+                s = stepped(s, u, v)
+            return (s - b * b) * jnp.sqrt((u / (s + apart)) ** 2 + (v / s) ** 2)
 
         return value
 

@@ -63,7 +63,7 @@ class HalfPlane(Shape):
     normal: Pair = (1.0, 0.0)
     offset: float = 0.0
     kind: ClassVar[str] = "half-plane"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds, is_distance=True)
+    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
 
     def __post_init__(self) -> None:
         super().__post_init__()

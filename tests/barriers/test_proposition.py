@@ -1,0 +1,58 @@
+"""Regions are not entered without a word: what the rows reserve, and how hard they brake."""
+
+import numpy as np
+import pytest
+
+from benchmarks.suites import proposition
+from benchmarks.suites.proposition import Draw, Way
+from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, LogClassK
+from hcbf_gym.models.input_sets import Box
+
+PLAIN = Draw(0.02, LogClassK(), 2.0, Box.symmetric(5.0), 0.0, 0.0, "exact", (), False, "lex-cbf-qp")
+WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0), 0, (-1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("axes", [(0.6, 0.4), (1.0, 0.2), (1.0, 0.05)])
+def test_a_body_that_goes_round_the_tip_of_an_ellipse_enters_nothing(axes):
+    numbers = 0.0, 0.0, *axes, 0.0
+    region = Ellipse("ellipse", 1, (0.0, 0.0), axes), 2, numbers
+    start = (axes[0] + 1.0) * np.array([1.0, 0.05])
+    way = Way(*region, np.array([*start, 0.0, 0.0]), seconds=4.0)
+    for side in (-1.0, 1.0):
+        least, silent = proposition.follow(
+            PLAIN._replace(body=0.46), way, lambda x, s=side: 5.0 * np.array([-x[0], s - x[1]])
+        )
+        assert least >= 0.0
+        assert not silent
+
+
+@pytest.mark.parametrize("period", [0.02, 0.1])
+@pytest.mark.parametrize("size", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("known", ["dead reckoning", "accelerating"])
+def test_dead_reckoning_that_is_off_by_all_that_is_reserved_enters_nothing(known, size, period):
+    way = Way(*WALL, np.array([-1.5, 0.0, 0.0, 0.0]), seconds=4.0, size=size)
+    drawn = PLAIN._replace(known=known, period=period)
+    least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
+    assert not silent
+    assert least >= 0.0 or known == "accelerating"
+
+
+@pytest.mark.parametrize("period", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize(
+    ("away", "speed"), [(0.4, 1.5), (0.1, 0.5), (0.05, 0.4), (0.3, 1.2), (0.23, 1.48)]
+)
+def test_what_u_can_stop_is_stopped(away, speed, period):
+    spare = away - speed**2 / (2.0 * 5.0)
+    assert spare > 0.0
+    for region in (WALL, (Disc("disc", 1, (0.5, 0.0), 0.5), 1, (0.5, 0.0, 0.5))):
+        way = Way(*region, np.array([-away, 0.0, speed, 0.0]), seconds=3.0)
+        drawn = PLAIN._replace(period=period)
+        least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
+        assert least >= 0.0
+        assert not silent
+
+
+def test_random_scenes_are_entered_only_with_a_word():
+    found = [proposition.walk(seed, 20) for seed in range(3)]
+    assert sum(one["silent"] for one in found) == 0
+    assert sum(one["entered"] for one in found) < sum(one["said"] for one in found)
