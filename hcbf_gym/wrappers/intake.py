@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.wrappers.senses import PLANT
 
@@ -84,6 +84,11 @@ class Intake:
         """Note why the masked plants are not believed."""
         self._fault[mask] = reason
         self._faulty = True
+
+    def doubt(self, reason: Reason) -> None:
+        """Note why plants are not believed that would be: an alarm does not hide it."""
+        fault = self.plants["fault"]
+        self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
 
     def _take_parts(self, estimate: Estimate) -> bool:
         """Note what stands beside the states, and tell whether it is made of numbers."""

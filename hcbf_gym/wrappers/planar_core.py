@@ -222,9 +222,9 @@ class PlanarCore(FilterCore):
         else:
             self._note_news(scene)
         if self._refused:
-            intake.blame(Reason.BARRIERS, intake.plants["fault"] == 0)
+            intake.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
-            intake.blame(Reason.CLOCK, intake.plants["fault"] == 0)
+            intake.doubt(Reason.CLOCK)
 
     def _note_news(self, scene: BarrierSet) -> None:
         """Take a scene for the present one; what is news in it is looked at."""

@@ -108,8 +108,9 @@ def raises(way, core):
 def of_barriers(*others):
     """A fault of the barriers: it brakes while it lasts, says why, and goes on after."""
 
-    def happens(way, core):
+    def happens(way, core, lie=None):
         run = Run(way, core)
+        run.world.lie = lie
         run.steps(10)
         run.world.scene = Scene(others=others)
         for report in run.steps(5):
@@ -117,6 +118,15 @@ def of_barriers(*others):
         run.world.scene = Scene()
         assert run.steps(2)[-1]["status"] < FilterStatus.BACKUP
         assert is_closed(way, core, Scene(others=others))
+
+    return happens
+
+
+def after_an_alarm(fault):
+    """The same fault while the plant raises an alarm: that hides nothing."""
+
+    def happens(way, core):
+        fault(way, core, lambda truth: truth._replace(fault=int(Reason.SLIP)))
 
     return happens
 
@@ -232,6 +242,8 @@ FAULTS = {
     "raises": raises,
     "bad row": of_barriers(Broken("broken", 1)),
     "limit": of_barriers(SpeedLimit("limit", 1, 0.05)),
+    "limit after an alarm": after_an_alarm(of_barriers(SpeedLimit("limit", 1, 0.05))),
+    "bad row after an alarm": after_an_alarm(of_barriers(Broken("broken", 1))),
     "news much too near": news_too_near(0.3),
     "news too near": news_too_near(1.1),
     "after BACKUP, much too near": after_backup(0.3),
@@ -257,6 +269,9 @@ def why_not(way, core, fault):
         return "it takes a list, to which it adds its speed limit; see `refused`"
     if core == "velocity filter" and fault in OF_PYTHON:
         return "it is handed pose and twist: no covariance, no reader, no reset to wait for"
+    if core == "velocity filter" and "after an alarm" in fault:
+        return "its alarms are its own"
+    fault = fault.removesuffix(" after an alarm")
     if way == "change_scene" and fault in ("bad row", "limit", "after a conflict"):
         return "a scene holds what JSON can say, and as many barriers as the first one"
     if core == "no period" and fault == "limit":
@@ -294,7 +309,7 @@ def test_every_way_into_every_core_fails_closed(way, core):
 
 
 def test_the_cells_are_counted():
-    assert len(CELLS) == 977
+    assert len(CELLS) == 1044
 
 
 @pytest.mark.parametrize("core", ["drag", "velocity filter"])
