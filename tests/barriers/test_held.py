@@ -146,6 +146,7 @@ def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_
     barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
     barriers.check((0.02, U_MAX))
     heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
+    fill[0] = 0.1  # one is slow, whatever is drawn
     highest = np.sqrt(v_max**2 - 2.0 * v_max * margin)
     speed = fill * highest
     velocity = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
