@@ -36,8 +36,10 @@ HARDEST = 5.0
 
 ROUNDING = 1e-9
 """By how much a present may seem to be before its past [s]."""
-LATE = 1.5
-"""Periods after the last sample from which on the robot was told zero meanwhile."""
+LATE = 1.1
+"""Periods after the last sample from which on one is missing, and the robot was told zero."""
+PAUSE = 1.5
+"""Periods without one after which the model begins anew, unless the robot follows more slowly."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ class VelocityFilter:
         place, motion = _numbers(pose), _numbers(twist)
         stamp = _number(time)
         age = 0.0 if now is None else _number(now) - stamp
-        if self._time is not None and stamp - self._time > self._period + ROUNDING:
+        if self._time is not None and stamp - self._time > LATE * self._period:
             self._miss()
         sound = bool(np.isfinite(place.sum() + motion.sum() + stamp))
         body = self._follower(place, motion)
@@ -263,7 +265,7 @@ class VelocityFilter:
         told before is under way, and the model begins with the measured velocity.
         """
         passed = stamp - self._moved
-        if passed > max(self._follows, LATE * self._period):
+        if passed > max(self._follows, PAUSE * self._period):
             return self._capped(measured)
         return self._velocity + min(max(passed, 0.0), self._period) * self._input
 

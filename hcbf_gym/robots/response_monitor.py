@@ -60,7 +60,7 @@ APART = 0.6
 FILLED = 0.6
 """Share of the shortest window that must have been seen."""
 PAUSE = 0.5
-"""Time between two samples after which all starts anew [s]."""
+"""Time between two samples, forth or back, after which all starts anew [s]."""
 LEAP = 0.2
 """What position may be off within one sample before it counts as put elsewhere [m]."""
 FASTEST = 3.0
@@ -186,7 +186,7 @@ def _observe(
 ) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
-    if note.begun and passed <= 0.0:
+    if note.begun and -PAUSE < passed <= 0.0:
         return False
     turn = pose[2] - note.place[2]
     turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
@@ -195,7 +195,7 @@ def _observe(
     cos, sin = np.cos(middle), np.sin(middle)
     ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
     leap = np.hypot(ahead, aside) > LEAP + FASTEST * law.forward * passed
-    known = note.begun == 1 and passed <= PAUSE and not leap
+    known = note.begun == 1 and 0.0 < passed <= PAUSE and not leap
     note.place[0], note.place[1], note.place[2] = pose[0], pose[1], pose[2]
     began, note.time, note.begun = note.time, time, 1
     if not known:

@@ -21,6 +21,7 @@ def alarmed(
     """Whether a monitor alarms of a robot with the measured response, or a fault of it."""
     rng = np.random.default_rng(seed)
     response = HOLONOMIC.response
+    assert response is not None
     monitor = ResponseMonitor(HOLONOMIC.command, response if known else None)
     velocity, place, command, told = np.zeros(2), np.zeros(2), np.zeros(3), []
     time, alarm = 0.0, False
@@ -76,4 +77,9 @@ def test_a_pause_and_a_jump_begin_anew():
     monitor = ResponseMonitor(Command(1.0, 1.0, sideways=1.0), HOLONOMIC.response)
     for k, x in enumerate((0.0, 5.0, -3.0, 8.0)):
         assert not monitor.observe(np.array([x, 0.0, 0.0]), np.zeros(2), 0.05 * k)
-    assert not monitor.observe(np.zeros(3), np.zeros(2), 100.0)
+    for time in (3600.0, 0.1):  # a clock that jumps ahead and comes back
+        assert not monitor.observe(np.zeros(3), np.zeros(2), time)
+    for k in range(100):
+        monitor.tell(np.array([1.0, 0.0, 0.0]), 0.1 + 0.02 * k)
+        alarm = monitor.observe(np.zeros(3), np.zeros(2), 0.1 + 0.02 * (k + 1))
+    assert alarm
