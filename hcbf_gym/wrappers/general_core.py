@@ -24,7 +24,7 @@ from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import report, solvers, verdict
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, check_hold
 from hcbf_gym.wrappers.monitor import Monitor
 
 _MEMORY = np.dtype((np.record, verdict.MEMORY))
@@ -255,7 +255,10 @@ class GeneralCore(FilterCore):
                 reads_time(barrier, self.plant.model.n) for barrier in own
             )
             self._barriers = own
-        late = "; ".join(self._late.find(own, self._rows_of.prepare(own).reaches))
+        reaches = self._rows_of.prepare(own).reaches
+        if self.plant.period is not None and any(reach.degree > 1 for reach in reaches):
+            check_hold(self.plant.period, alpha1=self.alpha1)
+        late = "; ".join(self._late.find(own, reaches))
         if late and self._allows_late:
             self._say_once(f"{late}: allowed")
             return ""
