@@ -249,8 +249,8 @@ def check_hold(period: float, **alphas: ClassK) -> None:
         steep = alpha.derivative(0.0)
         if steep * period > 1.0:
             raise InvalidInputError(
-                f"{name}: got a slope of {steep:g} 1/s at 0 with a period of {period:g} s, expected "
-                f"at most {1.0 / period:g} 1/s: sample faster or take a flatter function"
+                f"{name}: got a slope of {steep:g} 1/s at 0 with a period of {period:g} s, "
+                f"expected at most {1.0 / period:g} 1/s: sample faster or take a flatter function"
             )
 
 

@@ -175,9 +175,13 @@ def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
     quickening = rng.uniform(0.0, 0.3, len(scene))
-    compiled = BarrierSet([scene]).rows(x[None], np.array([t]), how, margin[None], rate[None], quickening)
+    compiled = BarrierSet([scene]).rows(
+        x[None], np.array([t]), how, margin[None], rate[None], quickening
+    )
     for k, barrier in enumerate(scene):
-        a, b, h, alpha2_psi = readable.held_row(barrier, x, t, how, margin[k], rate[k], quickening[k])
+        a, b, h, alpha2_psi = readable.held_row(
+            barrier, x, t, how, margin[k], rate[k], quickening[k]
+        )
         np.testing.assert_allclose(compiled.a[0, k], a, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(compiled.b[0, k], b, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(compiled.h[0, k], h, rtol=1e-9, atol=1e-9)
