@@ -119,12 +119,6 @@ SUITES = {
         4,
         ROM,
     ),
-    "proposition": Suite(
-        "suites.proposition",
-        "random scenes of all shapes, bodies and covariances: entered without a word",
-        20,
-        ROM,
-    ),
     "estimation": Suite(
         "suites.estimation",
         "how well the A1 knows where it is",
