@@ -263,9 +263,8 @@ class PlanarCore(FilterCore):
         for i in range(self.count):
             self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
         names = "x", "time", "model", "lag", "covariance", "growth"
-        reserved = derive_all(
-            self.uncertainty, scene, *(plants[name] for name in names), self._period
-        )
+        state = [plants[name] for name in names]
+        reserved = derive_all(self.uncertainty, scene, *state, period=self._period)
         out["margin"] = reserved[MARGIN]
         try:
             rows = scene.rows(plants["x"], plants["time"], self.row_settings, *reserved[:LEANING])
