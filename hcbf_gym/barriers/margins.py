@@ -19,7 +19,7 @@ follows needs little.
 With P the covariance of the state, beside a wall σ = √(nᵀ P_pp n). Where n turns as the robot
 moves, σ = √λ(P_pp) is that of the worst direction. Over a hold T it grows by no more than
 
-.. math:: \dot m T, \qquad \dot m = κ \sqrt{n^T P_{vv}(T) n} \quad\text{or}\quad κ \sqrt{λ(P_{vv}(T))},
+.. math:: \dot m T, \qquad \dot m = κ \sqrt{n^T P_{vv}(T) n} \text{ or } κ \sqrt{λ(P_{vv}(T))},
 
 as deviations add up at most: σ(T) ≤ σ + T σ_v. P_vv(T) ≤ P_vv + g is what the velocity's will be at
 the end of the hold, g what it grew by since the last sample. ṁ stands in the row, and so does its

@@ -2,7 +2,8 @@ r"""Which derivative of h an input enters first, and which inputs enter it.
 
 The relative degree r is the least number of times that h must be differentiated along
 ``ẋ = f(x) + g(x)u`` until an input appears: L_g ψ_{r−1} ≠ 0. It is found by looking at sampled
-states, where it differs from 0 at almost all of them or at none.
+states, where it differs from 0 at all of them that h is not flat at, or at none; a function of
+which neither is true has no one relative degree, and is refused.
 """
 
 from collections.abc import Iterable
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.errors import UNREADABLE, UnreachableError
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ def first_reach(
 
     Raises:
         UnreachableError: if no input enters any of them.
+        InvalidInputError: if one enters a derivative at some of the states alone.
     """
     gradients = np.where(np.isfinite(gradients), np.abs(gradients), 0.0)
     reads = (gradients > VANISHED * gradients.max(axis=1, keepdims=True)).any(axis=0)
@@ -69,6 +71,14 @@ def first_reach(
         inputs = np.asarray((size > VANISHED).any(axis=0))
         if inputs.any():
             largest = size.max(axis=1)
+            sloping = gradients.max(axis=1) > 0.0
+            missed = int((sloping & (largest <= VANISHED)).sum())
+            if missed:
+                raise InvalidInputError(
+                    f"{barrier.name}: an input enters derivative {degree} of h at some sampled "
+                    f"states and not at {missed} of {SAMPLES}, expected one relative degree "
+                    "everywhere: conditions of one rank in the place of a minimum of such"
+                )
             return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))
     raise UnreachableError(
         f"{barrier.name}: no input of {model} enters its first {degree} derivatives at any of "

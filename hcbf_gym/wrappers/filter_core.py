@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hcbf_gym import programs, records
 from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
@@ -34,6 +35,9 @@ ROW_OPTIONS = ("alpha1", "alpha2")
 
 USUAL_ROWS_MARGIN = 0.01
 """What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
+
+MOST_CORNERS = 64
+"""Of U, that are looked at for the dip."""
 
 
 class FilterSettings(NamedTuple):
@@ -106,7 +110,9 @@ class FilterCore(ABC):
         self.alpha1_scale = self._fit_alpha1()
         held = settings.rows == "held" and self._is_planar and plant.period is not None
         self.row_settings = self._row_settings(held)
-        self.uncertainty = kept(plant, settings.margin, held)
+        if not held and plant.period is not None:
+            check_hold(plant.period, alpha2=self.alpha2)
+        self.uncertainty = kept(plant, settings.margin, 0.0 if held else dip_of(plant, input_set))
         own = plant.uncertainty.distance if settings.margin is None else 0.0
         self.dip = 0.0 if held else self.uncertainty.distance - own
         leans = self.uncertainty.cap > 0.0
@@ -241,13 +247,51 @@ def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float,
     return (low_x, low_y), (high_x, high_y)
 
 
-def kept(plant: Plant, margin: float | None, held: bool) -> Uncertainty:
+def check_hold(period: float, **alphas: ClassK) -> None:
+    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1.
+
+    Raises:
+        InvalidInputError: if one does.
+    """
+    for name, alpha in alphas.items():
+        steep = alpha.derivative(0.0)
+        if steep * period > 1.0:
+            raise InvalidInputError(
+                f"{name}: got a slope of {steep:g} 1/s at 0 with a period of {period:g} s, "
+                f"expected at most {1.0 / period:g} 1/s: sample faster or take a flatter function"
+            )
+
+
+def dip_of(plant: Plant, input_set: InputSet) -> float:
+    """Return what usual rows reserve against dips of h between samples, a_p T²/2 or more.
+
+    a_p is the greatest acceleration of the position while an input is held, of the corners of U at
+    sampled states of unit size; the velocity of a model that is driven by velocities is in U.
+
+    Args:
+        plant: of which model and period count.
+        input_set: U.
+    """
+    if plant.period is None:
+        return USUAL_ROWS_MARGIN
+    model, half = plant.model, 0.5 * plant.period
+    placed = slice(model.n_u) if isinstance(model, DoubleIntegrator) else slice(2)
+    hardest = 0.0
+    for x in samples(model)[0]:
+        for u in input_set.vertices()[:MOST_CORNERS]:
+            middle = model.step(x, u, half)
+            bent = model.step(middle, u, half)[placed] - 2.0 * middle[placed] + x[placed]
+            hardest = max(hardest, float(np.linalg.norm(bent)))
+    return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # bent = a_p (T/2)²
+
+
+def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
     """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
 
     Args:
         plant: whose body and whose speed limit count in any case.
         margin: what rows on the position reserve [m]; None derives it.
-        held: whether rows are made for a held input; if not they reserve `USUAL_ROWS_MARGIN` more.
+        dip: what rows that are not made for a held input reserve besides [m].
 
     Raises:
         InvalidInputError: if the margin is negative or not finite.
@@ -258,4 +302,4 @@ def kept(plant: Plant, margin: float | None, held: bool) -> Uncertainty:
         return known._replace(
             distance=distance, per_velocity=0.0, per_lead=0.0, cap=0.0, confidence=0.0
         )
-    return known if held else known._replace(distance=known.distance + USUAL_ROWS_MARGIN)
+    return known._replace(distance=known.distance + dip)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym import programs
 from hcbf_gym.barriers.barrier import Barrier, reads_time
+from hcbf_gym.barriers.convexity import warn_of_concave
+from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
@@ -24,7 +26,7 @@ from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import report, solvers, verdict
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
+from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, check_hold
 from hcbf_gym.wrappers.monitor import Monitor
 
 _MEMORY = np.dtype((np.record, verdict.MEMORY))
@@ -83,6 +85,7 @@ class GeneralCore(FilterCore):
         self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
+        self._said_concave = False
         self._monitor = Monitor(plant.model, plant.period, input_set)
         self._backup = Backup(plant, input_set)
         self._last_time, self._alarm = -np.inf, Reason.NONE
@@ -255,7 +258,13 @@ class GeneralCore(FilterCore):
                 reads_time(barrier, self.plant.model.n) for barrier in own
             )
             self._barriers = own
-        late = "; ".join(self._late.find(own, self._rows_of.prepare(own).reaches))
+            if not self._said_concave:
+                self._said_concave = True
+                warn_of_concave([b for b in own if isinstance(b, Function)], self.plant.model)
+        reaches = self._rows_of.prepare(own).reaches
+        if self.plant.period is not None and any(reach.degree > 1 for reach in reaches):
+            check_hold(self.plant.period, alpha1=self.alpha1)
+        late = "; ".join(self._late.find(own, reaches))
         if late and self._allows_late:
             self._say_once(f"{late}: allowed")
             return ""

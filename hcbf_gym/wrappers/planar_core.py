@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import LEANING, MARGIN, derive_all
@@ -170,6 +171,7 @@ class PlanarCore(FilterCore):
         own = tuple(self._scene.own.values())
         if not _same(own, self._checked):
             check_inputs(self.plant.model, own, self.settings.allow_late_inputs)
+            warn_of_concave(own, self.plant.model)
             self._checked = own
 
     def _finish(self) -> None:
@@ -272,9 +274,8 @@ class PlanarCore(FilterCore):
         for i in range(self.count):
             self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
         names = "x", "time", "model", "lag", "covariance", "growth"
-        reserved = derive_all(
-            self.uncertainty, scene, *(plants[name] for name in names), self._period
-        )
+        state = [plants[name] for name in names]
+        reserved = derive_all(self.uncertainty, scene, *state, period=self._period)
         out["margin"] = reserved[MARGIN]
         try:
             with np.errstate(all="ignore"):

@@ -10,8 +10,9 @@ from needs import remedy
 import hcbf_gym
 from hcbf_gym import models, wrappers
 from hcbf_gym.barriers import Barrier, Disc, Function, HalfPlane, Jet
+from hcbf_gym.barriers.convexity import is_convex, warn_of_concave
 from hcbf_gym.barriers.late_inputs import check_inputs, links_of
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models import ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
 
 DISC, WALL = Disc("disc", 1, center=(3.0, 0.0)), HalfPlane("wall", 1, (-1.0, 0.0), -2.0)
@@ -174,3 +175,18 @@ def test_allowed_it_is_one_warning_and_the_row_of_the_other_inputs():
     env.reset(seed=0)
     *_, info = env.step(np.array([1.0, 0.0]))
     assert info["safety_filter"]["reason"] == 0
+
+
+def test_a_minimum_of_conditions_of_different_relative_degree_is_refused():
+    jnp = pytest.importorskip("jax.numpy")
+    both = Function("both", 1, lambda x, t: jnp.minimum(x[0], 1.0 - x[2]))
+    with pytest.raises(InvalidInputError, match="one relative degree"):
+        check_inputs(DoubleIntegrator(), [both])
+
+
+def test_the_inside_of_a_circle_is_told_to_be_no_convex_h():
+    jnp = pytest.importorskip("jax.numpy")
+    inside = Function("inside", 1, lambda x, t: 2.0 - jnp.hypot(x[0], x[1]))
+    with pytest.warns(SafetyWarning, match="not convex"):
+        warn_of_concave([inside, DISC, WALL], DoubleIntegrator())
+    assert is_convex(DISC, DoubleIntegrator())
