@@ -277,8 +277,8 @@ class OwnFamily:
             "Scenes and starts are what the environment draws with each seed.",
             f"Policies: {_told(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
-            "Entered is what the infos' min_h shows where the environment reports it, else what "
-            "the plant's strict barriers say of its state at every step.",
+            "Entered is what the plant's strict barriers say of its state at every step, or the "
+            "infos' min_h where the environment reports less.",
         )
 
     @property

@@ -22,6 +22,7 @@ from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.attacked import alarm_of
+from hcbf_gym.evaluation.attacks import STREAM
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -100,7 +101,7 @@ class OwnEpisode:
         if self.uncertainty is not None:
             own = self.uncertainty._replace(body=plant.uncertainty.body)
             plant = replace(plant, uncertainty=own)
-        rng = np.random.default_rng(self.seed)
+        rng = np.random.default_rng([STREAM, self.seed])
         kind: Any = POLICIES.get(self.attack, Mixed)
         policy = kind(rng) if self.parameters is None else Mixed(rng, self.parameters)
         filtered = wrappers.SafetyFilter(env, self.program, plant=plant)
@@ -143,7 +144,8 @@ class Look(NamedTuple):
         x: (n,) its state.
         time: [s].
         strict: (x (j, n), t) → (j, m) the strict h's on the position.
-        h: (k,) what they are, at their least since the last sample where that is told.
+        h: (k,) what they are, at their least since the last sample where that is told: the
+            lesser of infos and barriers.
         speed: (k,) which of them read no position.
     """
 
@@ -176,7 +178,8 @@ def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: 
             "expected at least one"
         )
     told = info.get("min_h")
-    h = (every(x[None], now)[0] if told is None else _checked(told, len(first)))[first]
+    h = every(x[None], now)[0]
+    h = (h if told is None else np.minimum(h, _checked(told, len(first))))[first]
     h = np.where(np.isfinite(h), h, -np.inf)
     return Look(x, now, lambda x, t: every(x, t)[:, position], h, ~position[first])
 
