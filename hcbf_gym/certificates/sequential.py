@@ -19,7 +19,9 @@ statistical hypotheses", Annals of Mathematical Statistics 16 (1945).
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from scipy.optimize import brentq
 
 BET = 5.0
@@ -70,7 +72,10 @@ def running_bound(entered: int, episodes: int, beta: float) -> float:
         return log_e(entered, episodes, bound, bound / BET) - wanted
 
     low, high = 1e-12, 1.0 - 1e-12
-    return 1.0 if short(high) < 0.0 else float(brentq(short, low, high, xtol=1e-13, rtol=1e-12))
+    if short(high) < 0.0:
+        return 1.0
+    found: Any = brentq(short, low, high, xtol=1e-13, rtol=np.float64(1e-12))
+    return float(found)
 
 
 def episodes_needed(bound: float, entered: int, beta: float) -> int:
