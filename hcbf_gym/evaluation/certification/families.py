@@ -62,6 +62,8 @@ class Seen(NamedTuple):
         first_h: least strict h at the reset.
         fell: whether the robot fell.
         alarm: the last `Reason` that was an alarm; 0 for none.
+        steps: how many it took.
+        pressed: whether the filter had to change an input that would have entered.
     """
 
     policy: str
@@ -71,6 +73,8 @@ class Seen(NamedTuple):
     first_h: float
     fell: bool
     alarm: int = 0
+    steps: int = 0
+    pressed: bool = False
 
     @property
     def entered(self) -> bool:
@@ -109,6 +113,8 @@ def look(episode: Any) -> Seen:
         first_h=float(outcome.first_h),
         fell=bool(outcome.fell),
         alarm=int(outcome.alarm),
+        steps=outcome.steps,
+        pressed=outcome.pressed,
     )
 
 
