@@ -14,8 +14,8 @@ SILENT = (
     "Of a real robot, nothing: the plant is the simulated one, and its files are hashed.",
     "Of a second episode after an alarm, and of what happens while the filter brakes, nothing "
     "beyond what these episodes held.",
-    "Of tries that are not told: several on fresh seeds share the doubt by `--try`; one alone may be "
-    "looked at, stopped and continued at no price.",
+    "Of tries that are not told: several on fresh seeds share the doubt by `--try`; one alone may "
+    "be looked at, stopped and continued at no price.",
 )
 """What no certificate says, a sentence for each."""
 

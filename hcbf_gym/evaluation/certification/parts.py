@@ -67,13 +67,15 @@ def _plain(one: Seen) -> dict[str, Any]:
     return said | {"least_speed_h": None if np.isinf(one.least_speed_h) else one.least_speed_h}
 
 
+def _seen(said: dict[str, Any]) -> Seen:
+    speed = said["least_speed_h"]
+    return Seen(**(said | {"least_speed_h": np.inf if speed is None else speed}))
+
+
 def _read(path: Path, plan: str) -> tuple[int, Path, list[Seen]]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        parts = [
-            Seen(**{name: np.inf if value is None else value for name, value in one.items()})
-            for one in data["seen"]
-        ]
+        parts = [_seen(one) for one in data["seen"]]
         first, of = int(data["first"]), data["plan"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidInputError(
