@@ -272,6 +272,21 @@ class Certificate:
             InvalidInputError: if a field is missing, unknown or malformed, or anything has been
                 changed since.
         """
+        certificate = cls.told(data)
+        if data.get("hash") != certificate.hash:
+            raise InvalidInputError(
+                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
+                f"{certificate.hash!r} of what it says: the file was changed"
+            )
+        return certificate
+
+    @classmethod
+    def told(cls, data: Any) -> "Certificate":
+        """Return the certificate that a file tells, whatever its hash is.
+
+        Raises:
+            InvalidInputError: if a field is missing, unknown or malformed.
+        """
         records.check_mapping("certificate", data)
         try:
             json.dumps(data, allow_nan=False)
@@ -288,18 +303,12 @@ class Certificate:
             values["blocks"] = tuple(Block(*block) for block in values["blocks"])
             values["strata"] = tuple(Stratum(**stratum) for stratum in values["strata"])
             values["attempt"] = values.pop("try")
-            certificate = records.build("certificate", cls, values)
+            return records.build("certificate", cls, values)
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise InvalidInputError(
                 f"certificate: got {error!r}, expected the fields {[f.name for f in fields(cls)]} "
                 "as `hcbf certify` writes them"
             ) from error
-        if data.get("hash") != certificate.hash:
-            raise InvalidInputError(
-                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
-                f"{certificate.hash!r} of what it says: the file was changed"
-            )
-        return certificate
 
     @classmethod
     def load(cls, path: str | Path) -> "Certificate":

@@ -143,9 +143,9 @@ def edits(data, rng):
 def test_no_edit_of_any_field_passes_without_the_hash():
     data = made(REGIONS).to_dict()
     for (path, changed), _ in zip(edits(data, np.random.default_rng(0)), range(200), strict=False):
+        assert path
         with pytest.raises(InvalidInputError):
             Certificate.from_dict(changed)
-            pytest.fail(f"an edit of {path} passed")
 
 
 def test_today_is_on_what_it_was_earned_or_repeated():
@@ -276,7 +276,7 @@ def test_a_plant_of_ones_own_with_other_barriers_is_another_plant():
 
 
 def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
-    """Where U cannot be shown to brake before a wall, a certificate earned there says that it does."""
+    """Where U cannot be shown to brake, a certificate that was earned there says that it does."""
     plant = replace(mass(), input_set=models.Box(np.array([-0.3, -3.0]), np.array([0.3, 3.0])))
     env = Mass()
     one = made(certificates.declared(plant, env, None, {}), margins=Uncertainty())

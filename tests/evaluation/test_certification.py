@@ -139,9 +139,7 @@ def test_a_function_that_is_no_plant_is_refused(source, message, monkeypatch):
     own._function.cache_clear()
 
 
-FROZEN = certify.Frozen(
-    "boat", OwnFamily(BOAT, steps=40), Uncertainty(distance=0.05, speed=0.02), (), 0.4, seed=3
-)
+FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.4, seed=3)
 
 
 def boat(folder, known=(), at_most=None, frozen=FROZEN):
