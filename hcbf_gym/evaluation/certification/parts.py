@@ -68,8 +68,10 @@ def _plain(one: Seen) -> dict[str, Any]:
 
 
 def _seen(said: dict[str, Any]) -> Seen:
-    speed = said["least_speed_h"]
-    return Seen(**(said | {"least_speed_h": np.inf if speed is None else speed}))
+    values: dict[str, Any] = dict(said)
+    if values["least_speed_h"] is None:
+        values["least_speed_h"] = np.inf
+    return Seen(**values)
 
 
 def _read(path: Path, plan: str) -> tuple[int, Path, list[Seen]]:
