@@ -124,7 +124,7 @@ def shipped() -> Table:
     """Repeat a few blocks of every certificate that is shipped, but for those listed as stale."""
     rows, good = [], True
     for name, one in certificates.shipped().items():
-        since = certificates.library.stale_since().get(name)
+        since = certificates.stale_since().get(name)
         if since is not None:
             rows.append((name, f"stale since {since}"))
             continue

@@ -10,6 +10,7 @@ from hcbf_gym.certificates.library import (
     shipped,
     stale,
     stale_shipped,
+    stale_since,
     table,
 )
 from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum
@@ -30,5 +31,6 @@ __all__ = [
     "shipped",
     "stale",
     "stale_shipped",
+    "stale_since",
     "table",
 ]
