@@ -199,7 +199,7 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
     forged = {
         "words": replace(whole, words=("A boat.",)),
         "plant": replace(whole, plant={"environment": "Boat"}),
-        "margins": replace(whole, margins=whole.margins._replace(confidence=9.0)),
+        "margins": replace(whole, margins=whole.margins._replace(body=0.1)),
         "strata": replace(whole, strata=(replace(whole.strata[0], policy="x"), *whole.strata[1:])),
         "block": replace(whole, blocks=(first._replace(steps=first.steps + 1), *whole.blocks[1:])),
     }

@@ -111,9 +111,8 @@ def _derived(c: Certificate, family: Any) -> list[str]:
         differs += [
             f"margins: {name} {value}, expected {own[name]} as the plant declares it"
             for name, value in c.margins._asdict().items()
-            if name != "body" and name not in (CALIBRATED if c.calibration else ())
-            and value != own[name]
-        ]  # fmt: skip
+            if name not in (CALIBRATED if c.calibration else ()) and value != own[name]
+        ]
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
         episode = family.episode(seed)
