@@ -16,7 +16,8 @@ from numba.np import arrayobj
 Value = TypeVar("Value")
 
 _LOGGER = logging.getLogger("hcbf_gym")
-_PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parent
+"""Where the sources of this package lie."""
 _IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (.+))", re.M)
 
 
@@ -83,7 +84,7 @@ class _KeyedByAllSources:
         """Return what tells whether the cached kernel is that of the present sources."""
         stamp = super().get_source_stamp()  # type: ignore[misc]
         file = Path(self._py_file)
-        return Stamp(stamp, sources_hash([file])) if file.is_relative_to(_PACKAGE) else stamp
+        return Stamp(stamp, sources_hash([file])) if file.is_relative_to(PACKAGE) else stamp
 
 
 def borrowed(value: Value) -> Value:
@@ -141,6 +142,18 @@ def sources_hash(files: list[Path]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def read_by_name() -> list[Path]:
+    """Return what no import tells of: environments made by name, robots and policies in files."""
+    patterns = (
+        "envs/*.py",
+        "robots/**/*.xml",
+        "robots/**/*.json",
+        "policies/baselines/*",
+        "evaluation/*.json",
+    )
+    return [file for pattern in patterns for file in PACKAGE.glob(pattern) if file.is_file()]
+
+
 def reached(files: Iterable[Path]) -> set[Path]:
     """Return files, and all that they import of this package and of their own."""
     found = set()
@@ -179,7 +192,7 @@ def _imported(file: Path) -> list[Path]:
                 places += [place, *(place / name for name in _bare(names))]
     paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
     # the package's own __init__ imports every room, and nothing computes with what stands in it
-    return [path for path in paths if path.is_file() and path != _PACKAGE / "__init__.py"]
+    return [path for path in paths if path.is_file() and path != PACKAGE / "__init__.py"]
 
 
 def _bare(names: str) -> list[str]:
@@ -195,7 +208,7 @@ def _place(file: Path, module: str) -> Path | None:
     parts = name.split(".") if name else []
     if dots:
         return file.parents[dots - 1].joinpath(*parts)
-    for folder in (_PACKAGE, _top(file)):
+    for folder in (PACKAGE, _top(file)):
         if folder.name == parts[0]:
             return folder.joinpath(*parts[1:])
     in_package = (file.parent / "__init__.py").is_file()

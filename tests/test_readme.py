@@ -56,7 +56,7 @@ def test_the_readme_is_short():
 
 
 @pytest.mark.physics
-def test_the_readmes_code_runs_and_does_what_it_says():
+def test_the_readmes_code_runs_and_does_what_it_says(fresh):
     names: dict = {}
     (loop,) = blocks("README.md", "python")
     exec(loop, names)

@@ -1,11 +1,13 @@
 """The record of a certificate: what was frozen, what came out, and what it says of a plant.
 
->>> stratum = Stratum("nearest", "random", 688, 0, 0.012)
+>>> block = Block(0, BLOCK, 900, 0, 0, 0.012, None)
 >>> certificate = Certificate(
 ...     name="boat", plant={"period": 0.02}, family={"kind": "own"}, words=("One boat.",),
-...     margins=None, calibration=(), episodes=688, allowed=0, confidence=0.999, first_seed=7,
-...     versions={}, sources="", entered=0, bound=0.01, least_h=0.012, falls=0, alarms=0,
-...     strata=(stratum,), blocks=block_digests(np.full((688, 2), 0.012)),
+...     margins=None, calibration=(), bound=0.1, confidence=0.999, attempt=0,
+...     first_seed=first_seed(0, 0), versions={}, sources="", repeated="", episodes=82, entered=0,
+...     e_value=sequential.e_value(0, 82, 0.1), least_h=0.012, falls=0, alarms=0,
+...     shown=Shown(82, 0.05, 90), strata=(Stratum("nearest", "random", 82, 0, 0.012),),
+...     blocks=(*[block] * 8, block._replace(pressed=2)),
 ... )  # fmt: skip
 >>> certificate.differs({"period": 0.05})
 ['period 0.05 (certified: 0.02)']
@@ -13,102 +15,66 @@
 
 import hashlib
 import json
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import bdtr
 
 from hcbf_gym import records
+from hcbf_gym.certificates import sequential
+from hcbf_gym.certificates.parts import (
+    BLOCK,
+    Block,
+    Shown,
+    Stratum,
+    check_counts,
+    check_same,
+    vacuous,
+)
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Coverage, Uncertainty
 
-Array = NDArray[np.float64]
-
-BLOCK = 10
-"""Episodes of which one digest is kept, so that a part can be repeated and compared."""
-
-FROZEN = (
-    "plant",
-    "family",
-    "words",
-    "margins",
-    "episodes",
-    "allowed",
-    "confidence",
-    "first_seed",
-    "versions",
-    "sources",
-)
-"""The fields that are fixed, and hashed, before the first episode of a certificate."""
-
-ROUNDED = 1e-6
-"""By how much the binomial probability of a bound may differ from what was asked."""
-
-
-@dataclass(frozen=True)
-class Stratum:
-    """What one policy did in one family of scenes.
-
-    Args:
-        policy: an attack's name, or a policy's.
-        scene: the family's name; "own" where the environment draws its scenes by itself.
-        episodes: how many were drawn.
-        entered: in how many rank 1 was entered.
-        least_h: of the strict conditions on the position [unit of h].
-
-    Raises:
-        InvalidInputError: if a number is none, or contradicts another.
-    """
-
-    policy: str
-    scene: str
-    episodes: int
-    entered: int
-    least_h: float
-
-    def __post_init__(self) -> None:
-        _check_counts(self, "episodes", "entered")
-        finite_float("certificate: least_h", self.least_h)
-        if not (self.least_h < 0.0) <= self.entered <= self.episodes:
-            raise InvalidInputError(
-                f"certificate: got {self}, expected between 0 and all of its episodes entered, "
-                "and one of them where its least h is below 0"
-            )
+SEEDS = 100_000_000
+"""Of each `--seed`; the second half belongs to its certificates."""
+TRY_SEEDS = 1_000_000
+"""Of each try of a seed."""
 
 
 @dataclass(frozen=True)
 class Certificate:
     """How often a plant enters rank 1 at most, and all that this number was drawn from.
 
-    With k of n independent episodes entered, P(enter) ≤ BetaInv(c; k + 1, n − k) holds with
-    confidence c (Clopper and Pearson); n, the allowed k and all that `hash` covers were fixed
-    before the first episode.
+    With k of n independent episodes entered, P(enter) ≤ ε holds with confidence 1 − β as soon as
+    e_n(ε) ≥ 1/β, see `certificates.sequential`. All that stands before `episodes` was fixed before
+    the first one; `hash` is of all that the file says.
 
     Args:
-        name: what it is called.
+        name: what it is called, as its file is.
         plant: what a plant must declare to be this one: a value, ``{"any of": […]}``, or
             ``{"from": a, "to": b}``, by name; "scene" is the family of its scenes.
         family: what the episodes were drawn from, as `evaluation.certification` reads it.
         words: the same in sentences.
         margins: what rows reserved; None where the plant's own law says it for each episode.
         calibration: what was done before, a mapping for each round and search.
-        episodes: n.
-        allowed: how many were allowed to enter.
-        confidence: c.
-        first_seed: of the n episodes; the others follow it.
+        bound: ε, that was asked for.
+        confidence: 1 − β.
+        attempt: n of the n-th try of several, of which each spends β/2ⁿ; 0 for the only one.
+        first_seed: of the episodes; the others follow it.
         versions: of what computes, by name.
-        sources: a hash of the program's sources and of the user's files.
+        sources: a hash of the program's sources on which it was earned.
+        repeated: of those on which a part came out the same last; "" for none.
+        episodes: n, the first that were enough.
         entered: k.
-        bound: the greatest chance of entering that is in accord with this.
+        e_value: e_n(ε).
         least_h: over all episodes, of the strict conditions on the position [unit of h].
         falls: in how many episodes the robot fell.
         alarms: in how many the filter raised an alarm; with on_alarm="brake" the robot then stood.
+        shown: how much was put to the test; None in a file that is too old to say it.
         strata: counts by policy and family of scenes.
-        blocks: a digest of the least h's of every `BLOCK` episodes.
+        blocks: what each `BLOCK` episodes showed; none in a file that is too old.
 
     Raises:
         InvalidInputError: if the numbers contradict each other.
@@ -120,62 +86,136 @@ class Certificate:
     words: tuple[str, ...]
     margins: Uncertainty | None
     calibration: tuple[Mapping[str, Any], ...]
-    episodes: int
-    allowed: int
+    bound: float
     confidence: float
+    attempt: int
     first_seed: int
     versions: Mapping[str, str]
     sources: str
+    repeated: str
+    episodes: int
     entered: int
-    bound: float
+    e_value: float
     least_h: float
     falls: int
     alarms: int
+    shown: Shown | None
     strata: tuple[Stratum, ...]
-    blocks: tuple[str, ...]
+    blocks: tuple[Block, ...]
 
     def __post_init__(self) -> None:
-        _check_counts(self, "episodes", "allowed", "entered", "falls", "alarms", "first_seed")
-        for name in ("confidence", "bound"):
-            finite_float(f"certificate: {name}", getattr(self, name), minimum=0.0, maximum=1.0)
+        counts = ("episodes", "entered", "falls", "alarms", "first_seed", "attempt")
+        check_counts(self, *counts)
         finite_float("certificate: least_h", self.least_h)
-        if not self.entered <= self.allowed < self.episodes:
+        finite_float("certificate: e_value", self.e_value)
+        self._check_bound()
+        if self.first_seed != first_seed(self.first_seed // SEEDS, self.attempt):
             raise InvalidInputError(
-                f"certificate: got {self.entered} entered and {self.allowed} allowed of "
-                f"{self.episodes} episodes, expected entered <= allowed < episodes"
+                f"certificate: got the first seed {self.first_seed}, expected that of try "
+                f"{self.attempt} of a seed"
             )
-        doubt = float(bdtr(self.entered, self.episodes, self.bound))
-        if doubt > (1.0 - self.confidence) * (1.0 + ROUNDED) + ROUNDED * 1e-3:
+        self._check_calibration()
+        told = {"episodes": self.episodes, "entered": self.entered, "least_h": self.least_h}
+        check_same("strata", told, {
+            "episodes": sum(s.episodes for s in self.strata),
+            "entered": sum(s.entered for s in self.strata),
+            "least_h": min((s.least_h for s in self.strata), default=np.inf),
+        })  # fmt: skip
+        if (self.shown is None) != (not self.blocks):
             raise InvalidInputError(
-                f"certificate: got the bound {self.bound} for {self.entered} of {self.episodes}, "
-                f"expected what {self.confidence:.1%} confidence gives"
+                f"certificate: got {self.shown} with {len(self.blocks)} blocks, expected both or "
+                "neither"
             )
-        counted = (sum(s.episodes for s in self.strata), sum(s.entered for s in self.strata))
-        if counted != (self.episodes, self.entered):
+        if self.shown is not None:
+            self._check_blocks(self.shown)
+
+    def _check_bound(self) -> None:
+        """Refuse a bound that does not follow from the counts."""
+        for name in ("confidence", "bound"):
+            share = finite_float(f"certificate: {name}", getattr(self, name))
+            if not 0.0 < share < 1.0:
+                raise InvalidInputError(
+                    f"certificate: {name}: got {share}, expected a number between 0 and 1"
+                )
+        needed = sequential.episodes_needed(self.bound, self.entered, self.doubt)
+        if self.episodes != needed:
             raise InvalidInputError(
-                f"certificate: got strata of {counted[0]} episodes with {counted[1]} entered, "
-                f"expected {self.episodes} with {self.entered}"
+                f"certificate: got {self.episodes} episodes, expected {needed}: the first that "
+                f"certify {self.bound:.3g} with {self.entered} entered"
             )
-        deepest = min(s.least_h for s in self.strata)
-        if self.least_h != deepest:
+        expected = sequential.e_value(self.entered, self.episodes, self.bound)
+        if abs(self.e_value - expected) > 1e-9 * expected:
             raise InvalidInputError(
-                f"certificate: got the least h {self.least_h}, expected {deepest} as in its strata"
+                f"certificate: got the e_value {self.e_value}, expected {expected} as "
+                f"{self.entered} of {self.episodes} give it for {self.bound:.3g}"
             )
-        if max(self.falls, self.alarms) > self.episodes:
-            raise InvalidInputError(
-                f"certificate: got {self.falls} falls and {self.alarms} alarms, expected no more "
-                f"than {self.episodes} episodes"
-            )
+
+    def _check_calibration(self) -> None:
+        """Refuse rounds that reserved other things than those that were set."""
+        if self.margins is None:
+            return
+        kept = {k: v for k, v in self.margins._asdict().items() if k not in CALIBRATED}
+        for one in self.calibration:
+            of_round = {k: v for k, v in one["margins"].items() if k not in CALIBRATED}
+            if of_round != kept:
+                raise InvalidInputError(
+                    f"certificate: got a calibration with {of_round}, expected {kept} as in the "
+                    "margins"
+                )
+
+    def _check_blocks(self, shown: Shown) -> None:
+        """Refuse blocks that are not what the totals say."""
         if len(self.blocks) != -(-self.episodes // BLOCK):
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "
                 f"{self.episodes} episodes"
             )
+        rest = self.episodes - BLOCK * (len(self.blocks) - 1)
+        for k, block in enumerate(self.blocks):
+            most = BLOCK if k < len(self.blocks) - 1 else rest
+            check_counts(block, "entered", "pressed", "steps", "falls", "alarms")
+            deepest = min(block.least_h, np.inf if (s := block.least_speed_h) is None else s)
+            counts = (block.entered, block.pressed, block.falls, block.alarms)
+            if not (max(counts) <= most and (deepest < 0.0) == (block.entered > 0)):
+                raise InvalidInputError(
+                    f"certificate: got {block}, expected counts of at most {most}, and entries "
+                    "where a least h is below 0, and only there"
+                )
+        told = {name: getattr(self, name) for name in ("entered", "falls", "alarms", "least_h")}
+        check_same("blocks", told | {"pressed": shown.pressed}, {
+            name: sum(getattr(block, name) for block in self.blocks)
+            for name in ("entered", "falls", "alarms", "pressed")
+        } | {"least_h": min(block.least_h for block in self.blocks)})  # fmt: skip
+        why = vacuous(shown, self.episodes)
+        if why:
+            raise InvalidInputError(f"certificate: {why}")
+
+    @property
+    def doubt(self) -> float:
+        """What this try may spend, β/2ⁿ."""
+        return (1.0 - self.confidence) / 2.0**self.attempt
 
     @property
     def hash(self) -> str:
-        """What tells this frozen description from any other."""
-        return frozen_hash({name: getattr(self, name) for name in FROZEN})
+        """What tells all that this says from anything else."""
+        text = json.dumps(self._said(), sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    @property
+    def weightings(self) -> dict[str, float]:
+        """Bounds that hold for every weighting of families, by what they are families of."""
+        groups: dict[str, dict[Any, list[int]]] = {
+            name: defaultdict(lambda: [0, 0])
+            for name in ("scenes", "policies", "policies in scenes")
+        }
+        for s in self.strata:
+            for name, key in zip(groups, (s.scene, s.policy, (s.policy, s.scene)), strict=True):
+                count = groups[name][key]
+                count[0], count[1] = count[0] + s.entered, count[1] + s.episodes
+        return {
+            name: sequential.any_weighting([(k, n) for k, n in counts.values()], self.doubt)
+            for name, counts in groups.items()
+        }
 
     @property
     def says(self) -> str:
@@ -211,21 +251,41 @@ class Certificate:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it in JSON's terms, what matters first."""
+        data = self._said()
+        first = ("name", "episodes", "entered", "bound", "confidence", "e_value", "try", "least_h")
+        return {name: data.pop(name) for name in first} | {"hash": self.hash} | data
+
+    def _said(self) -> dict[str, Any]:
+        """Return all that it says, in JSON's terms."""
         data = {field.name: getattr(self, field.name) for field in fields(self)}
-        if self.margins is not None:
-            data["margins"] = self.margins._asdict()
+        for name in ("margins", "shown"):
+            data[name] = None if data[name] is None else data[name]._asdict()
         data["strata"] = [asdict(stratum) for stratum in self.strata]
-        first = ("name", "episodes", "entered", "bound", "confidence", "allowed", "least_h")
-        ordered = {name: data.pop(name) for name in first} | {"hash": self.hash} | data
-        return records.plain(ordered)
+        data["try"] = data.pop("attempt")
+        return records.plain(data)
 
     @classmethod
     def from_dict(cls, data: Any) -> "Certificate":
         """Return the certificate that `to_dict` made this of.
 
         Raises:
-            InvalidInputError: if a field is missing, unknown or malformed, or what was frozen has
-                been changed since.
+            InvalidInputError: if a field is missing, unknown or malformed, or anything has been
+                changed since.
+        """
+        certificate = cls.told(data)
+        if data.get("hash") != certificate.hash:
+            raise InvalidInputError(
+                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
+                f"{certificate.hash!r} of what it says: the file was changed"
+            )
+        return certificate
+
+    @classmethod
+    def told(cls, data: Any) -> "Certificate":
+        """Return the certificate that a file tells, whatever its hash is.
+
+        Raises:
+            InvalidInputError: if a field is missing, unknown or malformed.
         """
         records.check_mapping("certificate", data)
         try:
@@ -234,22 +294,21 @@ class Certificate:
             raise InvalidInputError(f"certificate: got {error}, expected JSON's terms") from error
         values = {name: value for name, value in data.items() if name != "hash"}
         try:
-            for name in ("words", "calibration", "blocks"):
+            for name in ("words", "calibration"):
                 values[name] = tuple(values[name])
             if values["margins"] is not None:
                 values["margins"] = Uncertainty(**values["margins"])
+            if values["shown"] is not None:
+                values["shown"] = Shown(**values["shown"])
+            values["blocks"] = tuple(Block(*block) for block in values["blocks"])
             values["strata"] = tuple(Stratum(**stratum) for stratum in values["strata"])
-        except (KeyError, TypeError) as error:
+            values["attempt"] = values.pop("try")
+            return records.build("certificate", cls, values)
+        except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise InvalidInputError(
-                f"certificate: got {error}, expected the fields {[f.name for f in fields(cls)]}"
+                f"certificate: got {error!r}, expected the fields {[f.name for f in fields(cls)]} "
+                "as `hcbf certify` writes them"
             ) from error
-        certificate = records.build("certificate", cls, values)
-        if data.get("hash") != certificate.hash:
-            raise InvalidInputError(
-                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
-                f"{certificate.hash!r} of what it says was frozen: the file was changed"
-            )
-        return certificate
 
     @classmethod
     def load(cls, path: str | Path) -> "Certificate":
@@ -275,34 +334,18 @@ class Certificate:
             partial.write_text(text + "\n", encoding="utf-8")
 
 
-def _check_counts(record: Any, *names: str) -> None:
-    """Refuse fields that are no counts.
-
-    Raises:
-        InvalidInputError: if there is one.
-    """
-    for name in names:
-        number = getattr(record, name)
-        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-            raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
+CALIBRATED = ("distance", "speed")
+"""Of `Uncertainty`, what a calibration sets."""
 
 
-def frozen_hash(frozen: Mapping[str, Any]) -> str:
-    """Return a hash of a description in JSON's terms."""
-    plain = records.plain(frozen)
-    text = json.dumps(plain, sort_keys=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def block_digests(least: Array) -> tuple[str, ...]:
-    """Return a digest of every `BLOCK` episodes, equal where they are the same bit for bit.
+def first_seed(seed: int, attempt: int) -> int:
+    """Return the first seed of a certificate's episodes, which no calibration of the seed draws.
 
     Args:
-        least: (n, 2) of each episode the least strict h on the position and of the speed limit.
+        seed: that was asked for.
+        attempt: which try.
     """
-    starts = range(0, len(least), BLOCK)
-    rows = np.ascontiguousarray(least, dtype="<f8")
-    return tuple(hashlib.sha256(rows[k : k + BLOCK].tobytes()).hexdigest()[:12] for k in starts)
+    return SEEDS * seed + SEEDS // 2 + TRY_SEEDS * attempt
 
 
 def _is_of(got: Any, expected: Any) -> bool:

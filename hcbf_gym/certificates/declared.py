@@ -2,8 +2,8 @@
 
 import hashlib
 import inspect
-from collections.abc import Iterable, Mapping
-from dataclasses import is_dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,13 @@ from hcbf_gym import compilation, records
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
-PACKAGE = Path(__file__).parents[1]
-"""Whose own files versions tell, not hashes."""
-
 
 def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
     """Return what tells a plant from another one, in JSON's terms.
 
     A plant that declares nothing by itself is told by its environment's class, its model, U, its
-    period, and a hash of the files in which environment and readers are written, with those of the
-    user's own that they import.
+    period, its readers, its barriers where they are no reader, and a hash of the files in which
+    environment and readers are written, with those of the user's own that they import.
 
     Args:
         plant: that a filter has.
@@ -43,7 +40,7 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
     written = _written_in(type(env), plant.state, plant.barriers)
     parts = type(plant.model), plant.to_action, plant.from_action, plant.brake
     reached = compilation.reached(written | _written_in(*parts))
-    files = written | {file for file in reached if not file.is_relative_to(PACKAGE)}
+    files = written | {file for file in reached if not file.is_relative_to(compilation.PACKAGE)}
     said = {
         "environment": type(env).__name__,
         "model": type(plant.model).__name__,
@@ -51,6 +48,7 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
         "inputs": plant.model.n_u,
         "input set": None if input_set is None else records.plain(input_set.to_dict()),
         "period": plant.period,
+        "readers": [_named(plant.state), _named(plant.barriers)],
         "files": files_hash(files),
     }
     if is_dataclass(plant.model):
@@ -69,6 +67,19 @@ def files_hash(files: Iterable[Path]) -> str:
     """Return a hash of what files hold, whatever they are called."""
     digests = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
     return hashlib.sha256(" ".join(sorted(digests)).encode()).hexdigest()[:16]
+
+
+def _named(thing: Any) -> str:
+    """Return what tells a function from others in the same files, and any other thing by itself."""
+    code = getattr(thing, "__code__", None)
+    if code is not None:
+        return f"{code.co_name} in line {code.co_firstlineno}"
+    if isinstance(thing, Sequence) and not isinstance(thing, str):
+        return f"[{', '.join(map(_named, thing))}]"
+    if is_dataclass(thing):
+        parts = (f"{f.name}={_named(getattr(thing, f.name))}" for f in fields(thing))
+        return f"{type(thing).__name__}({', '.join(parts)})"
+    return repr(thing)
 
 
 def _written_in(*things: Any) -> set[Path]:

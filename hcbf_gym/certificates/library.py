@@ -1,16 +1,45 @@
 """The certificates that come with the package, and which of them speaks of a plant."""
 
+import json
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from hcbf_gym.certificates import sources
 from hcbf_gym.certificates.certificate import Certificate
 from hcbf_gym.models.plant import Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
 """Where they lie, one JSON file each; its name is the certificate's."""
+
+STALE = Path(__file__).with_name("stale.json")
+"""Names of certificates that no longer repeat → the commit that made them so."""
+
+
+@cache
+def stale_since() -> Mapping[str, str]:
+    """Return name → commit of the certificates that are listed as stale."""
+    return MappingProxyType(json.loads(STALE.read_text(encoding="utf-8")))
+
+
+def stale(certificate: Certificate) -> str:
+    """Return why a certificate says nothing of today's program; "" where it does.
+
+    Args:
+        certificate: any.
+    """
+    since = stale_since().get(certificate.name)
+    today = sources.today()
+    if certificate.shown is not None and today in (certificate.sources, certificate.repeated):
+        return ""
+    listed = "" if since is None else f", stale since {since}"
+    return (
+        f"the sources {today} (certificate {certificate.name!r}: earned on {certificate.sources}"
+        f"{', repeated on ' + certificate.repeated if certificate.repeated else ''}{listed}; "
+        "`hcbf certify --check FILE --write` repeats a part of it)"
+    )
 
 
 @cache
@@ -18,6 +47,16 @@ def shipped() -> Mapping[str, Certificate]:
     """Return name → certificate of those that come with the package."""
     files = sorted(FOLDER.glob("*.json"))
     return MappingProxyType({file.stem: Certificate.load(file) for file in files})
+
+
+def stale_shipped(environment: str) -> str:
+    """Return why no shipped certificate speaks of an environment today; "" where one does.
+
+    Args:
+        environment: its id.
+    """
+    found = [stale(one) for one in shipped().values() if one.plant["environment"] == environment]
+    return "" if not found or "" in found else found[0]
 
 
 def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
@@ -42,16 +81,22 @@ class Nearest(NamedTuple):
 
     Attributes:
         certificate: None where none is of such an environment.
-        differs: in what the plant is not the certified one, a phrase for each.
+        others: in what the plant is not the certified one, a phrase for each.
     """
 
     certificate: Certificate | None
-    differs: list[str]
+    others: list[str]
+
+    @property
+    def differs(self) -> list[str]:
+        """Why it does not speak of the plant as it is today, a phrase for each."""
+        why = "" if self.certificate is None else stale(self.certificate)
+        return [*self.others, why] if why else self.others
 
     @property
     def margins(self) -> Uncertainty | None:
         """What rows reserve by it; None where it speaks of another plant, or leaves it to a law."""
-        return None if self.certificate is None or self.differs else self.certificate.margins
+        return None if self.certificate is None or self.others else self.certificate.margins
 
 
 def nearest(declared: Mapping[str, Any]) -> Nearest:
@@ -65,7 +110,7 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
         for one in shipped().values()
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
-    return min(alike, key=lambda found: len(found.differs), default=Nearest(None, []))
+    return min(alike, key=lambda found: len(found.others), default=Nearest(None, []))
 
 
 def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
@@ -93,10 +138,14 @@ def table(certificates: Iterable[Certificate] | None = None) -> str:
     Args:
         certificates: the lines; None shows those that are shipped.
     """
-    head = ("certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]")
+    since = stale_since()
+    head = (
+        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]",
+        "stale since",
+    )  # fmt: skip
     rows = [
         f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
-        f"{one.confidence:.1%} | {one.least_h:+.4f} |"
+        f"{one.confidence:.1%} | {one.least_h:+.4f} | {since.get(one.name, '')} |"
         for one in (shipped().values() if certificates is None else certificates)
     ]
     return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))

@@ -5,15 +5,17 @@ at once (`evaluation.certification.mixture`), but for what the last line says wa
 is not on the list was not tested, or was entered.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple, Protocol
 
-from hcbf_gym import records
+from hcbf_gym import certificates, records
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.envs.disturbances import RandomPushes, disturbance_from_dict
 from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.models.plant import EXACT, Coverage, Plant
@@ -246,12 +248,29 @@ def table() -> str:
 
 
 def a1(declared: Declared) -> list[str]:
-    """Return what of the declared lies outside of `BOUNDS`, a phrase for each; empty if covered."""
-    return [
+    """Return what of the declared lies outside of `BOUNDS`, a phrase for each; empty if covered.
+
+    So does a program that no certificate of the A1 knows.
+    """
+    outside = [
         f"{bound.argument} {bound.of(declared)} (tested: {bound.tested})"
         for bound in BOUNDS
         if not bound.holds(declared)
     ]
+    why = certificates.stale_shipped("HCBF-A1Regions-v0")
+    return [*outside, why] if why else outside
+
+
+def regions() -> bool:
+    """Tell whether a shipped certificate knows today's reduced-order robot; warn if none does."""
+    why = certificates.stale_shipped("HCBF-Regions-v0")
+    if why:
+        warnings.warn(
+            f"HCBF-Regions-v0: rank 1 is not promised (covered = 0): nothing was tested on {why}",
+            CoverageWarning,
+            stacklevel=5,
+        )
+    return not why
 
 
 def of_scene(source: Any, options: Mapping[str, Any]) -> Coverage:

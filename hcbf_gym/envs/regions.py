@@ -106,6 +106,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
+        self._known = coverage.regions()
         self._covered = coverage.of_scene(scenario, {})
         self._family = self._scenes.family({})
         self._started = False
@@ -128,7 +129,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     @property
     def covered(self) -> Coverage:
         """Whether the promise was tested in this episode's family of scenes."""
-        return self._covered
+        return self._covered if self._known else Coverage.OUTSIDE
 
     @property
     def declared(self) -> dict[str, Any]:

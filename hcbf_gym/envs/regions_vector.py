@@ -86,6 +86,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._scenes: list[Layout | Route | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
+        self._known = coverage.regions()
         self._covered = np.full(num_envs, coverage.of_scene(scenario, {}), dtype=np.int64)
         self._families = [self._source.family({})] * num_envs
         self._done = np.zeros(num_envs, dtype=np.bool_)
@@ -118,7 +119,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     @property
     def covered(self) -> NDArray[np.int64]:
         """(N,) whether the promise was tested in the families of scenes of these episodes."""
-        return self._covered.copy()
+        return self._covered * self._known
 
     @property
     def declared(self) -> dict[str, Any]:

@@ -13,9 +13,10 @@ from scipy.stats import chi2
 from hcbf_gym import wrappers
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
-from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation import attacks, stakes
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 
 Array = NDArray[np.float64]
@@ -87,12 +88,23 @@ class AttackedEpisode:
         footprint = (
             Footprint(inner.model, inner.model.body(1).name) if "min_body_h" in info else None
         )
-        terminated = truncated = False
+        terminated = truncated = pressed = False
+        steps = 0
+
+        def strict_h(x: Array, t: Array) -> Array:
+            return inner.barrier_set.along(x, t)[:, position]
+
         while not (terminated or truncated):
             u_nominal = wanted(observation, info)
+            x, time = inner.truth, float(inner.time)
             observation, _, terminated, truncated, info = env.step(u_nominal)
             report = info["safety_filter"]
-            least = np.minimum(least, info["min_h"])
+            now = inner.barrier_set.values(inner.truth[None], np.array([inner.time]))[0]
+            least = np.minimum(least, np.minimum(info["min_h"], now))
+            steps += 1
+            pressed = pressed or stakes.pressed(
+                DoubleIntegrator(), inner.plant.input_set, x, time, strict_h, report
+            )
             body = np.minimum(body, info.get("min_body_h", np.inf))
             counts[int(report["status"])] += 1
             margins.append(report["margin"][position].max())
@@ -117,6 +129,8 @@ class AttackedEpisode:
             reach=reach,
             first_h=first_h,
             alarm=alarm_of(info),
+            steps=steps,
+            pressed=pressed,
             **_consistency(errors),
         )
 
@@ -161,6 +175,8 @@ class Outcome:
         reach: the greatest horizontal distance of the body from the trunk's centre [m].
         first_h: least h of the strict barriers at the reset [m].
         alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
+        steps: how many it took.
+        pressed: whether the filter had to change an input that would have entered.
         position_error: root mean square of the estimated position's error [m]; None where the
             state is known.
         nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
@@ -182,6 +198,8 @@ class Outcome:
     reach: float = 0.0
     first_h: float = np.inf
     alarm: int = 0
+    steps: int = 0
+    pressed: bool = False
     position_error: float | None = None
     nees: float | None = None
     nees_inside: float | None = None

@@ -33,6 +33,8 @@ FULL = 5.0
 """The limit of each input [m/s²]; the filter cuts what its own U does not hold."""
 BEYOND = 1.0
 """How much farther than the nearest piece of a map the others are seen [m]."""
+STREAM = 42
+"""Sets an attacker's draws apart from those of the scene that the same seed decides."""
 GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
@@ -302,7 +304,7 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
         UnknownNameError: if there is no such attack.
         InvalidInputError: if a module does not have what is named, or it is no attack.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([STREAM, seed])
     if parameters is not None:
         return {"searched": Searched, "trained": Trained}[name](rng, parameters)
     if ":" in name:

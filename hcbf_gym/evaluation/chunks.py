@@ -26,8 +26,7 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
-import hcbf_gym
-from hcbf_gym.compilation import sources_hash
+from hcbf_gym.compilation import PACKAGE, read_by_name, sources_hash
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
 from hcbf_gym.records import whole
@@ -37,8 +36,6 @@ ATTEMPTS = 5
 
 J = TypeVar("J")
 R = TypeVar("R")
-
-_PACKAGE = Path(hcbf_gym.__file__).parent
 
 
 class Chunk(NamedTuple):
@@ -99,7 +96,7 @@ def run(
     pool = open_pool(backend, workers)
     identity = ""
     if folder is not None:  # a shipped certificate sets the margins of its plant
-        shipped = sorted(_PACKAGE.glob("certificates/shipped/*.json"))
+        shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
         identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)}"
     chunks = []
     for start in range(0, len(jobs), size):
@@ -123,11 +120,7 @@ def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
         own = [Path(inspect.getfile(inner))]
     except TypeError:  # built in
         own = []
-    # environments are made by name, and robots and policies read from files: no import tells
-    named = [*_PACKAGE.glob("envs/*.py"), *_PACKAGE.glob("robots/**/*.xml")]
-    named += [*_PACKAGE.glob("robots/**/*.json"), *_PACKAGE.glob("policies/baselines/*")]
-    named += _PACKAGE.glob("evaluation/*.json")
-    return sources_hash([*own, *named, *reads])
+    return sources_hash([*own, *read_by_name(), *reads])
 
 
 def _key(identity: str, jobs: Sequence[Any]) -> str:

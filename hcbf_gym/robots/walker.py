@@ -24,6 +24,7 @@ from hcbf_gym.errors import (
     finite_float,
 )
 from hcbf_gym.robots import a1, carts, walker_policy
+from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
 from hcbf_gym.robots.walker_parts import (
@@ -129,9 +130,10 @@ class Walker:
 
     @property
     def files(self) -> list[Path]:
-        """What decides the robot: the contract, MJCF, network and what was measured, as there."""
-        files = (self.source, self.mjcf, self.source.parent / self.policy, self.response_file)
-        return [file for file in files if file.is_file()]
+        """What decides the robot: contract, MJCF with all that it reads, controller, response."""
+        files = {self.source, self.response_file, *read_by(self.mjcf)}
+        files |= set(walker_policy.files(self.policy, self.source.parent))
+        return sorted(file for file in files if file.is_file())
 
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
         """Return the robot alone as the contract asks for it, and the names of its parts."""

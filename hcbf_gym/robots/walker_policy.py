@@ -1,6 +1,7 @@
 """A walker's own controller: a network in an ONNX file, or a function of the user's."""
 
 import importlib
+import importlib.util
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym import compilation
 from hcbf_gym.errors import InvalidInputError, RobotModelError, require
 
 Array = NDArray[np.float64]
@@ -55,6 +57,22 @@ def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
         network = Network(folder / policy, sizes)
         return lambda model, period: network
     return function(policy)
+
+
+def files(policy: str, folder: Path) -> list[Path]:
+    """Return the files of a controller: its network, or its module with what of it is no package's.
+
+    Args:
+        policy: as `make` takes it.
+        folder: from which a relative path counts.
+    """
+    if is_network(policy):
+        return [folder / policy]
+    found = importlib.util.find_spec(policy.partition(":")[0])
+    if found is None or found.origin is None:
+        return []
+    reached = compilation.reached([Path(found.origin)])
+    return [file for file in reached if not file.is_relative_to(compilation.PACKAGE)]
 
 
 class Network:

@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,27 @@ from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.models.plant import Coverage, Plant, read
+
+
+class Earned(NamedTuple):
+    """`covered` of a plant whose own episodes showed it, so that no sufficient condition is needed.
+
+    Attributes:
+        certificate: that was earned.
+        plant: as it declares itself.
+    """
+
+    certificate: Certificate
+    plant: Plant
+
+    def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> Any:
+        """Return a `Coverage`, or (N,) of a vector environment."""
+        said = dict(read(self.plant.declared, env, observation, info))
+        scenes = said.get("scene")
+        if not isinstance(scenes, list):
+            return self.certificate.covers(said)
+        known = {scene: self.certificate.covers(said | {"scene": scene}) for scene in set(scenes)}
+        return np.array([known[scene] for scene in scenes])
 
 
 def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
@@ -27,23 +48,17 @@ def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
         said = certificates.declared(plant, env, None, {})
         plant = replace(plant, declared=said)  # once: files are read for it
     differs = certificate.differs(certificates.declared(plant, env, None, {}))
-    if differs:
+    stale = certificates.stale(certificate)
+    if differs or stale:
+        of = f"is of another plant: {'; '.join(differs)}" if differs else f"does not know {stale}"
         warnings.warn(
-            f"safety filter: the certificate {certificate.name!r} is of another plant: "
-            f"{'; '.join(differs)}: covered is 0",
+            f"safety filter: the certificate {certificate.name!r} {of}: covered is 0",
             CoverageWarning,
             stacklevel=4,
         )
+    if differs:
         return replace(plant, covered=Coverage.OUTSIDE)
-
-    def covered(env: Any, observation: Any, info: dict[str, Any]) -> Any:
-        said = dict(read(plant.declared, env, observation, info))
-        scenes = said.get("scene")
-        if not isinstance(scenes, list):
-            return certificate.covers(said)
-        known = {scene: certificate.covers(said | {"scene": scene}) for scene in set(scenes)}
-        return np.array([known[scene] for scene in scenes])
-
     reserved = plant.uncertainty if certificate.margins is None else certificate.margins
-    body = plant.uncertainty.body
-    return replace(plant, uncertainty=reserved._replace(body=body), covered=covered)
+    reserved = reserved._replace(body=plant.uncertainty.body)
+    covered = Coverage.OUTSIDE if stale else Earned(certificate, plant)
+    return replace(plant, uncertainty=reserved, covered=covered)

@@ -26,6 +26,7 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.alarms import Announcer
+from hcbf_gym.wrappers.certified import Earned
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -155,11 +156,15 @@ class FilterCore(ABC):
     def _doubt(self, scenes: Integers) -> None:
         """Cover no episode that begins in a scene where rank 1 cannot be promised.
 
+        What is promised is a sufficient condition: it does not overrule episodes that showed it.
+
         Args:
             scenes: a `Coverage` of each such episode's scene, as `check_scene` returns it.
         """
         known = self._coverage[self._fresh]
-        self._coverage[self._fresh] = np.where(scenes == Coverage.OUTSIDE, scenes, known)
+        shown = isinstance(self.plant.covered, Earned) & (known == Coverage.COVERED)
+        doubted = (scenes == Coverage.OUTSIDE) & ~shown
+        self._coverage[self._fresh] = np.where(doubted, scenes, known)
 
     def _fit_alpha1(self) -> float:
         """Scale α₁ down to what U can brake, and return the factor, which reports repeat.

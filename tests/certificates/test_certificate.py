@@ -11,38 +11,44 @@ import pytest
 
 from hcbf_gym import certificates, models
 from hcbf_gym.barriers import Disc
-from hcbf_gym.certificates import Certificate, Stratum, block_digests
+from hcbf_gym.certificates import (
+    BLOCK,
+    Block,
+    Certificate,
+    Shown,
+    Stratum,
+    first_seed,
+    sequential,
+    sources,
+)
+from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.envs import coverage
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.evaluation.statistics import upper_bound
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 MARGINS = Uncertainty(distance=0.03, speed=0.2)
 
 
-def made(plant, margins=MARGINS, episodes=25, entered=1, allowed=2):
-    return Certificate(
-        name="one",
-        plant=plant,
-        family={"kind": "own"},
-        words=("One.",),
-        margins=margins,
-        calibration=(),
-        episodes=episodes,
-        allowed=allowed,
-        confidence=0.999,
-        first_seed=5,
-        versions={},
-        sources="",
-        entered=entered,
-        bound=upper_bound(entered, episodes),
-        least_h=-0.01,
-        falls=0,
-        alarms=0,
-        strata=(Stratum("nearest", "random", episodes, entered, -0.01),),
-        blocks=block_digests(np.zeros((episodes, 2))),
-    )
+def made(plant, margins=MARGINS, entered=1, bound=0.2, **changes):
+    """Return a certificate of today whose first episodes entered."""
+    episodes = sequential.episodes_needed(bound, entered, 1.0 - 0.999)
+    full, rest = divmod(episodes, BLOCK)
+    sizes = [*[BLOCK] * full, *[rest] * (rest > 0)]
+    blocks = [Block(0, size, 50 * size, 0, 0, 0.01, None) for size in sizes]
+    blocks[0] = blocks[0]._replace(entered=entered, least_h=-0.01 if entered else 0.01)
+    least = blocks[0].least_h
+    fields = {
+        "name": "one", "plant": plant, "family": {"kind": "own"}, "words": ("One.",),
+        "margins": margins, "calibration": (), "bound": bound, "confidence": 0.999, "attempt": 0,
+        "first_seed": first_seed(0, 0), "versions": {}, "sources": sources.today(), "repeated": "",
+        "episodes": episodes, "entered": entered,
+        "e_value": sequential.e_value(entered, episodes, bound), "least_h": least, "falls": 0,
+        "alarms": 0, "shown": Shown(episodes, 0.05, 50),
+        "strata": (Stratum("nearest", "random", episodes, entered, least),),
+        "blocks": tuple(blocks),
+    }  # fmt: skip
+    return Certificate(**(fields | changes))
 
 
 REGIONS = {"environment": "HCBF-Regions-v0", "scene": {"any of": ["random"]}}
@@ -53,7 +59,7 @@ def test_a_file_gives_back_the_certificate_that_was_saved(tmp_path):
     one.save(tmp_path / "one.json")
     assert Certificate.load(tmp_path / "one.json") == one
     data = json.loads((tmp_path / "one.json").read_text())
-    assert {"episodes", "entered", "bound", "confidence"} <= set(data)
+    assert {"episodes", "entered", "bound", "confidence", "e_value"} <= set(data)
 
 
 def test_a_file_that_was_changed_is_refused(tmp_path):
@@ -69,15 +75,22 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bound": 0.01}, "expected what 99.9% confidence gives"),
-        ({"entered": 3}, "expected entered <= allowed"),
-        ({"strata": ()}, "strata of 0 episodes"),
-        ({"blocks": ()}, "got 0 blocks"),
+        ({"bound": 0.19}, "expected 5[0-9]: the first that certify 0.19"),
+        ({"entered": 0}, "expected 3[0-9]: the first"),
+        ({"episodes": 60}, "got 60 episodes"),
+        ({"confidence": 0.9}, "the first that certify"),
+        ({"attempt": 1}, "the first that certify"),
+        ({"e_value": 2000.0}, "got the e_value 2000"),
+        ({"first_seed": 7}, "first seed 7"),
+        ({"strata": ()}, "got strata of"),
+        ({"blocks": ()}, "0 blocks, expected both or neither"),
         ({"falls": -1}, "falls: got -1"),
+        ({"falls": 1}, "got blocks of"),
         ({"least_h": np.nan}, "least_h"),
-        ({"least_h": 0.02}, "least h 0.02, expected -0.01"),
-        ({"falls": 26}, "26 falls"),
-        ({"alarms": 26}, "26 alarms"),
+        ({"least_h": 0.02}, "got strata of"),
+        ({"shown": Shown(3, 0.05, 50)}, "got blocks of"),
+        ({"shown": Shown(50, 0.05, 1)}, "got blocks of|within 1 steps"),
+        ({"margins": None, "bound": 1.0}, "expected a number between 0 and 1"),
     ],
 )
 def test_numbers_that_contradict_each_other_are_refused(change, message):
@@ -85,11 +98,81 @@ def test_numbers_that_contradict_each_other_are_refused(change, message):
         replace(made(REGIONS), **change)
 
 
+def test_episodes_that_put_nothing_to_the_test_give_no_certificate():
+    assert "ended within 1 steps" in vacuous(Shown(100, 0.05, 1), 100)
+    assert "rank 1 was hardly at stake" in vacuous(Shown(49, 90.0, 500), 100)
+    assert vacuous(Shown(50, 0.05, 500), 100) == ""
+
+
+def test_every_weighting_is_bounded_by_its_worst_family():
+    one = made(REGIONS)
+    assert one.weightings["scenes"] == pytest.approx(
+        sequential.running_bound(1, one.episodes, one.doubt)
+    )
+
+
+def edits(data, rng):
+    """Yield files in which one number, text or entry anywhere is another."""
+
+    def leaves(node, path=()):
+        items = node.items() if isinstance(node, dict) else enumerate(node)
+        for key, value in items:
+            if isinstance(value, dict | list) and value:
+                yield from leaves(value, (*path, key))
+            else:
+                yield (*path, key), value
+
+    every = list(leaves(data))
+    while True:
+        path, value = every[rng.integers(len(every))]
+        changed = json.loads(json.dumps(data))
+        entry = changed
+        for key in path[:-1]:
+            entry = entry[key]
+        if isinstance(value, bool) or value is None:
+            entry[path[-1]] = 1
+        elif isinstance(value, int):
+            entry[path[-1]] = value + int(rng.choice([-1, 1]))
+        elif isinstance(value, float):
+            entry[path[-1]] = value * 1.01 + 0.001
+        else:
+            entry[path[-1]] = f"{value}x"
+        yield path, changed
+
+
+def test_no_edit_of_any_field_passes_without_the_hash():
+    data = made(REGIONS).to_dict()
+    for (path, changed), _ in zip(edits(data, np.random.default_rng(0)), range(200), strict=False):
+        assert path
+        with pytest.raises(InvalidInputError):
+            Certificate.from_dict(changed)
+
+
+def test_today_is_on_what_it_was_earned_or_repeated():
+    one = made(REGIONS)
+    assert certificates.stale(one) == ""
+    old = made(REGIONS, sources="abc")
+    assert "earned on abc" in certificates.stale(old)
+    assert certificates.stale(replace(old, repeated=sources.today())) == ""
+    assert "stale since" in certificates.stale(certificates.load("regions"))
+
+
+def test_a_certificate_of_other_sources_covers_nothing_and_says_so():
+    env = gym.make("HCBF-Regions-v0", scenario="random")
+    with pytest.warns(CoverageWarning, match="does not know the sources .* earned on abc"):
+        filtered = SafetyFilter(env, certificate=made(REGIONS, sources="abc"))
+    assert covered(filtered) == Coverage.OUTSIDE
+    with pytest.warns(CoverageWarning, match=r"covered = 0.: nothing was tested on the sources"):
+        gym.make("HCBF-Regions-v0", scenario="random")
+
+
 @pytest.mark.parametrize(
     ("where", "value", "message"),
     [
         (("strata", 0, "entered"), 0, "one of them where its least h is below 0"),
         (("strata", 0, "episodes"), "25", "expected a count"),
+        (("blocks", 0, 0), "1", "expected a count"),
+        (("blocks", 0), 3, "as `hcbf certify` writes them"),
         (("strata", 0, "least_h"), None, "least_h"),
         (("margins", "distance"), np.nan, "expected JSON's terms"),
         (("plant", "environment"), np.inf, "expected JSON's terms"),
@@ -103,14 +186,6 @@ def test_a_bent_entry_of_a_file_is_refused_in_words(where, value, message):
     entry[where[-1]] = value
     with pytest.raises(InvalidInputError, match=message):
         Certificate.from_dict(data)
-
-
-def test_a_digest_tells_the_last_bit():
-    least = np.linspace(0.0, 1.0, 24).reshape(12, 2)
-    changed = least.copy()
-    changed[11, 1] = np.nextafter(1.0, 2.0)
-    assert block_digests(least)[0] == block_digests(changed)[0]
-    assert block_digests(least)[1] != block_digests(changed)[1]
 
 
 def test_a_plant_is_the_certified_one_where_all_that_it_declares_is():
@@ -128,7 +203,7 @@ def covered(env):
     return info["safety_filter"]["covered"]
 
 
-def test_covered_follows_the_certificate_of_the_filter():
+def test_covered_follows_the_certificate_of_the_filter(fresh):
     one = made(REGIONS, margins=Uncertainty(distance=0.03))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -192,6 +267,30 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
         SafetyFilter(env, plant=mass(), certificate=other)
 
 
+def test_a_plant_of_ones_own_with_other_barriers_is_another_plant():
+    env = Mass()
+    one = made(certificates.declared(mass(), env, None, {}))
+    other = replace(mass(), barriers=[Disc("disc", 1, (0.6, 0.0), 0.5)])
+    with pytest.warns(CoverageWarning, match="readers"):
+        assert covered(SafetyFilter(env, plant=other, certificate=one)) == Coverage.OUTSIDE
+
+
+def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
+    """Where U cannot be shown to brake, a certificate that was earned there says that it does."""
+    plant = replace(mass(), input_set=models.Box(np.array([-0.3, -3.0]), np.array([0.3, 3.0])))
+    env = Mass()
+    one = made(certificates.declared(plant, env, None, {}), margins=Uncertainty())
+    filtered = SafetyFilter(env, plant=plant, certificate=one)
+    filtered._core._fresh[:] = True
+    filtered._core._coverage[:] = Coverage.COVERED
+    filtered._core._doubt(np.array([Coverage.OUTSIDE]))
+    assert filtered._core._coverage[0] == Coverage.COVERED
+    bare = SafetyFilter(env, plant=plant)
+    bare._core._coverage[:] = Coverage.COVERED
+    bare._core._doubt(np.array([Coverage.OUTSIDE]))
+    assert bare._core._coverage[0] == Coverage.OUTSIDE
+
+
 def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space():
     env = Mass()
     exact = replace(mass(), input_set=None)
@@ -212,9 +311,10 @@ OTHER = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.*period is not known")
 @pytest.mark.parametrize("certificate", [None, "regions"])
 @pytest.mark.parametrize("what", OTHER)
-def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certificate):
+def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certificate, fresh):
     env = gym.make("HCBF-Regions-v0", scenario="random")
     plant = replace(env.unwrapped.plant, **OTHER[what])
     with pytest.warns(CoverageWarning, match=what):
@@ -222,14 +322,14 @@ def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certifica
     assert covered(filtered) == Coverage.OUTSIDE
 
 
-def test_lower_margins_than_the_environments_are_not_covered():
+def test_lower_margins_than_the_environments_are_not_covered(fresh):
     env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
     plant = replace(env.unwrapped.plant, uncertainty=Uncertainty())
     with pytest.warns(CoverageWarning, match="a lower uncertainty"):
         assert covered(SafetyFilter(env, plant=plant)) == Coverage.OUTSIDE
 
 
-def test_a_certificate_speaks_of_its_own_program_alone():
+def test_a_certificate_speaks_of_its_own_program_alone(fresh):
     env = gym.make("HCBF-Regions-v0", scenario="random")
     with pytest.warns(CoverageWarning, match="program 'cbf-qp' .tested: 'lex-cbf-qp'"):
         assert covered(SafetyFilter(env, "cbf-qp", certificate="regions")) == Coverage.OUTSIDE
@@ -239,7 +339,6 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
     assert {"regions", "cart"} <= set(certificates.shipped())
     for name, one in certificates.shipped().items():
         assert one.name == name
-        assert one.entered <= one.allowed
         assert set(coverage.SCENES) <= set(one.plant["scene"]["any of"])
         assert certificates.load(name) is one
     with pytest.raises(InvalidInputError, match="no-such"):

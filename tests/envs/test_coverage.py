@@ -19,6 +19,8 @@ from hcbf_gym.models.plant import Coverage, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.filter_core import FilterSettings
 
+pytestmark = pytest.mark.usefixtures("fresh")
+
 PAGE = Path(__file__).parents[2] / "docs" / "guarantees.md"
 
 

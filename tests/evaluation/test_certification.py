@@ -9,16 +9,19 @@ import numpy as np
 import pytest
 import tyro
 
+from hcbf_gym import certificates
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError
 from hcbf_gym.evaluation.certification import (
     calibration,
     certify,
+    check,
     command,
     families,
     looking,
     own,
     page,
+    parts,
 )
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
@@ -136,33 +139,82 @@ def test_a_function_that_is_no_plant_is_refused(source, message, monkeypatch):
     own._function.cache_clear()
 
 
-def boat(folder):
-    frozen = certify.Frozen(
-        "boat", OwnFamily(BOAT, steps=40), Uncertainty(distance=0.05, speed=0.02), (),
-        2 * BLOCK, 0, 0.999, 3,
-    )  # fmt: skip
-    return certify.certify(frozen, certify.Runs(folder, workers=1, quiet=True))
+FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.4, seed=3)
 
 
-def test_a_certificate_is_the_same_however_it_was_interrupted_and_a_part_repeats(tmp_path):
-    whole = boat(tmp_path / "whole")
-    chunks = sorted((tmp_path / "whole").glob("*.chunk"))
-    chunks[0].unlink()  # one was lost
-    assert boat(tmp_path / "whole") == whole
-    runs = certify.Runs(tmp_path / "check", workers=1, quiet=True)
-    checked = certify.check(whole, 5, 0, runs)
-    assert (checked.episodes, checked.differing, checked.same_sources) == (BLOCK, (), True)
-    assert whole.first_seed >= certify.CALIBRATION_SEEDS * 3.5
+def boat(folder, known=(), at_most=None, frozen=FROZEN):
+    runs = certify.Runs(folder, workers=1, quiet=True)
+    return certify.certify(frozen, runs, at_most, known)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A small certificate of the boat."""
+    return boat(tmp_path_factory.mktemp("whole"))
+
+
+def test_it_is_the_same_however_it_was_stopped_or_killed(tmp_path, whole):
+    with pytest.raises(RefusedError, match="0 of 10 entered"):
+        boat(tmp_path, at_most=10)
+    next(iter(tmp_path.glob("*.chunk"))).unlink()  # one was lost
+    assert boat(tmp_path) == whole
+    assert whole.e_value >= 1000.0
     text = page.page(whole)
     assert "What it does not say" in text
     assert f"≤ {whole.bound:.3g}" in text
 
 
-def test_a_part_that_is_not_the_same_is_found(tmp_path):
-    whole = boat(tmp_path)
-    other = Certificate.from_dict(whole.to_dict() | {"blocks": [whole.blocks[0], "0" * 12]})
-    runs = certify.Runs(tmp_path / "check", workers=1, quiet=True)
-    assert certify.check(other, 20, 0, runs).differing == (whole.first_seed + BLOCK,)
+def test_ranges_of_several_machines_give_the_same(tmp_path, whole):
+    runs = certify.Runs(None, workers=1, quiet=True)
+    plan = parts.plan_of(FROZEN)
+    files = []
+    for first, end in ((6, 12), (0, 6), (14, 16), (4, 7)):
+        seen = list(certify.in_order(FROZEN, runs, range(first, end)))
+        files.append(tmp_path / f"{first}.json")
+        parts.save(files[-1], plan, first, seen)
+    known = parts.together(files[:3], plan)
+    assert len(known) == 12  # what lies beyond the gap does not count
+    assert boat(None, known) == whole
+    with pytest.raises(InvalidInputError, match="overlap"):
+        parts.together(files, plan)
+    with pytest.raises(InvalidInputError, match="of the plan"):
+        parts.together(files[:1], "another")
+    files[0].write_text("{}")
+    with pytest.raises(InvalidInputError, match="--part"):
+        parts.together(files[:1], plan)
+
+
+def test_a_try_of_several_spends_less_on_seeds_of_its_own():
+    third = replace(FROZEN, attempt=3)
+    assert third.doubt == pytest.approx(FROZEN.doubt / 8)
+    assert third.fewest > FROZEN.fewest
+    assert third.first_seed == FROZEN.first_seed + 3_000_000
+
+
+def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
+    runs = certify.Runs(None, workers=1, quiet=True)
+    checked = check.check(whole, 5, 0, runs)
+    assert (checked.episodes, checked.differs, checked.elsewhere) == (BLOCK, (), ())
+    first = whole.blocks[0]
+    forged = {
+        "words": replace(whole, words=("A boat.",)),
+        "plant": replace(whole, plant={"environment": "Boat"}),
+        "margins": replace(whole, margins=whole.margins._replace(body=0.1)),
+        "strata": replace(whole, strata=(replace(whole.strata[0], policy="x"), *whole.strata[1:])),
+        "block": replace(whole, blocks=(first._replace(steps=first.steps + 1), *whole.blocks[1:])),
+    }
+    for what, one in forged.items():
+        told = check.check(Certificate.from_dict(one.to_dict()), 30, 0, runs).differs
+        assert any(phrase.startswith(what) for phrase in told), what
+    other = replace(whole, sources="abc", versions=dict(whole.versions) | {"numpy": "1"})
+    assert len(check.check(other, 5, 0, runs).elsewhere) == 2
+    assert check.repeated(other).repeated != ""
+
+
+def test_a_file_of_before_cannot_be_repeated():
+    old = certificates.load("regions")
+    with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
+        check.check(old, 10, 0, certify.Runs(None, workers=1, quiet=True))
 
 
 DRIFTING = """
@@ -189,16 +241,20 @@ def certify():
 """
 
 
-def test_there_is_no_certificate_once_too_many_have_entered(tmp_path):
-    (tmp_path / "drifting.py").write_text(DRIFTING)
-    family = OwnFamily(f"{tmp_path / 'drifting.py'}:certify", steps=12)
-    frozen = certify.Frozen("drifting", family, Uncertainty(), (), 40, 2, 0.999, 0)
-    with pytest.raises(RefusedError, match=r"[3-9] of the first \d+ episodes .* 2 of 40 were"):
-        certify.certify(frozen, certify.Runs(tmp_path / "chunks", workers=1, quiet=True))
+def asked(tmp_path, text, steps=12, bound=0.4):
+    """Return what is asked of a plant that a text describes."""
+    (tmp_path / "mine.py").write_text(text)
+    family = OwnFamily(f"{tmp_path / 'mine.py'}:certify", steps=steps)
+    return certify.Frozen("mine", family, Uncertainty(), (), bound)
+
+
+def test_there_is_no_certificate_where_it_is_hopeless(tmp_path):
+    with pytest.raises(RefusedError, match=r"P\(enter\) is above 0.2, where none ever comes"):
+        boat(tmp_path / "chunks", frozen=asked(tmp_path, DRIFTING))
 
 
 UNDESERVED = {
-    "a start inside": ("self.np_random.uniform(-0.2, -0.1)", "0.01", "of the first"),
+    "a start inside": ("self.np_random.uniform(-0.2, -0.1)", "0.01", "none ever comes"),
     "chance of its own": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),
     "min_h of one number": ("False, {}", "False, {'min_h': -1.0}", "expected 1 numbers"),
     "min_h in words": ("False, {}", "False, {'min_h': ['a']}", "expected 1 numbers"),
@@ -210,11 +266,33 @@ UNDESERVED = {
 def test_what_a_plant_does_wrong_is_not_certified(what, tmp_path):
     old, new, message = UNDESERVED[what]
     text = DRIFTING.replace("self.x[0] += 0.02", "self.x[0] -= 0.02").replace(old, new)
-    (tmp_path / "careless.py").write_text(text)
-    family = OwnFamily(f"{tmp_path / 'careless.py'}:certify", steps=3)
-    frozen = certify.Frozen("careless", family, Uncertainty(), (), 10, 0, 0.999, 0)
     with pytest.raises((RefusedError, InvalidInputError), match=message):
-        certify.certify(frozen, certify.Runs(None, workers=1, quiet=True))
+        boat(None, frozen=asked(tmp_path, text, steps=3))
+
+
+MOVING = DRIFTING.replace(
+    "self.x[0] += 0.02", "self.x[2:] += 0.02 * action; self.x[:2] += 0.02 * self.x[2:]"
+)
+VACUOUS = {
+    "a region far away": ("(-1.0, 0.0), 0.0)", "(-1.0, 0.0), -100.0)", "hardly at stake"),
+    "an end after one step": ("0.0, False, False", "0.0, True, False", "ended within 1 steps"),
+    "a reset inside": (
+        "return self.x.copy(), 0.0, F",
+        "self.k = getattr(self, 'k', 0) + 1\n        if self.k % 30 == 0: self.x[:] = -1.0"
+        "\n        return self.x.copy(), 0.0, F",
+        "a state that jumps",
+    ),
+    "a min_h of 1": ("False, {}", "False, {'min_h': [1.0]}", "none ever comes"),
+}
+
+
+@pytest.mark.parametrize("what", VACUOUS)
+def test_a_number_that_says_nothing_is_not_certified(what, tmp_path):
+    old, new, message = VACUOUS[what]
+    text = (DRIFTING if "min_h" in what else MOVING).replace(old, new)
+    assert new in text
+    with pytest.raises((RefusedError, InvalidInputError), match=message):
+        boat(None, frozen=asked(tmp_path, text, steps=60))
 
 
 def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys):
@@ -222,14 +300,19 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
         command.main(tyro.cli(command.Args, args=[*more, "--workers", "1"]))
 
     run(
-        BOAT, "--episodes", "10", "--allowed", "0", "--calibration", "10", "--steps", "20",
+        BOAT, "--bound", "0.5", "--calibration", "10", "--steps", "20",
         "--output", str(tmp_path / "boat"),
     )  # fmt: skip
     file = tmp_path / "boat" / "boat.json"
-    assert Certificate.load(file).episodes == 10
-    run("--check", str(file), "--episodes", "10", "--output", str(tmp_path / "check"))
-    assert "the same bit for bit" in capsys.readouterr().out
-    assert not (tmp_path / "check").exists()  # what was kept would be no repetition
+    one = Certificate.load(file)
+    assert one.entered == 0
+    replace(one, sources="abc").save(file)
+    run("--check", str(file), "--episodes", "10", "--write")
+    assert "with the same entries" in capsys.readouterr().out
+    assert Certificate.load(file).repeated == one.sources
+    file.rename(file.with_name("other.json"))
+    with pytest.raises(RefusedError, match="name: 'boat', expected 'other'"):
+        run("--check", str(file.with_name("other.json")), "--episodes", "1")
     settings = json.loads((tmp_path / "boat" / "settings.json").read_text())
     assert settings["versions"] == certify.versions()  # others are another study
 
@@ -241,7 +324,8 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
         (["nothing"], "expected one of"),
         (["regions", "--v-max", "0.5", "1.0"], "expected a walker"),
         ([BOAT, "--scenes", "random"], "draws by itself"),
-        (["regions", "--episodes", "5"], "of which 5 may enter"),
+        (["regions", "--bound", "1"], "expected between 0 and 1"),
+        (["regions", "--try", "50"], "try: got 50"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(arguments, message, tmp_path):

@@ -40,6 +40,8 @@ GENERATIONS, POPULATION = 4, 12
 """Of a search: attackers of one generation meet the same episode."""
 ELITE = 4
 """Of a generation, those that the next one is drawn around."""
+STREAM = 43
+"""Sets a search's draws apart from those of the episodes that it runs."""
 PARAMETERS = 6
 """How many numbers a searched attacker has, each in [0, 1]."""
 
@@ -189,7 +191,7 @@ def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
         attack: runs searched attackers.
         first_seed: of the episode that the first generation meets.
     """
-    rng = np.random.default_rng(first_seed)
+    rng = np.random.default_rng([STREAM, first_seed])
     mean, spread = np.full(PARAMETERS, 0.5), np.full(PARAMETERS, 0.35)
     every: list[Seen] = []
     for generation in range(GENERATIONS):

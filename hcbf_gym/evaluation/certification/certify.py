@@ -5,28 +5,35 @@ import importlib.metadata
 import platform
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from rich.console import Console
 
 import hcbf_gym
 from hcbf_gym import certificates
-from hcbf_gym.certificates import BLOCK, Certificate, Stratum, block_digests
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError
+from hcbf_gym.certificates import BLOCK, Block, Certificate, Shown, Stratum, sequential, sources
+from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
+from hcbf_gym.certificates.parts import vacuous
+from hcbf_gym.certificates.sequential import Tally
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.certification import calibration, families, own
 from hcbf_gym.evaluation.certification.families import Seen, see
-from hcbf_gym.evaluation.statistics import at_most, upper_bound
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.models.plant import Plant, Uncertainty
 
-CALIBRATION_SEEDS = 100_000_000
-"""Each `seed` has so many seeds, of which the second half belongs to the certificate."""
+LOOK = 100
+"""After how many episodes the running bound is told."""
+PATIENCE = 10
+"""How many times the fewest episodes are waited for."""
+TRIES = SEEDS // 2 // TRY_SEEDS
+"""How many tries a seed has seeds for."""
 COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
 """Whose versions decide the bits of an episode."""
 
@@ -120,7 +127,7 @@ def calibrated(
         attack if hasattr(family, "searched") else None,
         episodes,
         share,
-        CALIBRATION_SEEDS * seed,
+        SEEDS * seed,
         constants,
         v_max=np.inf if caps is None else caps[0],
     )
@@ -132,19 +139,6 @@ def _try(family: Any, margins: Uncertainty, tried: tuple[int, tuple[float, ...]]
     return families.look(families.with_margins(episode, margins))
 
 
-def bound_of(episodes: int, allowed: int, confidence: float) -> float:
-    """Return what is certified at least where no more enter than are allowed.
-
-    Raises:
-        InvalidInputError: if the numbers make no sense, or all may enter.
-    """
-    if allowed >= episodes:
-        raise InvalidInputError(
-            f"episodes: got {episodes} of which {allowed} may enter, expected more"
-        )
-    return upper_bound(allowed, episodes, confidence)
-
-
 @dataclass(frozen=True)
 class Frozen:
     """What is fixed before the first episode of a certificate; see `Certificate`.
@@ -154,9 +148,9 @@ class Frozen:
         family: the episodes are drawn from.
         margins: what rows reserve; None is the plant's own law.
         calibration: what was done before.
-        episodes: n.
-        allowed: the most that may enter, k.
-        confidence: of the bound.
+        bound: ε that is asked for.
+        confidence: 1 − β.
+        attempt: which try, of which each spends β/2ⁿ; 0 for the only one.
         seed: decides the seeds, with that of the calibration.
     """
 
@@ -164,18 +158,33 @@ class Frozen:
     family: Any
     margins: Uncertainty | None
     calibration: tuple[Any, ...]
-    episodes: int
-    allowed: int
-    confidence: float
-    seed: int
+    bound: float
+    confidence: float = 0.999
+    attempt: int = 0
+    seed: int = 0
 
     def __post_init__(self) -> None:
-        bound_of(self.episodes, self.allowed, self.confidence)
+        for name in ("bound", "confidence"):
+            share = finite_float(name, getattr(self, name))
+            if not 0.0 < share < 1.0:
+                raise InvalidInputError(f"{name}: got {share}, expected between 0 and 1")
+        if not 0 <= self.attempt < TRIES:
+            raise InvalidInputError(f"try: got {self.attempt}, expected 0 to {TRIES - 1}")
+
+    @property
+    def doubt(self) -> float:
+        """What this try may spend, β/2ⁿ."""
+        return (1.0 - self.confidence) / 2.0**self.attempt
 
     @property
     def first_seed(self) -> int:
         """Of the certificate's episodes, which no calibration of this seed draws."""
-        return CALIBRATION_SEEDS * self.seed + CALIBRATION_SEEDS // 2
+        return certificates.first_seed(self.seed, self.attempt)
+
+    @property
+    def fewest(self) -> int:
+        """How many episodes are enough where none enters."""
+        return sequential.episodes_needed(self.bound, 0, self.doubt)
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of a `Certificate` that are known before its episodes."""
@@ -187,12 +196,12 @@ class Frozen:
             "words": tuple(self.family.words),
             "margins": self.margins,
             "calibration": self.calibration,
-            "episodes": self.episodes,
-            "allowed": self.allowed,
+            "bound": self.bound,
             "confidence": self.confidence,
+            "attempt": self.attempt,
             "first_seed": self.first_seed,
             "versions": versions(),
-            "sources": chunks.sources_of(see, self.family.files),
+            "sources": sources.today(),
         }
 
 
@@ -203,16 +212,20 @@ def versions() -> dict[str, str]:
     return {"hcbf-gym": hcbf_gym.__version__} | found | here
 
 
-def certify(frozen: Frozen, runs: Runs) -> Certificate:
-    """Return the certificate that fresh episodes give.
+def certify(
+    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
+) -> Certificate:
+    """Return the certificate that fresh episodes give, as soon as they are enough.
 
     Args:
         frozen: what was fixed before.
         runs: how they run.
+        at_most: as `draw` takes it.
+        known: of the first episodes, what other machines saw.
 
     Raises:
-        RefusedError: as soon as more have entered than were allowed, or if a seed does not decide
-            its episode.
+        RefusedError: if there is none, by `draw`; if a seed does not decide its episode; or if the
+            episodes put nothing to the test.
     """
     fields = frozen.fields()
     once, again = (see(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
@@ -222,41 +235,110 @@ def certify(frozen: Frozen, runs: Runs) -> Certificate:
             f"otherwise when it ran again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); "
             "expected that the seed decides all that the environment draws"
         )
-    seen = draw(frozen, runs)
-    least = np.array([(one.least_h, one.least_speed_h) for one in seen])
-    entered = sum(one.entered for one in seen)
-    return Certificate(
-        **fields,
-        entered=entered,
-        bound=upper_bound(entered, frozen.episodes, frozen.confidence),
-        least_h=float(least[:, 0].min()),
-        falls=sum(one.fell for one in seen),
-        alarms=sum(one.alarm > 0 for one in seen),
-        strata=strata(seen),
-        blocks=block_digests(least),
-    )
+    seen = draw(frozen, runs, at_most, known)
+    found = outcome(seen, frozen.bound)
+    why = vacuous(found["shown"], len(seen))
+    if why:
+        raise RefusedError(f"{frozen.name}: no certificate: {why}")
+    return Certificate(**fields, **found, repeated="")
 
 
-def draw(frozen: Frozen, runs: Runs) -> list[Seen]:
-    """Return what the fresh episodes of a certificate showed, no more of them than allowed entered.
+def draw(
+    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
+) -> list[Seen]:
+    """Return what fresh episodes showed, as many in the order of their seeds as are enough.
 
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
+        at_most: how many episodes to wait for; `PATIENCE` times the fewest if None.
+        known: of the first episodes, what they showed.
 
     Raises:
-        RefusedError: as soon as more have entered than were allowed.
+        RefusedError: as soon as the chance is shown to be above ε/2, so that none may come; or
+            where so many are not enough.
     """
-    seeds = range(frozen.first_seed, frozen.first_seed + frozen.episodes)
+    tally = Tally(frozen.bound, frozen.doubt)
+    most = PATIENCE * frozen.fewest if at_most is None else at_most
+    seen: list[Seen] = []
+    waiting = iter(known)
+    while True:
+        for one in waiting:
+            seen.append(one)
+            tally.add(one.entered)
+            if tally.certified:
+                return seen
+            if not runs.quiet and len(seen) % LOOK == 0:
+                Console(stderr=True).print(so_far(tally))
+            if tally.hopeless:
+                why = f"P(enter) is above {frozen.bound / 2.0:.3g}, where none ever comes"
+                raise RefusedError(_refusal(frozen, seen, why))
+        needed = sequential.episodes_needed(frozen.bound, tally.entered, frozen.doubt)
+        if len(seen) >= min(most, needed):
+            raise RefusedError(
+                _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
+            )
+        waiting = in_order(frozen, runs, range(len(seen), min(most, needed)))
+
+
+def so_far(tally: Tally) -> str:
+    """Return what the episodes so far say."""
+    bound = sequential.running_bound(tally.entered, tally.episodes, tally.beta)
+    return f"{tally.entered} of {tally.episodes:,} entered, P(enter) ≤ {bound:.3g} so far"
+
+
+def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
+    """Yield what some of a certificate's episodes show, in their order.
+
+    Args:
+        frozen: as `certify` takes it.
+        runs: how they run.
+        numbers: of the episodes, from 0.
+    """
     job = functools.partial(see, frozen.family, frozen.margins)
-    seen: dict[int, Seen] = {}
-    entered = 0
+    seeds = [frozen.first_seed + k for k in numbers]
+    early: dict[int, Seen] = {}
+    following = 0
     for number, one in runs.over(job, seeds, frozen.family, "certificate", BLOCK):
-        seen[number] = one
-        entered += one.entered
-        if entered > frozen.allowed:
-            raise RefusedError(_refusal(frozen, list(seen.values())))
-    return [seen[k] for k in range(frozen.episodes)]
+        early[number] = one
+        while following in early:
+            yield early.pop(following)
+            following += 1
+
+
+def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
+    """Return the fields of a `Certificate` that follow from its episodes.
+
+    Args:
+        seen: in their order.
+        bound: ε.
+    """
+    entered = sum(one.entered for one in seen)
+    return {
+        "episodes": len(seen),
+        "entered": entered,
+        "e_value": sequential.e_value(entered, len(seen), bound),
+        "least_h": min(one.least_h for one in seen),
+        "falls": sum(one.fell for one in seen),
+        "alarms": sum(one.alarm > 0 for one in seen),
+        "shown": Shown(
+            sum(one.pressed for one in seen),
+            float(np.median([one.least_h for one in seen])),
+            int(np.median([one.steps for one in seen])),
+        ),
+        "strata": strata(seen),
+        "blocks": tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK)),
+    }
+
+
+def _block(seen: Sequence[Seen]) -> Block:
+    speed = min(one.least_speed_h for one in seen)
+    return Block(
+        sum(one.entered for one in seen), sum(one.pressed for one in seen),
+        sum(one.steps for one in seen), sum(one.fell for one in seen),
+        sum(one.alarm > 0 for one in seen), min(one.least_h for one in seen),
+        speed if np.isfinite(speed) else None,
+    )  # fmt: skip
 
 
 def strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:
@@ -270,65 +352,13 @@ def strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:
     )
 
 
-def _refusal(frozen: Frozen, seen: Sequence[Seen]) -> str:
-    """Return why there is no certificate, and who entered."""
+def _refusal(frozen: Frozen, seen: Sequence[Seen], why: str) -> str:
+    """Return why there is no certificate, what is known, and who entered."""
     entered = [s for s in seen if s.entered]
+    tally = Tally(frozen.bound, frozen.doubt, len(entered), len(seen))
     who = Counter(f"{s.policy} in {s.scene}" for s in entered)
     told = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
     return (
-        f"{frozen.name}: no certificate: {len(entered)} of the first {len(seen):,} episodes "
-        f"entered rank 1, {frozen.allowed} of {frozen.episodes:,} were allowed; "
-        f"P(enter) {at_most(len(entered), len(seen))}; most by {told}"
-    )
-
-
-@dataclass(frozen=True)
-class Checked:
-    """What a repetition of a part showed.
-
-    Attributes:
-        episodes: how many were run again.
-        differing: the first seeds of the blocks that were not the same bit for bit.
-        least_h: of the repeated episodes.
-        same_sources: whether program and files are those of the certificate.
-    """
-
-    episodes: int
-    differing: tuple[int, ...]
-    least_h: float
-    same_sources: bool
-
-
-def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:
-    """Run a random part of a certificate's episodes again, and compare bit for bit.
-
-    Args:
-        certificate: to check.
-        episodes: at least so many, in whole blocks.
-        seed: decides which.
-        runs: how they run.
-    """
-    family = families.from_dict(certificate.family)
-    count = min(len(certificate.blocks), -(-episodes // BLOCK))
-    chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    blocks = sorted(int(k) for k in chosen)
-    jobs = [
-        certificate.first_seed + k
-        for block in blocks
-        for k in range(block * BLOCK, min((block + 1) * BLOCK, certificate.episodes))
-    ]
-    job = functools.partial(see, family, certificate.margins)
-    found = dict(runs.over(job, jobs, family, "check", BLOCK))
-    seen = [found[k] for k in range(len(jobs))]
-    differing = []
-    for place, block in enumerate(blocks):
-        part = seen[place * BLOCK : (place + 1) * BLOCK]
-        digest = block_digests(np.array([(s.least_h, s.least_speed_h) for s in part]))
-        if digest != (certificate.blocks[block],):
-            differing.append(certificate.first_seed + block * BLOCK)
-    return Checked(
-        len(jobs),
-        tuple(differing),
-        min(s.least_h for s in seen),
-        chunks.sources_of(see, family.files) == certificate.sources,
+        f"{frozen.name}: no certificate: {so_far(tally)}; {why}"
+        f"{'; most by ' + told if told else ''}"
     )

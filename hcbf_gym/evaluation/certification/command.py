@@ -1,10 +1,11 @@
 """A number for the promise: calibrate a plant's margins, freeze, certify on fresh episodes.
 
 PLANT is "regions", "a1", a walker's name or contract, or a function of your own that returns
-(environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Writes NAME.json, which SafetyFilter
-takes as certificate=, and NAME.md. Run it again to resume it.
+(environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Runs until P(enter) is below --bound,
+or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and NAME.md. Run it
+again to resume it.
 
---check FILE repeats a random part of a certificate bit for bit instead.
+--check FILE repeats a random part of a certificate instead.
 """
 
 import re
@@ -19,11 +20,11 @@ from hcbf_gym import records
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation.certification import calibration, certify, families, page
+from hcbf_gym.evaluation.certification import calibration, certify, check, families, page, parts
+from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
-from hcbf_gym.evaluation.statistics import CONFIDENCE
 from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
@@ -32,8 +33,6 @@ LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
 SPEED_LEFT = 2.5
 """And of what the row of its speed limit reserves before calibration: an environment asks for 2."""
-SAFER = 10.0
-"""By how much less often than the bound an episode may need more than calibration reserves."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +41,22 @@ class Args:
 
     plant: Annotated[str | None, tyro.conf.Positional] = None
     """What is certified."""
-    episodes: int | None = None
-    """Of the certificate; 1,640 if not given: with at most 5 entries they give 1 %. 16,450 give
-    1 ‰. Of --check: 50."""
-    allowed: int = 5
-    """How many of them may enter."""
-    confidence: float = CONFIDENCE
+    bound: float = 0.01
+    """What P(enter) is to be below. Where none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each
+    that enters takes a quarter more."""
+    at_most: int | None = None
+    """Episodes to wait for; ten times those fewest if not given. More may be asked for later."""
+    confidence: float = 0.999
     """Of the bound."""
+    attempt: Annotated[int, tyro.conf.arg(name="try")] = 0
+    """Which of several tries with fresh episodes this is, from 1: the n-th spends 2⁻ⁿ of the doubt.
+    0 is the only one, and spends it all."""
+    part: tuple[int, int] | None = None
+    """First episode, from 0, and the one after the last, of which this machine writes a file."""
+    parts: tuple[Path, ...] = ()
+    """Such files; only those without a gap from episode 0 on count."""
+    episodes: int = 50
+    """Of --check: how many are repeated; all of them repeat the calibration, too."""
     calibration: int = 200
     """Episodes of each round that sets the margins; 0 takes the plant's own."""
     scenes: tuple[str, ...] = ()
@@ -68,6 +76,8 @@ class Args:
     """What the certificate is called; the plant's name if not given."""
     check: Path | None = None
     """A certificate of which a random part is repeated."""
+    write: bool = False
+    """Of --check: note in the file on which sources a part came out the same."""
     workers: Workers = None
     """Chunks that run at once."""
     backend: Backend = "processes"
@@ -87,27 +97,52 @@ def main(args: Args) -> None:
         raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
     family = family_of(args)
     name = args.name or _name(args.plant)
-    episodes = 1640 if args.episodes is None else args.episodes
-    bound = certify.bound_of(episodes, args.allowed, args.confidence)
     folder = args.output or Path("results/certify") / name
     settings = {
-        "plant": args.plant, "family": families.to_dict(family), "episodes": episodes,
-        "allowed": args.allowed, "confidence": args.confidence, "seed": args.seed,
+        "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
+        "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
         "calibration": args.calibration, "versions": certify.versions(),
     }  # fmt: skip
     open_folder(folder, records.plain(settings))
     runs = certify.Runs(folder / "chunks", args.workers, args.backend)
-    console.print(f"{name}: {args.allowed} of {episodes:,} may enter, for P(enter) ≤ {bound:.3g}")
-    margins, rounds = _margins(args, family, runs, bound, console)
     frozen = certify.Frozen(
-        name, family, margins, rounds, episodes, args.allowed, args.confidence, args.seed
+        name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
     )
-    certificate = certify.certify(frozen, runs)
+    console.print(f"{name}: {frozen.fewest:,} episodes, if none enters, for P ≤ {args.bound:.3g}")
+    margins, rounds = _margins(args, family, runs, console)
+    frozen = replace(frozen, margins=margins, calibration=rounds)
+    if args.part is not None:
+        _run_part(frozen, runs, args.part, folder, console)
+        return
+    known = parts.together(args.parts, parts.plan_of(frozen)) if args.parts else ()
+    certificate = certify.certify(frozen, runs, args.at_most, known)
     file = folder / f"{name}.json"
     certificate.save(file)
     write_text(file.with_suffix(".md"), page.page(certificate))
     console.print(certificate.says, soft_wrap=True)
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
+
+
+def _run_part(
+    frozen: certify.Frozen,
+    runs: certify.Runs,
+    part: tuple[int, int],
+    folder: Path,
+    console: Console,
+) -> None:
+    """Run a range of the episodes, and write what they showed.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    first, end = part
+    if not 0 <= first < end:
+        raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
+    seen = list(certify.in_order(frozen, runs, range(first, end)))
+    file = folder / f"{frozen.name}-{first}-{end}.part.json"
+    parts.save(file, parts.plan_of(frozen), first, seen)
+    entered = sum(one.entered for one in seen)
+    console.print(f"{entered} of {len(seen)} entered; written to {file}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Any:
@@ -172,7 +207,7 @@ PLANTS: dict[str, Any] = {
 """name → family of episodes of the package's own plants, walkers apart."""
 
 
-def _margins(args: Args, family: Any, runs: certify.Runs, bound: float, console: Console) -> Any:
+def _margins(args: Args, family: Any, runs: certify.Runs, console: Console) -> Any:
     """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
     if isinstance(family, A1Mixture):
         return None, ()
@@ -180,7 +215,7 @@ def _margins(args: Args, family: Any, runs: certify.Runs, bound: float, console:
     if finite_float("calibration", args.calibration, minimum=0.0) == 0.0:
         return plant.uncertainty, ()
     found = certify.calibrated(
-        family, plant.uncertainty, runs, args.calibration, bound / SAFER, args.seed
+        family, plant.uncertainty, runs, args.calibration, args.bound / SAFER, args.seed
     )
     for one in found.rounds:
         console.print(
@@ -201,20 +236,22 @@ def _check(args: Args, console: Console) -> None:
     assert args.check is not None
     certificate = Certificate.load(args.check)
     runs = certify.Runs(None, args.workers, args.backend)  # what was kept would be no repetition
-    checked = certify.check(certificate, args.episodes or 50, args.seed, runs)
-    if not checked.same_sources:
-        console.print("the sources are others than those of the certificate", soft_wrap=True)
-    if checked.differing:
-        raise RefusedError(
-            f"check: got other episodes in the blocks from seeds "
-            f"{', '.join(map(str, checked.differing))}, expected those of {certificate.name!r} bit "
-            f"for bit; it was computed with {dict(certificate.versions)}"
-        )
+    checked = check.check(certificate, args.episodes, args.seed, runs)
+    for phrase in checked.elsewhere:
+        console.print(f"computed elsewhere: {phrase}", soft_wrap=True)
+    differs = list(checked.differs)
+    if certificate.name != args.check.stem:
+        differs.append(f"name: {certificate.name!r}, expected {args.check.stem!r} as the file's")
+    if differs:
+        raise RefusedError(f"check: {certificate.name!r} is not what it says: {'; '.join(differs)}")
     console.print(
-        f"{certificate.says}; {checked.episodes} of them repeated, the same bit for bit, "
-        f"least h {checked.least_h:+.6g}",
+        f"{certificate.says}; {checked.episodes} of them repeated, with the same entries and least "
+        f"h {checked.least_h:+.6g}",
         soft_wrap=True,
     )
+    if args.write:
+        check.repeated(certificate).save(args.check)
+        console.print(f"noted in {args.check}", soft_wrap=True)
 
 
 def _name(plant: str) -> str:

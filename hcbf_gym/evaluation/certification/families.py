@@ -62,6 +62,8 @@ class Seen(NamedTuple):
         first_h: least strict h at the reset.
         fell: whether the robot fell.
         alarm: the last `Reason` that was an alarm; 0 for none.
+        steps: how many it took.
+        pressed: whether the filter had to change an input that would have entered.
     """
 
     policy: str
@@ -71,6 +73,8 @@ class Seen(NamedTuple):
     first_h: float
     fell: bool
     alarm: int = 0
+    steps: int = 0
+    pressed: bool = False
 
     @property
     def entered(self) -> bool:
@@ -109,6 +113,8 @@ def look(episode: Any) -> Seen:
         first_h=float(outcome.first_h),
         fell=bool(outcome.fell),
         alarm=int(outcome.alarm),
+        steps=outcome.steps,
+        pressed=outcome.pressed,
     )
 
 
@@ -277,8 +283,8 @@ class OwnFamily:
             "Scenes and starts are what the environment draws with each seed.",
             f"Policies: {_told(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
-            "Entered is what the infos' min_h shows where the environment reports it, else what "
-            "the plant's strict barriers say of its state at every step.",
+            "Entered is what the plant's strict barriers say of its state at every step, or the "
+            "infos' min_h where the environment reports less.",
         )
 
     @property

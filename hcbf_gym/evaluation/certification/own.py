@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.evaluation import stakes
 from hcbf_gym.evaluation.attacked import alarm_of
+from hcbf_gym.evaluation.attacks import STREAM
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -57,6 +59,8 @@ class Outcome(NamedTuple):
         least_body_h: infinite: nobody tells the body's.
         first_h: least strict h at the reset.
         alarm: as `attacked.alarm_of` tells it at the end.
+        steps: how many it took.
+        pressed: whether the filter had to change an input that would have entered.
         fell: False; an environment that ends early has said why by itself.
     """
 
@@ -64,6 +68,8 @@ class Outcome(NamedTuple):
     least_speed_h: float
     first_h: float
     alarm: int
+    steps: int = 0
+    pressed: bool = False
     least_body_h: float = np.inf
     fell: bool = False
 
@@ -100,7 +106,7 @@ class OwnEpisode:
         if self.uncertainty is not None:
             own = self.uncertainty._replace(body=plant.uncertainty.body)
             plant = replace(plant, uncertainty=own)
-        rng = np.random.default_rng(self.seed)
+        rng = np.random.default_rng([STREAM, self.seed])
         kind: Any = POLICIES.get(self.attack, Mixed)
         policy = kind(rng) if self.parameters is None else Mixed(rng, self.parameters)
         filtered = wrappers.SafetyFilter(env, self.program, plant=plant)
@@ -115,11 +121,18 @@ class OwnEpisode:
         seen = _look(plant, inner, observation, info, 0.0)
         first = seen.h[~seen.speed].min()
         least = np.where(seen.h < 0.0, seen.h, np.inf)  # a start inside counts, no other one does
+        input_set = plant.input_set or env._input_set
+        pressed, steps = False, 0
+        went, expected = [seen.strict(seen.x[None], seen.time)[0]], []
         for k in range(self.steps):
-            input_set = plant.input_set or env._input_set
             u = policy.wants(Situation(plant, input_set, seen))
             action = u if plant.to_action is None else plant.to_action(u)
+            before = seen
             observation, _, terminated, truncated, info = env.step(action)
+            report = info["safety_filter"]
+            pressed = pressed or stakes.pressed(
+                plant.model, input_set, before.x, before.time, before.along, report
+            )
             seen = _look(plant, inner, observation, info, (k + 1) * (plant.period or 0.0))
             if len(seen.h) != len(least):
                 raise InvalidInputError(
@@ -127,12 +140,18 @@ class OwnEpisode:
                     "expected their number to stay"
                 )
             least = np.minimum(least, seen.h)
+            steps = k + 1
+            went.append(seen.strict(seen.x[None], seen.time)[0])
+            if plant.period is not None:
+                there = plant.model.step(before.x, report["u_safe"], plant.period)
+                expected.append(seen.strict(there[None], seen.time)[0])
             if terminated or truncated:
                 break
+        stakes.check_jumps(self.source, went, expected)
         speed = least[seen.speed]
         return Outcome(
             float(least[~seen.speed].min()), float(speed.min()) if speed.size else np.inf,
-            float(first), alarm_of(info),
+            float(first), alarm_of(info), steps, pressed,
         )  # fmt: skip
 
 
@@ -143,7 +162,8 @@ class Look(NamedTuple):
         x: (n,) its state.
         time: [s].
         strict: (x (j, n), t) → (j, m) the strict h's on the position.
-        h: (k,) what they are, at their least since the last sample where that is told.
+        h: (k,) what they are, at their least since the last sample where that is told: the
+            lesser of infos and barriers.
         speed: (k,) which of them read no position.
     """
 
@@ -152,6 +172,12 @@ class Look(NamedTuple):
     strict: Callable[[Array, float], Array]
     h: Array
     speed: NDArray[np.bool_]
+
+    def along(self, x: Array, t: Array) -> Array:
+        """Return (j, m) the strict h's on the position at states (j, n) and times (j,)."""
+        return np.array([
+            self.strict(one[None], float(at))[0] for one, at in zip(x, t, strict=True)
+        ])  # fmt: skip
 
 
 def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: float) -> Look:
@@ -176,7 +202,8 @@ def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: 
             "expected at least one"
         )
     told = info.get("min_h")
-    h = (every(x[None], now)[0] if told is None else _checked(told, len(first)))[first]
+    h = every(x[None], now)[0]
+    h = (h if told is None else np.minimum(h, _checked(told, len(first))))[first]
     h = np.where(np.isfinite(h), h, -np.inf)
     return Look(x, now, lambda x, t: every(x, t)[:, position], h, ~position[first])
 

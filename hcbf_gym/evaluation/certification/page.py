@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.evaluation.statistics import upper_bound
+from hcbf_gym.certificates.parts import PRESSED
+from hcbf_gym.certificates.sequential import running_bound
 
 SILENT = (
     "Of an attacker, a scene or a start that is not drawn as below, nothing: a policy that was "
@@ -13,8 +14,8 @@ SILENT = (
     "Of a real robot, nothing: the plant is the simulated one, and its files are hashed.",
     "Of a second episode after an alarm, and of what happens while the filter brakes, nothing "
     "beyond what these episodes held.",
-    "A certificate that was tried on several seeds until one passed is none: n, k and the seeds "
-    "were fixed before the first episode, and there was one look.",
+    "Of tries that are not told: several on fresh seeds share the doubt by `--try`; one alone may "
+    "be looked at, stopped and continued at no price.",
 )
 """What no certificate says, a sentence for each."""
 
@@ -27,15 +28,21 @@ def page(certificate: Certificate) -> str:
         f"# Certificate: {c.name}",
         "",
         f"**P(enter) ≤ {c.bound:.3g}** for the next episode, with a confidence of {share:.1%}: "
-        f"{c.entered} of {c.episodes:,} fresh episodes entered rank 1, {c.allowed} were allowed. "
-        f"The least h was {c.least_h:+.4g}; the robot fell in {c.falls}, and "
-        f"the filter raised an alarm in {c.alarms}.",
+        f"{c.entered} of {c.episodes:,} fresh episodes entered rank 1, the first that were enough: "
+        f"e = {c.e_value:.4g}, {_try(c)}. The least h was {c.least_h:+.4g}; the robot "
+        f"fell in {c.falls}, and the filter raised an alarm in {c.alarms}.",
+        "",
+        *_stakes(c),
+        "",
+        "Bounds for every weighting of its families: "
+        + ", ".join(f"{bound:.3g} of {name}" for name, bound in c.weightings.items())
+        + ".",
         "",
         "## What was certified",
         *(f"- {sentence}" for sentence in c.words),
         f"- {_margins(c)}",
         f"- Seeds {c.first_seed} to {c.first_seed + c.episodes - 1}; "
-        f"frozen as `{c.hash}`, sources `{c.sources}`.",
+        f"hash `{c.hash}`, sources `{c.sources}`, repeated on `{c.repeated or 'none'}`.",
         f"- Computed with {', '.join(f'{name} {v}' for name, v in c.versions.items())}.",
         "",
         "A plant is this one where it declares:",
@@ -48,20 +55,39 @@ def page(certificate: Certificate) -> str:
         *(f"- {sentence}" for sentence in SILENT),
         "",
         "## Who was drawn",
-        f"| policy | scenes | episodes | entered (≤ at {share:.1%}) | least h |",
+        "| policy | scenes | episodes | entered (≤ at β/m) | least h |",
         "|---|---|---|---|---|",
         *(
             f"| {s.policy} | {s.scene} | {s.episodes} | {s.entered} "
-            f"(≤ {upper_bound(s.entered, s.episodes, share):.2%}) | {s.least_h:+.4g} |"
+            f"(≤ {running_bound(s.entered, s.episodes, c.doubt / len(c.strata)):.2%}) | "
+            f"{s.least_h:+.4g} |"
             for s in c.strata
         ),
         "",
         "## How the margins were found",
         *_calibration(c),
         "",
-        "Repeat a part of it bit for bit: `hcbf certify --check FILE --episodes 50`.",
+        "Repeat a part of it: `hcbf certify --check FILE --episodes 50`.",
         "",
     ])  # fmt: skip
+
+
+def _try(c: Certificate) -> str:
+    """Return which try it was, and what it had to reach."""
+    which = "the only try" if c.attempt == 0 else f"try {c.attempt}"
+    return f"{which}, {1.0 / c.doubt:,.4g} were needed"
+
+
+def _stakes(c: Certificate) -> list[str]:
+    """Return how much was put to the test."""
+    if c.shown is None:
+        return ["What was put to the test is not known: the file is too old."]
+    return [
+        f"In {c.shown.pressed / c.episodes:.0%} of the episodes the filter had to change an input "
+        f"that would have entered rank 1 within a second ({PRESSED:.0%} are asked for, so that the "
+        "chance in such an episode is at most twice the bound). Half of the episodes came within "
+        f"{c.shown.half_within:.3g}, and half lasted {c.shown.half_last} steps or more."
+    ]
 
 
 def _margins(c: Certificate) -> str:

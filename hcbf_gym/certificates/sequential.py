@@ -1,0 +1,136 @@
+r"""A bound on a chance that may be looked at after every episode.
+
+Of n episodes k have entered. With :math:`q = ε/5`,
+
+.. math:: e_n(ε) = (q/ε)^k \left(\frac{1 − q}{1 − ε}\right)^{n − k}
+
+is what a player's money has grown to who bets on the chance q at the odds of ε. Where each episode
+enters with a chance of at least ε, whatever came before, the money is a supermartingale that begins
+at 1, so that it *ever* reaches 1/β with a probability of at most β (Ville). As e grows with ε, the
+least ε at which it has reached 1/β bounds the chance at every n at once: one may look, stop, go on.
+
+>>> [episodes_needed(1e-2, entered, 1e-3) for entered in (0, 1, 2, 5)]
+[859, 1060, 1261, 1864]
+
+Source: J. Ville, "Étude critique de la notion de collectif" (1939); A. Wald, "Sequential tests of
+statistical hypotheses", Annals of Mathematical Statistics 16 (1945).
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+BET = 5.0
+"""ε/q: the wager is best where episodes enter so many times less often than the bound says."""
+NEVER = 2.0
+"""Above ε over this, e falls on average, and no number of episodes reaches 1/β."""
+DOUBT = 1e-3
+"""How often a run is called hopeless at most whose chance is not above ε / `NEVER`."""
+MOST = 700.0
+"""ln e beyond which e stays the same: doubles end at 709."""
+
+
+def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:
+    """Return ln e against one chance of entering, of a wager on another one.
+
+    Args:
+        entered: k.
+        episodes: n.
+        chance: that is doubted, between 0 and 1.
+        rival: that is wagered on, between 0 and 1.
+    """
+    stays = math.log1p(-rival) - math.log1p(-chance)
+    return entered * math.log(rival / chance) + (episodes - entered) * stays
+
+
+def e_value(entered: int, episodes: int, bound: float) -> float:
+    """Return e_n(ε).
+
+    Args:
+        entered: k.
+        episodes: n.
+        bound: ε, between 0 and 1.
+    """
+    return math.exp(min(log_e(entered, episodes, bound, bound / BET), MOST))
+
+
+def running_bound(entered: int, episodes: int, beta: float) -> float:
+    """Return the least ε with e_n(ε) ≥ 1/β; 1 where there is none.
+
+    Args:
+        entered: k.
+        episodes: n.
+        beta: how often such a bound may be wrong, between 0 and 1.
+    """
+    wanted = -math.log(beta)
+
+    def short(bound: float) -> float:
+        return log_e(entered, episodes, bound, bound / BET) - wanted
+
+    low, high = 1e-12, 1.0 - 1e-12
+    if short(high) < 0.0:
+        return 1.0
+    found: Any = brentq(short, low, high, xtol=1e-13, rtol=np.float64(1e-12))
+    return float(found)
+
+
+def episodes_needed(bound: float, entered: int, beta: float) -> int:
+    """Return how many episodes certify ε, k of which have entered.
+
+    Args:
+        bound: ε, between 0 and 1.
+        entered: k.
+        beta: as `running_bound` takes it.
+    """
+    lost = entered * math.log(BET)
+    stays = math.log1p(-bound / BET) - math.log1p(-bound)
+    return entered + math.ceil((lost - math.log(beta)) / stays)
+
+
+def any_weighting(counts: Iterable[tuple[int, int]], beta: float) -> float:
+    """Return a bound for every weighting of m families: the greatest of theirs, each at β/m.
+
+    Args:
+        counts: (entered, episodes) of each family.
+        beta: as `running_bound` takes it.
+    """
+    families = list(counts)
+    return max((running_bound(k, n, beta / len(families)) for k, n in families), default=1.0)
+
+
+@dataclass
+class Tally:
+    """Episodes in their order, and whether there is more to wait for.
+
+    Args:
+        bound: ε that is asked for.
+        beta: how often it may be wrong.
+        entered: k, so far.
+        episodes: n, so far.
+    """
+
+    bound: float
+    beta: float
+    entered: int = 0
+    episodes: int = 0
+
+    def add(self, entered: bool) -> None:
+        """Count one more episode."""
+        self.episodes += 1
+        self.entered += entered
+
+    @property
+    def certified(self) -> bool:
+        """Whether e has reached 1/β."""
+        gained = log_e(self.entered, self.episodes, self.bound, self.bound / BET)
+        return gained >= -math.log(self.beta)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether the chance is above ε / `NEVER`, by a wager on ε that has reached 1 / `DOUBT`."""
+        gained = log_e(self.entered, self.episodes, self.bound / NEVER, self.bound)
+        return gained >= -math.log(DOUBT)

@@ -1,0 +1,184 @@
+"""A certificate repeated: what its episodes show again, and what else of it follows from them."""
+
+import functools
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import records
+from hcbf_gym.certificates import BLOCK, Certificate, sources
+from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
+from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.evaluation.certification import calibration, certify, families
+from hcbf_gym.evaluation.certification.families import GUIDED, Seen, scene_of, see
+
+SAME = 1e-6
+"""By how much a least h may differ [unit of h]."""
+SAFER = 10.0
+"""By how much less often than the bound an episode may need more than calibration reserves."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a repetition of a part showed.
+
+    Attributes:
+        episodes: how many were run again.
+        differs: in what the file does not say what came out, a phrase for each.
+        elsewhere: in what it was computed otherwise than here, a phrase for each.
+        least_h: of the repeated episodes.
+    """
+
+    episodes: int
+    differs: tuple[str, ...]
+    elsewhere: tuple[str, ...]
+    least_h: float
+
+
+def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs) -> Checked:
+    """Run a random part of a certificate's episodes again; of all of them, calibration, too.
+
+    Args:
+        certificate: to check.
+        episodes: at least so many, in whole blocks.
+        seed: decides which.
+        runs: how they run.
+
+    Raises:
+        InvalidInputError: if the file is too old to hold what is compared.
+    """
+    if certificate.shown is None:
+        raise InvalidInputError(
+            f"check: got {certificate.name!r}, which does not say what its episodes showed, "
+            "expected one that this version of `hcbf certify` wrote"
+        )
+    family = families.from_dict(certificate.family)
+    differs = _derived(certificate, family)
+    count = min(len(certificate.blocks), -(-episodes // BLOCK))
+    chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
+    seen: list[Seen] = []
+    frozen = _frozen(certificate, family)
+    numbers = [
+        number
+        for block in sorted(chosen.tolist())
+        for number in range(block * BLOCK, min((block + 1) * BLOCK, certificate.episodes))
+    ]
+    job = functools.partial(see, family, certificate.margins)
+    jobs = [certificate.first_seed + number for number in numbers]
+    found = dict(runs.over(job, jobs, family, "check", BLOCK))
+    seen = [found[k] for k in range(len(jobs))]
+    again = certify.outcome(seen, certificate.bound)
+    for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
+        if not _same(certificate.blocks[block], shown):
+            first = certificate.first_seed + block * BLOCK
+            differs.append(f"block from seed {first}: {certificate.blocks[block]}, now {shown}")
+    if count == len(certificate.blocks):
+        differs += [
+            f"{name}: {getattr(certificate, name)}, now {value}"
+            for name, value in again.items()
+            if name != "blocks" and not _same(getattr(certificate, name), value)
+        ]
+        differs += _recalibrated(certificate, frozen, runs)
+    return Checked(
+        len(jobs), tuple(differs), tuple(_elsewhere(certificate)), min(s.least_h for s in seen)
+    )
+
+
+def _frozen(c: Certificate, family: Any) -> certify.Frozen:
+    return certify.Frozen(
+        c.name, family, c.margins, c.calibration, c.bound, c.confidence, c.attempt,
+        c.first_seed // SEEDS,
+    )  # fmt: skip
+
+
+def _derived(c: Certificate, family: Any) -> list[str]:
+    """Return in what a file says other things than its family does, a phrase for each."""
+    plant, declared = certify.plant_of(family)
+    expected = {
+        "plant": family.certifies(declared),
+        "words": family.words,
+        "family": families.to_dict(family),
+    }
+    differs = [
+        f"{name}: {getattr(c, name)!r}, expected {value!r}"
+        for name, value in expected.items()
+        if records.plain(getattr(c, name)) != records.plain(value)
+    ]
+    if c.margins is not None:
+        own = plant.uncertainty._asdict()
+        differs += [
+            f"margins: {name} {value}, expected {own[name]} as the plant declares it"
+            for name, value in c.margins._asdict().items()
+            if name not in (CALIBRATED if c.calibration else ()) and value != own[name]
+        ]
+    drawn: Counter[tuple[str, str]] = Counter()
+    for seed in range(c.first_seed, c.first_seed + c.episodes):
+        episode = family.episode(seed)
+        guided = "guidance" in (getattr(episode, "filter_options", None) or {})
+        drawn[episode.attack + GUIDED * guided, scene_of(episode)] += 1
+    told = {(s.policy, s.scene): s.episodes for s in c.strata}
+    if told != dict(drawn):
+        differs.append(f"strata: {told}, expected {dict(drawn)} as the seeds draw them")
+    return differs
+
+
+def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: certify.Runs) -> list[str]:
+    """Return in what margins and rounds are not those that a calibration gives."""
+    if not c.calibration or c.margins is None:
+        return []
+    first = c.calibration[0]
+    start = c.margins._replace(**{name: first["margins"][name] for name in CALIBRATED})
+    share = c.bound / SAFER
+    try:
+        found = certify.calibrated(
+            frozen.family, start, runs, first["episodes"], share, frozen.seed
+        )
+    except HcbfError as error:
+        return [f"calibration: {error}"]
+    return [
+        f"{name}: {told}, now {value}"
+        for name, told, value in (
+            ("calibration", c.calibration, calibration.plain(found.rounds)),
+            ("margins", c.margins, found.margins),
+        )
+        if not _same(told, value)
+    ]
+
+
+def _elsewhere(c: Certificate) -> list[str]:
+    """Return in what a certificate was computed otherwise than here."""
+    here = certify.versions()
+    said = [
+        f"{name} {c.versions.get(name)} (here {here.get(name)})"
+        for name in sorted({*here, *c.versions})
+        if c.versions.get(name) != here.get(name)
+    ]
+    today = sources.today()
+    for what in ("sources", "repeated"):
+        of = getattr(c, what)
+        if of not in ("", today):
+            said.append(f"{what} {of} (here {today})")
+    return said
+
+
+def _same(told: Any, value: Any) -> bool:
+    """Tell whether two are alike, numbers to within `SAME`."""
+    told, value = records.plain(_parts(told)), records.plain(_parts(value))
+    if isinstance(told, dict) and isinstance(value, dict):
+        return set(told) == set(value) and all(_same(told[k], value[k]) for k in told)
+    if isinstance(told, list) and isinstance(value, list):
+        return len(told) == len(value) and all(map(_same, told, value))
+    if isinstance(told, float) and isinstance(value, float):
+        return abs(told - value) <= SAME * max(1.0, abs(told))
+    return type(told) is type(value) and told == value
+
+
+def _parts(thing: Any) -> Any:
+    return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing
+
+
+def repeated(certificate: Certificate) -> Certificate:
+    """Return a certificate of which a part came out the same today."""
+    return replace(certificate, repeated=sources.today())

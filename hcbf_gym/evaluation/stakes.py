@@ -1,0 +1,69 @@
+"""Whether an episode puts rank 1 to the test: what u* would have done, and what the filter did."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.input_sets import InputSet
+
+Array = NDArray[np.float64]
+
+AHEAD = (0.25, 0.5, 0.75, 1.0)
+"""When it is looked whether a held u* has entered [s]."""
+CHANGED = 1e-3
+"""‖u − u*‖ from which the filter has changed an input, as a share of the greatest of U."""
+JUMP = 10.0
+"""How many times the usual step a step is that no robot makes."""
+WHOLE = 0.2
+"""And what share of all that h went through in the episode."""
+
+Strict = Callable[[Array, Array], Array]
+"""(x (j, n), t (j,)) → (j, m) the strict h's on the position."""
+
+
+def pressed(
+    model: Any, input_set: InputSet, x: Array, time: float, strict: Strict, report: Any
+) -> bool:
+    """Tell whether the filter changed an input that, held for a second, would have entered rank 1.
+
+    Args:
+        model: of the plant.
+        input_set: U, to which u* is cut.
+        x: (n,) the state before the step.
+        time: [s].
+        strict: h's.
+        report: of the filter for this step.
+    """
+    if not report["intervention"] > CHANGED * input_set.radius:
+        return False
+    wanted = input_set.project(np.asarray(report["u_nominal"], dtype=np.float64))
+    way = np.array([model.step(x, wanted, s) for s in AHEAD])
+    return bool((strict(way, time + np.array(AHEAD)) < 0.0).any())
+
+
+def check_jumps(source: str, went: list[Array], expected: list[Array]) -> None:
+    """Refuse an episode that goes on elsewhere: its environment resets itself.
+
+    Args:
+        source: of the environment.
+        went: of each sample (m,) strict h's on the position.
+        expected: of each step (m,) where the model would have been.
+
+    Raises:
+        InvalidInputError: if there is a step that no robot makes.
+    """
+    if len(expected) < 3:
+        return
+    h = np.array(went)
+    off = np.abs(h[1:] - np.array(expected)).max(axis=1)
+    usual = max(np.median(off), np.median(np.abs(np.diff(h, axis=0)).max(axis=1)))
+    k = int(off.argmax())
+    if off[k] > max(JUMP * usual, WHOLE * np.ptp(h, axis=0).max()):
+        raise InvalidInputError(
+            f"{source}: got a state that jumps in step {k + 1}, by {off[k]:.3g} in h where "
+            f"{usual:.3g} is usual, expected an episode that ends (terminated or truncated) rather "
+            "than an environment that resets itself"
+        )
