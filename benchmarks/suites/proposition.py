@@ -211,7 +211,7 @@ def region(kind: int, rng: np.random.Generator, moving: bool) -> tuple[Any, Arra
     angle = rng.uniform(0.0, 2.0 * np.pi)
     away = rng.uniform(0.3, 2.5) * np.array([np.cos(angle), np.sin(angle)])
     velocity = rng.uniform(-0.3, 0.3, 2) if moving and kind else np.zeros(2)
-    w = tuple(velocity.tolist())
+    w = float(velocity[0]), float(velocity[1])
     if kind == 0:
         c[:3] = -np.cos(angle), -np.sin(angle), -rng.uniform(0.5, 2.5)
         return HalfPlane("wall", 1, (c[0], c[1]), c[2]), c, velocity
