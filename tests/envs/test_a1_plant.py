@@ -152,12 +152,12 @@ def test_a_cap_that_the_margin_eats_is_refused():
             gym.make("HCBF-A1Regions-v0", scenario=replace(scene, v_max=v_max))
 
 
-def test_the_body_near_a_long_ellipse_is_measured_with_the_steepness_of_h():
+def test_the_body_near_a_long_ellipse_is_as_near_as_its_metres_say():
     body = inner(scenario=scenarios.make("random"), body="footprint")
     body.reset(seed=0)
     reed = Ellipse("reed", 1, center=(0.0, 1.2), semi_axes=(4.0, 0.2), angle=np.pi / 2)
     tip = BarrierSet([(replace(reed, center=(0.0, 4.6)),)])  # the robot stands .6 m before its tip
     h = body.walker._footprint.h(body.data, tip, 0.0)
     centre = tip.values(np.zeros((1, 4)), np.zeros(1))[0]
-    assert centre[0] < 0.05 < 0.6  # h of the centre is the metres shortened twentyfold
-    assert h[0] > 0.0
+    assert centre[0] == pytest.approx(0.6)  # h is the signed distance
+    assert 0.6 - body.plant.uncertainty.body <= h[0] < 0.6

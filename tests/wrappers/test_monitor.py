@@ -18,7 +18,7 @@ def alarmed(inputs, applied):
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
         assert senses.look(plant, PERIOD) == 0
-        senses.watch(plant, PERIOD, RADIUS, 3.0)
+        senses.watch(plant, PERIOD, RADIUS, 3.0, 0.0)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really
