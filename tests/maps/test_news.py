@@ -8,7 +8,7 @@ from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
 
-pytestmark = pytest.mark.filterwarnings("ignore:safety filter: the robot does not do")
+pytestmark = pytest.mark.filterwarnings("ignore:safety filter. the robot does not do")
 """The robot here follows at once, and the cart's response does not."""
 
 FREE = np.zeros((80, 120), dtype=np.bool_)
