@@ -85,7 +85,8 @@ def rows(
                 h, gx, gy, distance, tx, ty = shapes.jet(which, c, qx, qy)
                 a[i, k, 0], a[i, k, 1] = gx, gy
                 kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
-                quickening, most = margin[2, i, k], support(settings, gx, gy)
+                quickening = margin[2, i, k]
+                most = support(settings, gx, gy) if rate < 0.0 else 0.0
                 sideways = abs(tx * rx + ty * ry)
                 if settings[HELD] == 0.0:
                     b, alpha2_psi, psi = _usual_row(

@@ -48,6 +48,7 @@ class BarrierSet:
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
         version: (N,) how often each scene was set: a filter sees by it what is news.
+        edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
         atlas: where the pieces of maps stand.
     """
@@ -65,6 +66,7 @@ class BarrierSet:
         self.keeps_margin = np.zeros(shape)
         self.own_margin = np.zeros(shape)
         self.version = np.zeros(len(scenes), dtype=np.int64)
+        self.edits = 0
         self.own: dict[tuple[int, int], Barrier] = {}
         self.atlas = Atlas()
         for i, scene in enumerate(scenes):
@@ -82,6 +84,7 @@ class BarrierSet:
                 f"expected {self.kind.shape[1]}"
             )
         self.version[i] += 1
+        self.edits += 1
         k = 0
         for barrier in _each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)

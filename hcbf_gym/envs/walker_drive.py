@@ -166,7 +166,7 @@ class WalkerDrive:
         pose = np.array([body[0], body[1], yaw])
         if self._monitor.observe(pose, body[2:], time):
             self._fault = Reason.RESPONSE
-        return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault)
+        return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault or None)
 
     def odometry(self) -> tuple[Array, float]:
         """Return (4,) position [m] and velocity [m/s] of the point that follows, and the heading.

@@ -200,7 +200,13 @@ class VelocityFilter:
         if sound and self._monitor.observe(point, body[2:], stamp, self._good_until):
             self._fault = Reason.RESPONSE
         estimate = Estimate(
-            x, stamp, None, x, lag, age=math.inf if stale else max(0.0, age), fault=self._fault
+            x,
+            stamp,
+            None,
+            x,
+            lag,
+            age=math.inf if stale else max(0.0, age),
+            fault=self._fault or None,
         )
         barriers = self._scene()
         if not self._begun and sound and not stale:

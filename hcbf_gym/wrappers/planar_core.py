@@ -73,7 +73,7 @@ class PlanarCore(FilterCore):
         self._m = 0
         self._no_rows = self._own_rows = np.zeros((0, 0), dtype=OWN_ROW)
         self._scene = BarrierSet([()] * count)
-        self._version = self._scene.version.copy()
+        self._version, self._edits = self._scene.version.copy(), -1
         self._refused = self._needs_time = False
         self._listed: tuple[Any, ...] = ()
         self._checked: tuple[Any, ...] = ()
@@ -220,7 +220,7 @@ class PlanarCore(FilterCore):
             scene = self._read_barriers(barriers)
         except InvalidInputError:
             self._listed, self._refused = (), True
-            self._version = np.full(self.count, -1)
+            self._version, self._edits = np.full(self.count, -1), -1
         else:
             self._note_news(scene)
         if self._refused:
@@ -230,13 +230,13 @@ class PlanarCore(FilterCore):
 
     def _note_news(self, scene: BarrierSet) -> None:
         """Take a scene for the present one; what is news in it is looked at."""
-        if scene is self._scene and np.array_equal(scene.version, self._version):
+        if scene is self._scene and scene.edits == self._edits:
             return
         news = np.ones(self.count, dtype=np.bool_)
         if scene is self._scene:
             news = scene.version != self._version
         self._intake.plants["news"][news] = 1
-        self._scene, self._version = scene, scene.version.copy()
+        self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
         changed = news & ~self._fresh & (self._coverage == Coverage.COVERED)
         self._coverage[changed] = Coverage.SCENE  # it was covered with the scene that it began in
         self._sheet.plants["covered"] = self._coverage

@@ -126,8 +126,9 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
             program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
         )
         self._core = _core_of(self.plant, self._input_set, settings)
-        if self.plant.to_action is None:
-            self._core.applied_as(env.action_space.dtype)
+        self._dtype = None if self.plant.to_action is not None else env.action_space.dtype
+        if self._dtype is not None:
+            self._core.applied_as(self._dtype)
         self._limits = _limits(settings, self.plant, one, other)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
@@ -173,7 +174,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         wanted = action if plant.from_action is None else plant.from_action(action)
         u_nominal = _input(wanted, self._shape)
         u, report = self._core.step(u_nominal, *self._sense())
-        applied = _as_action(u, self.env) if plant.to_action is None else plant.to_action(u)
+        applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u)
         observation, reward, terminated, truncated, info = self.env.step(applied)
         self._observation, self._info = observation, info
         info["safety_filter"] = report
@@ -373,12 +374,6 @@ def _check_begun(begun: bool) -> None:
         raise InvalidInputError(
             "safety filter: got a step before a reset that succeeded, expected reset() first"
         )
-
-
-def _as_action(u: Array, env: gym.Env) -> Any:
-    """Return u as the environment's action space has it: a Box of 32 bits gets 32 bits."""
-    space = env.action_space
-    return u.astype(space.dtype) if isinstance(space, gym.spaces.Box) else u
 
 
 def _check_order(env: Any) -> None:

@@ -52,7 +52,7 @@ class Shortfall(NamedTuple):
     fast: bool
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def shortfall(
     strict: Mask,
     h: Array,
@@ -79,17 +79,19 @@ def shortfall(
     for k in range(strict.size):
         if not strict[k]:
             continue
-        kept = h[k] - margin[k] + dip
-        value = class_k.value(alpha1, kept)
-        spare = psi[k] + value - class_k.value(alpha1, kept - dip)
+        kept, spare = h[k] - margin[k] + dip, psi[k]
+        if spare < -SHORT and dip > 0.0:
+            spare += class_k.value(alpha1, kept) - class_k.value(alpha1, kept - dip)
         lacks |= kept < -SHORT or spare < -SHORT
         used = leaning[k] + sway
         near |= kept + used < -SHORT
-        fast |= spare + class_k.value(alpha1, kept + used) - value < -SHORT
+        if spare < -SHORT and used > 0.0:
+            spare += class_k.value(alpha1, kept + used) - class_k.value(alpha1, kept)
+        fast |= spare < -SHORT
     return Shortfall(lacks, near, fast)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) -> bool:
     """Return whether a step is VIOLATED for what its strict conditions lack, and remember.
 
