@@ -201,6 +201,7 @@ def hold(case: Case, z: Array, literal: bool = False) -> Hold:
     T, extra = period(case), 0.0 if literal else rounding(case)
     margin = np.stack([log_of(z[:, 2], -4, -0.5), 0.5 * log_of(z[:, 3], -3, 0), log_of(z[:, 4], -2, 1)])
     margin[1] *= np.where(z[:, 5] < 0.3, -1.0, 1.0)
+    margin[1] = np.maximum(margin[1], -margin[0] / T)  # m ≥ 0 stays
     margin[2] *= z[:, 5] > 0.6
     k = log_of(z[:, 6], -6.0, 0.5)
     p, n = place(case, z, k + margin[0] + extra)
@@ -262,7 +263,8 @@ def lemma_3(case: Case, z: Array) -> Array:
     s = hold(case, z)
     D, d, d_T, _ = turn(case, s)
     T = period(case)
-    return (D * (s.r * T + 0.5 * s.u * T**2)).sum(1) - 0.5 * (d + d_T) * (D**2).sum(1)
+    slack = (D * (s.r * T + 0.5 * s.u * T**2)).sum(1) - 0.5 * (d + d_T) * (D**2).sum(1)
+    return np.where((d >= 0.0) & (d_T >= 0.0), slack, np.nan)
 
 
 def lemma_4(case: Case, z: Array) -> Array:
@@ -270,7 +272,8 @@ def lemma_4(case: Case, z: Array) -> Array:
     s = hold(case, z)
     D, d, d_T, _ = turn(case, s)
     loss = u_max(case) ** 2 * period(case) ** 3 / (8.0 * (d + d_T))
-    return (D * (s.r + s.u * period(case))).sum(1) + loss
+    slack = (D * (s.r + s.u * period(case))).sum(1) + loss
+    return np.where((d > 0.0) & (d_T > 0.0), slack, np.nan)
 
 
 def lemma_5(case: Case, z: Array) -> Array:
@@ -301,6 +304,55 @@ def after(case: Case, s: Hold, extra: float) -> Array:
 def lemma_6(case: Case, z: Array) -> Array:
     """ψ(T) ≥ ψ − T α₂(ψ), where h ≥ m and ψ ≥ 0, rounding included."""
     return after(case, hold(case, z), rounding(case))
+
+
+def lemma_6_nearer(case: Case, z: Array) -> Array:
+    """The same in the rounding itself, h − m ≥ 0 but k < 0: there ν is not proved."""
+    half = rounding(case)
+    z = z.copy()
+    z[:, 2] = 0.0
+    s = hold(case, z)
+    share = 10.0 ** (-4.0 * z[:, 12]) * half
+    p, n = place(case, z, share)
+    x = np.hstack([p, s.r + case.velocity])
+    margin = np.stack([0.0 * share, s.margin[1], s.margin[2]])
+    _, b, psi = rows(case, x, margin)
+    u = push(case, n, b, z[:, 10], z[:, 11])
+    way = p[:, None] + s.r[:, None] * s.tau[:, None] + 0.5 * u[:, None] * s.tau[:, None] ** 2
+    later, turned = value(case.kind, case.c, way)
+    s = s._replace(n=n, h=share, u=u, later=later, turned=turned, psi=psi, margin=margin)
+    return after(case, s, half)
+
+
+def lemma_11(case: Case, z: Array) -> Array:
+    """Two pieces: rows of those within the horizon keep h ≥ m, and ψ ≥ 0 of both."""
+    T, how, half = period(case), case.how, 0.5 * u_max(case) * period(case) ** 2
+    if case.kind != "polygon":
+        return np.full(len(z), np.nan)
+    shift = np.array([3.0 * np.ptp(case.c), 0.3 * np.ptp(case.c)])
+    m = np.stack([0.1 * z[:, 2], 0.0 * z[:, 2], 0.0 * z[:, 2]])
+    p, _ = place(case, z, m[0] + half + log_of(z[:, 3], -4, 0.5))
+    v = 10.0 ** (2.0 * z[:, 4:5] - 1.5) * np.column_stack(
+        [np.cos(2.0 * np.pi * z[:, 5]), np.sin(2.0 * np.pi * z[:, 5])]
+    )
+    v -= case.velocity * 0.0
+    fast = np.linalg.norm(v, axis=1)
+    far = [how.alpha1.inverse(y) for y in np.minimum(fast + u_max(case) * T, 1e3)]
+    H = m[0] + half + np.array(far) + fast * T + half
+    tau = np.linspace(0.0, T, LOOKS + 1)
+    turn_ = 2.0 * np.pi * z[:, 10]
+    u = u_max(case) * z[:, 11:12] * np.column_stack([np.cos(turn_), np.sin(turn_)])
+    q = p[:, None] + v[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
+    worst, meets = np.full(len(z), np.inf), np.ones(len(z), dtype=np.bool_)
+    for by in (0.0 * shift, shift):
+        a, b, psi = rows(case, np.hstack([p - by, v + case.velocity]), m)
+        h, n = value(case.kind, case.c, q - by)
+        meets &= (h[:, 0] - m[0] >= half) & (psi >= 0.0)
+        meets &= ((a * u).sum(1) >= b) | (h[:, 0] > H)
+        k = h - m[0][:, None] - half
+        later = (n[:, -1] * (v + u * T)).sum(1) + how.alpha1.values(k[:, -1])
+        worst = np.minimum(worst, np.minimum(k.min(1), later))
+    return np.where(meets, worst, np.nan)
 
 
 def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
@@ -377,7 +429,7 @@ def lemma_8(case: Case, z: Array) -> Array:
 def held_bound(case: Case, z: Array) -> Array:
     """The bound on b of a held row at ψ = 0 and e ≥ η."""
     z = z.copy()
-    z[:, 3:6] = z[:, 7:8] = 0.0
+    z[:, 3:6], z[:, 7] = 0.0, 0.1  # ψ = 1e-5: at 0, rounding makes half of the rows late
     s, how, T = hold(case, z), case.how, period(case)
     half = 0.5 * u_max(case) * T**2
     fast = how.alpha1.values(s.k)
@@ -386,6 +438,19 @@ def held_bound(case: Case, z: Array) -> Array:
     nu = u_max(case) * T / 8.0
     most = fast * steep + 0.5 * u_max(case) * T * (steep - least) + nu / T
     return np.where(e >= half, most / (1.0 + 0.5 * least * T) - s.b, np.nan)
+
+
+def braking(case: Case, z: Array) -> Array:
+    """Braking at −5v, and u_max/8 away from what is sharp, meets rows of the paper's α's."""
+    how = RowSettings(period=0.02, u_max=5.0 * 2.0**0.5, limits=((-5.0, -5.0), (5.0, 5.0)))
+    case, z = case._replace(how=how), z.copy()
+    z[:, 2:6] = 0.0
+    s = hold(case, z)
+    p, n = place(case, z, s.h)
+    _, b, psi = rows(case, np.hstack([p, s.r + case.velocity]), s.margin)
+    given = 0.0 if case.kind == "wall" else u_max(case) / 8.0
+    fine = (np.linalg.norm(s.r, axis=1) <= 1.0) & (psi >= 0.0)
+    return np.where(fine, given - 5.0 * (s.r * n).sum(1) - b, np.nan)
 
 
 def lemma_9(case: Case, z: Array) -> Array:
@@ -496,8 +561,11 @@ def _repeat(case: Case, n: int) -> BarrierSet:
 CLAIMS: dict[str, Callable[[Case, Array], Array]] = {
     "1 tangent": lemma_1, "2 between samples": lemma_2, "2 without the rounding": lemma_2_literal,
     "3 turn": lemma_3, "4 loss": lemma_4, "5 going round": lemma_5, "6 next sample": lemma_6,
+    "6 within the rounding": lemma_6_nearer,
     "7 speed limit": lemma_7, "7 no more than a stop": a_stop, "8 U can brake": lemma_8,
-    "8 held bound": held_bound, "9 straight braking": lemma_9, "10 horizon": lemma_10,
+    "8 held bound": held_bound,
+    "9 braking at -5v": braking, "9 straight braking": lemma_9, "10 horizon": lemma_10,
+    "11 two pieces": lemma_11,
     "12 speed zones": lemma_12, "13 stop, held": lemma_13, "13 stop, usual": lemma_13_usual,
     "margin of an estimate": growth,
 }  # fmt: skip
