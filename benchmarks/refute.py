@@ -47,7 +47,7 @@ def search(name: str, cases: int, count: int = 400, steps: int = 12) -> tuple[in
     """Return how many samples met the assumptions, the worst slack and its case."""
     rng, looked, worst, where = np.random.default_rng(list(name.encode())), 0, np.inf, None
     for _ in range(cases):
-        case = draw(rng)
+        case = draw(rng, "polygon" if name.startswith("11") else "")
         z, width = rng.random((count, NUMBERS)), 0.3
         slack = np.full(count, np.inf)
         for step in range(steps):
@@ -72,9 +72,9 @@ def main(quick: bool) -> dict[str, float]:
     print(f"{'claim':<26}{'samples':>12}{'worst slack':>14}  refuted")
     for name in CLAIMS:
         looked, out[name], _ = search(name, *((4, 100, 4) if quick else (30, 300, 12)))
-        print(
-            f"{name:<26}{looked:>12,}{out[name]:>14.2e}  {'yes' if out[name] < -ROUNDING else 'no'}"
-        )
+        refuted = "yes" if out[name] < -ROUNDING else "no"
+        refuted += ", and the page corrected" if name in CORRECTED else ""
+        print(f"{name:<26}{looked:>12,}{out[name]:>14.2e}  {refuted}")
     return out
 
 

@@ -25,7 +25,7 @@ BETA = 1.0
 
 
 class Case(NamedTuple):
-    """Check: A region, its numbers as `value` reads them, and how rows are made."""
+    """A region, its numbers as `value` reads them, and how rows are made."""
 
     kind: str
     c: Array
@@ -182,7 +182,7 @@ def across(n: Array) -> Array:
 
 
 class Hold(NamedTuple):
-    """Check: States beside a region, an input that meets its row, and what one hold makes of them."""
+    """States beside a region, an input that meets its row, and what one hold makes of them."""
 
     h: Array
     n: Array

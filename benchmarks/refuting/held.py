@@ -23,7 +23,7 @@ from benchmarks.refuting.cases import (
 
 
 def lemma_1(case: Case, z: Array) -> Array:
-    """Check: A tangent lies below."""
+    """Check: a tangent lies below."""
     s = hold(case, z)
     tangent = s.h[:, None] + (s.n * s.r).sum(1)[:, None] * s.tau
     tangent += 0.5 * (s.n * s.u).sum(1)[:, None] * s.tau**2
@@ -31,13 +31,13 @@ def lemma_1(case: Case, z: Array) -> Array:
 
 
 def lemma_2(case: Case, z: Array) -> Array:
-    """Check: Between samples h ≥ m, rounding included, and so the theorem's first half."""
+    """Check: between samples h ≥ m, rounding included, and so the theorem's first half."""
     s = hold(case, z)
     return kept(s).min(1) - rounding(case)
 
 
 def lemma_2_literal(case: Case, z: Array) -> Array:
-    """Check: The same of an m without the rounding."""
+    """Check: the same of an m without the rounding."""
     return kept(hold(case, z, literal=True)).min(1)
 
 
@@ -99,7 +99,7 @@ def lemma_6(case: Case, z: Array) -> Array:
 
 
 def lemma_6_nearer(case: Case, z: Array) -> Array:
-    """Check: The same in the rounding itself, h − m ≥ 0 but k < 0: there ν is not proved."""
+    """Check: the same in the rounding itself, h − m ≥ 0 but k < 0: there ν is not proved."""
     half = rounding(case)
     z = z.copy()
     z[:, 2] = 0.0
@@ -117,7 +117,7 @@ def lemma_6_nearer(case: Case, z: Array) -> Array:
 
 
 def lemma_11(case: Case, z: Array) -> Array:
-    """Check: Two pieces: rows of those within the horizon keep h ≥ m, and ψ ≥ 0 of both."""
+    """Check: two pieces: rows of those within the horizon keep h ≥ m, and ψ ≥ 0 of both."""
     span, how, half = period(case), case.how, 0.5 * u_max(case) * period(case) ** 2
     if case.kind != "polygon":
         return np.full(len(z), np.nan)

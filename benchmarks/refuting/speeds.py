@@ -66,15 +66,15 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
 
 
 def lemma_7(case: Case, z: Array) -> Array:
-    """Check: A speed limit between samples."""
+    """Check: a speed limit between samples."""
     return speed(case, z, zone=False)[0]
 
 
 def a_stop(case: Case, z: Array) -> Array:
-    """Check: No row of a speed limit asks for more than ‖v‖²/(v_max T)."""
+    """Check: no row of a speed limit asks for more than ‖v‖²/(v_max T)."""
     return speed(case, z, zone=False)[1]
 
 
 def lemma_12(case: Case, z: Array) -> Array:
-    """Check: A speed zone between samples, while what position rows reserve grows."""
+    """Check: a speed zone between samples, while what position rows reserve grows."""
     return speed(case, z, zone=True)[0]

