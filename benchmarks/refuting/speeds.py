@@ -24,10 +24,10 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     limit = (top * span + 2.0 * own) * (1.0 + log_of(z[:, 1], -4, 1))
     drift = log_of(z[:, 2], -3, 0) * zone
     away, inside = log_of(z[:, 3], -4, 0.5), z[:, 4] < 0.3
+    gap = 0.3 * np.where(inside, -z[:, 5], away)
     if zone:
         gained = span * np.sqrt(top**2 + BETA * top + BETA**2)
         limit = (own + np.hypot(own, gained)) * (1.0 + log_of(z[:, 1], -4, 1))
-        gap = 0.3 * np.where(inside, -z[:, 5], away)
     p, n = place(case, z[:, 6:], np.maximum(gap, 0.0) + 1.0) if zone else (z[:, :2], z[:, :2])
     way = np.maximum(gap, 0.0) if zone else np.zeros(len(z))
     rate = log_of(z[:, 8], -3, 0) + (drift * BETA / limit * (way > 0.0) if zone else 0.0)
@@ -56,7 +56,7 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     h = (limit**2)[:, None] - later
     if zone:
         q = p[:, None] + v[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
-        d = value(case.kind, case.c, q)[0] - 1.0 - np.minimum(0.0, 0.0 * gap)[:, None]
+        d = value(case.kind, case.c, q)[0] - 1.0
         d = d + np.minimum(gap, 0.0)[:, None] - drift[:, None] * tau
         h = h + 2.0 * BETA * np.maximum(0.0, d)
     h = h / (2.0 * limit[:, None])
