@@ -52,7 +52,7 @@ class Shortfall(NamedTuple):
     fast: bool
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def shortfall(
     strict: Mask,
     h: Array,
@@ -91,7 +91,7 @@ def shortfall(
     return Shortfall(lacks, near, fast)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) -> bool:
     """Return whether a step is VIOLATED for what its strict conditions lack, and remember.
 
