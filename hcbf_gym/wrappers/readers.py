@@ -20,7 +20,8 @@ class Readers:
 
     def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> tuple[Any, Estimate]:
         """Return the barriers and the state as the plant gives them now."""
-        barriers = state = None
+        barriers: Any = None
+        state: Any = None
         name = "barriers"
         try:
             barriers = read(self._plant.barriers, env, observation, info)
