@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from needs import chromium
-from playwright.sync_api import Error, sync_playwright
+from playwright.sync_api import sync_playwright
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane
@@ -158,8 +158,7 @@ class Visit:
         """
         notices = self.page.locator(".mantine-Notification-closeButton")
         if notices.count():
-            with contextlib.suppress(Error):  # it may close by itself meanwhile
-                notices.first.click(timeout=2000)
+            notices.first.click()
         at = "([x, y]) => document.elementFromPoint(x, y).tagName"
         return self.page.evaluate(at, [x, y]) == "CANVAS"
 

@@ -379,7 +379,10 @@ def test_nothing_that_is_not_finite_is_ever_nominal(values, field):
 def test_no_jet_that_is_bent_becomes_a_row(field, value):
     own = Own("own", 1, lambda jet: jet._replace(**{field: value}))
     env, _, world = filtered(barriers=lambda env, observation, info: [own])
-    env.reset(seed=0)
+    try:
+        env.reset(seed=0)
+    except InvalidInputError:  # a row that leaves an input to the policy is refused in words
+        return
     *_, info = env.step(PUSH)
     assert np.isfinite(world.applied[-1]).all()
     status, reason = said(info)
