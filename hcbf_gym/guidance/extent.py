@@ -66,6 +66,7 @@ def geometry_of(extent: Array, cell: float, geometry: Array) -> None:
     """Write (7,) the grid over an extent, see `guidance.field`."""
     width, height = extent[1, 0] - extent[0, 0], extent[1, 1] - extent[0, 1]
     side = max(cell, np.sqrt(width * height / MAX_CELLS))
+    side = max(side, 4.0 * max(width, height) / MAX_CELLS)  # a strip is two cells wide at least
     geometry[0], geometry[1], geometry[2] = extent[0, 0], extent[0, 1], side
     geometry[3] = max(2.0, np.ceil(height / side) + 1.0)
     geometry[4] = max(2.0, np.ceil(width / side) + 1.0)

@@ -19,6 +19,7 @@ from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.ground import Ground
 from hcbf_gym.guidance.grounds import MapGround
 from hcbf_gym.guidance.row import Pull
+from hcbf_gym.models.constants import FARTHEST
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -256,7 +257,7 @@ class Geodesic:
                 )  # fmt: skip
         else:
             shape = (count, 2, 2) if as_array("extent", extent).ndim == 3 else (2, 2)
-            corners[:] = finite_array("extent", extent, shape)
+            corners[:] = finite_array("extent", extent, shape, largest=FARTHEST)
             if (corners[:, 0] >= corners[:, 1]).any():
                 raise InvalidInputError(
                     f"extent: got {corners.tolist()}, expected ((x_min, y_min), (x_max, y_max))"

@@ -9,6 +9,7 @@ from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, HalfPlan
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
+from hcbf_gym.guidance.extent import MAX_CELLS
 
 FAR = (Disc("far", 1, (50.0, 50.0), 1.0),)
 OPEN = ((-2.0, -3.0), (6.0, 3.0))
@@ -322,3 +323,15 @@ def test_where_two_strict_edges_touch_there_is_no_way_between():
     apart = (walls[0], Disc("apart", 1, (2.0, 1.5), 1.3), walls[2])
     way = way_of(apart, (5.0, 1.5), clearance=0.0)
     assert way.reachable(np.array([[-1.0, 1.5, 0.0, 0.0]])).tolist() == [0]
+
+
+@pytest.mark.parametrize("extent", [((0.0, 0.0), (1e9, 1e-3)), ((-1e308, 0.0), (1e308, 1.0))])
+def test_an_extent_beyond_all_places_is_refused(extent):
+    with pytest.raises(InvalidInputError, match="extent"):
+        guidance.Geodesic().reset([Disc("d", 1, (5.0, 0.0), 0.5)], (1.0, 0.0), extent)
+
+
+def test_a_strip_has_no_more_cells_than_any_other_ground():
+    way = guidance.Geodesic(cell=1e-4)
+    way.reset([Disc("d", 1, (50.0, 0.0), 0.5)], (1.0, 0.0), ((-1e4, -0.01), (1e4, 0.01)))
+    assert way.geometry[0, 3] * way.geometry[0, 4] <= 2.0 * MAX_CELLS
