@@ -399,7 +399,7 @@ def driven(goal, poses, twist, guidance):
     """A loop of one's own, whose messages are bent from the first one on."""
     loop = hcbf_gym.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
     for k, pose in enumerate(poses):
-        told = (0.0, 0.0, 0.0) if twist == 0.0 else twist
+        told = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist
         command, report = loop.step((0.5, 0.1, 0.0), pose, told, 0.05 * k)
         assert np.isfinite(command).all()
         assert np.isfinite(report["u_safe"]).all()
