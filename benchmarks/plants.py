@@ -106,7 +106,7 @@ class Episode:
         counts, reason, where_changed, fastest = np.zeros(len(FilterStatus), int), 0, False, np.inf
         while not ended and inner.time < self.seconds - 1e-9:
             if not changed and inner.time >= self.when - 1e-9:
-                _change(inner.simulation, *self.change)  # type: ignore[misc]
+                change_plant(inner.simulation, *self.change)  # type: ignore[misc]
                 changed = True
             observation, _, terminated, truncated, info = env.step(wanted(observation, info))
             report = info["safety_filter"]
@@ -151,7 +151,7 @@ def _masses(inner: Any) -> list[tuple[Any, Any]]:
     return [(array, array.copy()) for array in arrays]
 
 
-def _change(simulation: Any, what: str, number: float) -> None:
+def change_plant(simulation: Any, what: str, number: float) -> None:
     """Make another plant of a running one, behind everybody's back."""
     if what == "floor":
         simulation.model.geom_friction[simulation._feet, 0] = number

@@ -52,7 +52,8 @@ class Suite(NamedTuple):
     def sources(self) -> str:
         """Return the hash of the sources that its figures depend on."""
         own = _ROOT.joinpath("benchmarks", *self.module.split(".")).with_suffix(".py")
-        return sources_hash([own, *(file for p in self.also for file in _ROOT.glob(p))])
+        also = [file for p in self.also for file in _ROOT.glob(p) if file.is_file()]
+        return sources_hash([own, *also])
 
 
 SUITES = {
@@ -88,12 +89,6 @@ SUITES = {
     "programs": Suite("suites.programs", "time of each filter, beside peers", 4),
     "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
     "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
-    "versions": Suite(
-        "suites.versions",
-        "this version beside 0.1, in turn",
-        8,
-        (*ROM, *A1, "benchmarks/suites/version_worker.py"),
-    ),
     "monte-carlo": Suite(
         "suites.monte_carlo", "programs in random conflicting scenes, by priority", 6
     ),

@@ -10,6 +10,8 @@ import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
+from operator import mul
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -17,6 +19,7 @@ import joblib
 import numpy as np
 import tyro
 
+from benchmarks.plants import change_plant
 from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation.attacked import alarm_of, wants
@@ -28,13 +31,20 @@ ROBOTS = {
     "holonomic-cart": "holonomic-cart",
     "go1": f"{CONTRACTS}/go1.json",
     "berkeley_humanoid": f"{CONTRACTS}/berkeley_humanoid.json",
+    "a1": None,
 }
+"""Contracts; the A1, which follows accelerations, has an environment and alarms of its own."""
 POLICIES = (*ATTACKS, "pd")
 FAMILIES = ("random", "random-moving")
 SEED = 9_310_000
-UNDISTURBED_SEED = 9_710_000
+UNDISTURBED_SEED = 9_720_000
 LOOP_SEED = 9_810_000
+SHARE_SEED = 9_910_000
 MOST_ROUNDS = 60
+
+
+SHARES = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.4, 1.5)
+"""Of what it is told, that a robot does."""
 
 
 def following(change: Callable[[Any], Any]) -> Callable[[Any], None]:
@@ -139,7 +149,71 @@ def acting(change: Callable[[int, Any], Any]) -> Callable[[Any], None]:
     return arm
 
 
-FAULTS: dict[str, Callable[[Any], None]] = {
+def known_as(change: Callable[[Any, Any], Any]) -> Callable[[Any], None]:
+    """Return a fault of the A1: another position is known, by its start and the true one (2,)."""
+
+    def arm(walker: Any) -> None:
+        plain, start = walker.estimate, walker.truth[:2].copy()
+
+        def bent(time: float) -> Any:
+            estimate = plain(time)
+            x, lag = estimate.x.copy(), estimate.lag.copy()
+            x[:2] = change(start, x[:2])
+            lag[:2] += x[:2] - estimate.x[:2]
+            return estimate._replace(x=x, lag=lag)
+
+        walker.estimate = bent
+
+    return arm
+
+
+def late_position(seconds: float) -> Callable[[Any], None]:
+    """Return a fault of the A1: its position is late [s]."""
+
+    def arm(walker: Any) -> None:
+        waiting = deque([walker.truth[:2].copy()] * round(seconds / 0.02))
+
+        def late(start: Any, now: Any) -> Any:
+            waiting.append(now.copy())
+            return waiting.popleft()
+
+        known_as(late)(walker)
+
+    return arm
+
+
+def plant(what: str, number: float) -> Callable[[Any], None]:
+    """Return a fault of the A1: another floor, or late torques."""
+    return lambda walker: change_plant(walker.simulation, what, number)
+
+
+def turned(u: Any, by: float) -> Any:
+    """Return an acceleration (2,) in axes that are off by an angle [rad]."""
+    return np.array(
+        [math.cos(by) * u[0] - math.sin(by) * u[1], math.sin(by) * u[0] + math.cos(by) * u[1]]
+    )
+
+
+def late_actions(seconds: float) -> Callable[[Any], None]:
+    """Return a fault: a wrapper inside that delays actions [s]."""
+
+    def arm(drive: Any) -> None:
+        waiting = deque(np.zeros((round(seconds / 0.02), 2)))
+
+        def late(k: int, u: Any) -> Any:
+            waiting.append(u)
+            return waiting.popleft()
+
+        acting(late)(drive)
+
+    return arm
+
+
+ACTING = {
+    "every third action reversed": acting(lambda k, u: -u if k % 3 == 0 else u),
+    "actions times .5": acting(lambda k, u: 0.5 * u),
+}
+WALKER_FAULTS: dict[str, Callable[[Any], None]] = {
     "dead odometry": scaled_odometry(0.0),
     "half odometry": scaled_odometry(0.5),
     "odometry 500 ms late": late_odometry(0.5),
@@ -151,9 +225,35 @@ FAULTS: dict[str, Callable[[Any], None]] = {
     "floor .03": floor(0.03),
     "floor .1": floor(0.1),
     "compass off by 1.2": compass(1.2),
-    "every third action reversed": acting(lambda k, u: -u if k % 3 == 0 else u),
-    "actions times .5": acting(lambda k, u: 0.5 * u),
+    **ACTING,
 }
+A1_FAULTS: dict[str, Callable[[Any], None]] = {
+    "dead position": known_as(lambda start, now: start),
+    "half the way": known_as(lambda start, now: start + 0.5 * (now - start)),
+    "position 500 ms late": late_position(0.5),
+    "torques 16 ms late": plant("delay", 0.016),
+    "floor .1": plant("floor", 0.1),
+    "floor .3": plant("floor", 0.3),
+    "compass off by 1.2": acting(lambda k, u: turned(u, 1.2)),
+    "actions 200 ms late": late_actions(0.2),
+    **ACTING,
+}
+
+
+def faults_of(robot: str) -> dict[str, Callable[[Any], None]]:
+    """Return the faults of a robot."""
+    return A1_FAULTS if ROBOTS[robot] is None else WALKER_FAULTS
+
+
+def environment(robot: str, family: str, capped: bool) -> Any:
+    """Return a robot's environment; capped: at .8 m/s, where its environment takes a cap."""
+    if ROBOTS[robot] is None:
+        return gym.make("HCBF-A1Regions-v0", scenario=family, disable_env_checker=True)
+    options: dict[str, Any] = {"v_max": 0.8} if capped else {}
+    return gym.make(
+        "HCBF-WalkerRegions-v0", robot=ROBOTS[robot], scenario=family, disable_env_checker=True,
+        **options,
+    )  # fmt: skip
 
 
 class Seen(NamedTuple):
@@ -164,24 +264,19 @@ class Seen(NamedTuple):
     reason: int
 
 
-def run(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn") -> Seen:
-    """Run the k-th episode of a fault."""
+def run(robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str = "warn") -> Seen:
+    """Run the k-th episode of a fault; a number is the share that is done of what is told."""
     warnings.simplefilter("ignore")
-    options: dict[str, Any] = {"v_max": 0.8} if k // (2 * len(POLICIES)) % 2 else {}
-    env: Any = wrappers.SafetyFilter(
-        gym.make(
-            "HCBF-WalkerRegions-v0", robot=ROBOTS[robot], scenario=FAMILIES[k % 2],
-            disable_env_checker=True, **options,
-        ),
-        on_alarm=on_alarm,
-    )  # fmt: skip
+    capped = bool(k // (2 * len(POLICIES)) % 2)
+    env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
     inner = env.unwrapped
     observation, info = env.reset(seed=seed)
     strict = [j for j, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
     if info["min_h"][strict].min() < 0.0:
         return Seen(math.inf, math.inf, 0)
     if fault is not None:
-        FAULTS[fault](inner.walker)
+        arm = faults_of(robot)[fault] if isinstance(fault, str) else following(partial(mul, fault))
+        arm(inner.walker)
     wanted = wants(POLICIES[k // 2 % len(POLICIES)], env, seed)
     entered = alarmed = math.inf
     reason, step, ended = 0, 0, False
@@ -203,15 +298,16 @@ def _all(seen: Any) -> list[Seen]:
 
 def pooled(robot: str, wanted: int, rounds: int) -> Iterator[str]:
     """Yield the lines of a robot's faults, in rounds until so many episodes entered."""
-    entered = {name: [] for name in FAULTS}
-    seen = dict.fromkeys(FAULTS, 0)
-    alarmed = dict.fromkeys(FAULTS, 0)
+    faults = faults_of(robot)
+    entered = {name: [] for name in faults}
+    seen = dict.fromkeys(faults, 0)
+    alarmed = dict.fromkeys(faults, 0)
     size = len(FAMILIES) * len(POLICIES)
     with joblib.Parallel(n_jobs=2) as parallel:
         for turn in range(rounds):
             jobs = [
                 (name, turn * size + k, SEED + turn * size + k)
-                for name in FAULTS
+                for name in faults
                 for k in range(size)
             ]
             for job, one in zip(
@@ -249,6 +345,18 @@ def undisturbed(robot: str, count: int) -> str:
     return f"{robot}: undisturbed: {len(reasons)} alarms in {count} episodes {reasons}"
 
 
+def shares(robot: str, count: int) -> Iterator[str]:
+    """Yield in how many episodes it is seen that a robot does a share of what it is told."""
+    for share in SHARES:
+        seen = _all(
+            joblib.Parallel(n_jobs=2)(
+                joblib.delayed(run)(robot, share, k, SHARE_SEED + k) for k in range(count)
+            )
+        )
+        alarmed = sum(one.alarmed < math.inf for one in seen)
+        yield f"{robot}: does {share:g} of what it is told: alarm in {alarmed} of {count} episodes"
+
+
 def loops(count: int) -> str:
     """Return how many loops of `VelocityFilter` alarmed, 30 % of the messages lost, with jitter."""
     episodes = [
@@ -269,6 +377,7 @@ def main(
     entering: int = 100,
     calm: int = 300,
     loop: int = 100,
+    share: int = 36,
 ) -> None:
     """Print what is seen.
 
@@ -278,6 +387,7 @@ def main(
         entering: episodes that enter, of each robot.
         calm: undisturbed episodes of each robot.
         loop: loops of `VelocityFilter`.
+        share: episodes of each share of what it is told that a robot does.
     """
     if loop:
         print(loops(4 if quick else loop), flush=True)
@@ -285,6 +395,9 @@ def main(
         print(undisturbed(robot, 8 if quick else calm), flush=True)
         for line in pooled(robot, entering, 1 if quick else MOST_ROUNDS):
             print(line, flush=True)
+        if share and not quick and ROBOTS[robot] is not None:
+            for line in shares(robot, share):
+                print(line, flush=True)
 
 
 if __name__ == "__main__":

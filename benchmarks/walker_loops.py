@@ -30,7 +30,7 @@ ROUNDS, SECONDS = 40, 1.0
 
 
 def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
-    """Return how robots follow steps, turns and stops, the A1 with its own controller beside them.
+    """Return how robots follow steps, turns and stops.
 
     Args:
         contracts: name → a contract's path or name.
@@ -42,7 +42,7 @@ def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
         "brakes [m/s²]", "falls",
     )  # fmt: skip
     rows = []
-    for name, contract in (dict(contracts) | {"a1": "a1"}).items():
+    for name, contract in contracts.items():
         r = identify(Walker.load(contract), seconds, SEED).response
         rows.append(
             [

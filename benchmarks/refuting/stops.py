@@ -17,7 +17,7 @@ from benchmarks.refuting.cases import (
     u_max,
     value,
 )
-from hcbf_gym.barriers import BarrierSet, RowSettings, margins
+from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.models.plant import Uncertainty
 
 
@@ -153,7 +153,7 @@ def growth(case: Case, z: Array) -> Array:
     state = np.zeros(n), x, np.zeros((n, 4))
 
     def reserved(tau: float) -> Array:
-        return margins.derive_all(numbers, scenes, x, *state, at(tau), g, span)[:, :, 0]
+        return scenes.reserved(numbers, x, *state, at(tau), g, span)[:, :, 0]
 
     now = reserved(0.0)
     slack = [now[0] + tau * now[1] - reserved(tau)[0] for tau in (0.3 * span, span)]

@@ -76,7 +76,7 @@ def run(quick: bool) -> dict[str, Any]:
     periods, period = (2, 6.0) if quick else (10, 60.0)
     session = Session(SETTINGS, "random")
     session.tick()
-    page = Page(session, "127.0.0.1", 0)
+    page = Page(session, 0)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
     shown = threading.Thread(target=page.run, args=(stop, simulation), daemon=True)

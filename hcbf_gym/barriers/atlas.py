@@ -1,12 +1,11 @@
 """The pieces of all maps in a set of scenes, one behind another in one array."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.pieces import Pieces
 
-Array = NDArray[np.float64]
 Place = tuple[int, int]
 
 

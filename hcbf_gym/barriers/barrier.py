@@ -9,13 +9,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.errors import InvalidInputError
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 
 class Jet(NamedTuple):

@@ -14,17 +14,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout, zone
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.models.input_sets import InputSet
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 RESERVE = 0.1
 """Share of what U can do in its worst direction that single rows leave: for a second row that pulls

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_float
-
-Array = NDArray[np.float64]
 
 LINEAR, LOG = 0.0, 1.0
 """The first of the four numbers says which function it is; the others are its parameters."""

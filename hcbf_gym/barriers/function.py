@@ -6,13 +6,13 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.autodiff import compile64, import_jax
 
-Array = NDArray[np.float64]
 Scalar = Callable[[Any, Any], Any]
 
 

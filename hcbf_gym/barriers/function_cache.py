@@ -5,16 +5,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_rows import FunctionRows, RowsKernel
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.reduced_order import ReducedOrderModel
-
-Array = NDArray[np.float64]
 
 MOST = 8
 """Tuples of functions that are compiled together."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function, Scalar
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samples
@@ -13,8 +13,6 @@ from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
-
-Array = NDArray[np.float64]
 
 _PROBE = 1e-6  # how far to both sides a kink is looked for, relative to 1 + |x|
 _KINK = 1e-2  # least relative turn that counts as one; curvature and rounding stay below

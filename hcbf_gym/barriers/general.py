@@ -2,13 +2,14 @@
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
@@ -16,12 +17,11 @@ from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
+from hcbf_gym.barriers.row_kernels import late
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
-
-Array = NDArray[np.float64]
 
 
 class Prepared(NamedTuple):
@@ -62,6 +62,9 @@ class GeneralRows:
     .. math::
         a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
 
+    Where r is 2 and ψ_1 below zero, the row asks at least for a stop at h = margin, if U can (see
+    `row_kernels.late`).
+
     r is found by looking at sampled states, once for each class of barrier that reads the same
     states. It is the least order at which *any* input appears: inputs that would appear later
     are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where a
@@ -72,6 +75,7 @@ class GeneralRows:
         model: ẋ = f(x) + g(x)u.
         alpha1: α₁, applied to every ψ but the last.
         alpha2: α₂, applied to the last ψ.
+        most: the most that U gives of a·u, for a (n_u,); None where U is not known.
 
     Attributes:
         conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
@@ -81,8 +85,14 @@ class GeneralRows:
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
 
-    def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
-        self.model, self.alpha1, self.alpha2 = model, alpha1, alpha2
+    def __init__(
+        self,
+        model: ReducedOrderModel,
+        alpha1: ClassK,
+        alpha2: ClassK,
+        most: Callable[[Array], float] | None = None,
+    ) -> None:
+        self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
         self._reaches: dict[tuple[type[Barrier], bytes], Reach] = {}
         self._somewhere = samples(model)[0][0]
@@ -117,7 +127,7 @@ class GeneralRows:
         rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
         if prepared.functions is not None and len(prepared.own) == len(prepared.barriers):
             rows, self.conditioning = prepared.functions(x, t, kept, rates)
-            return rows
+            return self._recovering(prepared, rows, kept)
         rows, self.conditioning = self._from_jets(prepared, x, t, kept, rates)
         if prepared.functions is not None:
             own = prepared.own
@@ -125,7 +135,20 @@ class GeneralRows:
             rows.a[own], rows.b[own], rows.h[own] = functions.a, functions.b, functions.h
             if rows.alpha2_psi is not None:
                 rows.alpha2_psi[own] = functions.alpha2_psi
-        return rows
+        return self._recovering(prepared, rows, kept)
+
+    def _recovering(self, prepared: Prepared, rows: CbfRows, margin: Array) -> CbfRows:
+        """Return rows that ask for a stop where ψ is below zero; those of other states as given."""
+        degrees = np.array([reach.degree for reach in prepared.reaches])
+        if self._most is None or rows.alpha2_psi is None or not (rows.alpha2_psi < 0.0).any():
+            return rows
+        b = rows.b.copy()
+        for at in map(tuple, np.argwhere((rows.alpha2_psi < 0.0) & (degrees == 2))):
+            alpha2_psi, kept = float(rows.alpha2_psi[at]), float(rows.h[at] - margin[at[-1]])
+            rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
+            lost = float(b[at]) + alpha2_psi + self.alpha1.derivative(kept) * rate
+            b[at] = max(float(b[at]), late(kept, rate, lost, self._most(rows.a[at])))
+        return rows._replace(b=b)
 
     def prepare(self, barriers: Sequence[Barrier]) -> Prepared:
         """Return what is known of these barriers, looked up once while these are the same."""

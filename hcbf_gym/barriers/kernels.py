@@ -6,14 +6,11 @@ looked up. A user's own barrier (`layout.CUSTOM`) is passed over: `BarrierSet` f
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout, shapes, speed_limit
 from hcbf_gym.barriers.layout import SPEED_LIMIT
 from hcbf_gym.barriers.shape import PlanarJet
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy", inline="always")

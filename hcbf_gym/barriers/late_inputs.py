@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_rows import reach_of_function
-from hcbf_gym.barriers.relative_degree import Mask, Reach, reach_by_jets, samples
+from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 

@@ -3,15 +3,13 @@
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, check_name
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.errors import as_array, choose, finite_array
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
 
 
 class Several(ABC):

@@ -6,12 +6,13 @@ of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.layout import MAPPED, ZONE, ZONES
@@ -20,12 +21,7 @@ from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
 from hcbf_gym.barriers.shapes import convex_polygon
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
-
-if TYPE_CHECKING:
-    from hcbf_gym.maps import Grid
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from hcbf_gym.models.grid import Grid
 
 LONGEST_HOLD = 0.2
 """Within which rows that know no period look ahead [s]: no held row allows a longer one."""
@@ -51,7 +47,7 @@ class Mapped(Barrier):
 
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
-    grid: "Grid" = field(kw_only=True)
+    grid: Grid = field(kw_only=True)
     cells: NDArray[np.bool_] = field(kw_only=True, repr=False)
     code: ClassVar[int] = MAPPED
 

@@ -27,21 +27,14 @@ own growth m̈. The tracking error's part decays where the model is right, and i
 that one sample can take at most that much away.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import kernels, layout, zone
 from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.models.plant import Uncertainty
-
-if TYPE_CHECKING:
-    from hcbf_gym.barriers.set import BarrierSet
-
-Array = NDArray[np.float64]
-
 
 MARGIN, RATE, QUICKENING, LEANING = range(4)
 """What `derive` writes into the first axis of its output: m, ṁ, m̈, and the tracking error's part of
@@ -78,9 +71,10 @@ def derive(
         out: (4, m) to be written, m [m], ṁ [m/s], m̈ [m/s²], leaning [m]; of speed limits m in m/s.
     """
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
-    exact = _is_zero(covariance.ravel())
-    certain = exact and ahead_x == 0.0 and ahead_y == 0.0 and _is_zero(lag)
-    out[:, :] = 0.0
+    exact = is_exact(covariance)
+    certain = exact and ahead_x == 0.0 and ahead_y == 0.0
+    for k in range(4):
+        certain = certain and lag[k] == 0.0
     spread = drift = quickening = speeding = 0.0
     if not exact:
         spread = settings.confidence * np.sqrt(_largest(covariance, 0))
@@ -89,6 +83,7 @@ def derive(
             now = settings.confidence * np.sqrt(_largest(covariance, 2))
             speeding = (drift - now) / period
     for k in range(kind.size):
+        out[RATE, k] = out[QUICKENING, k] = out[LEANING, k] = 0.0
         if kind[k] == layout.SPEED_LIMIT or kind[k] == layout.ZONES or kind[k] == layout.ZONE:
             out[MARGIN, k], out[RATE, k] = of_speed(settings, lag, covariance), speeding
             if kind[k] == layout.ZONE and parameters[k, layout.AWAY] > 0.0:
@@ -169,48 +164,11 @@ def _growing(
     return rate, (later - rate) / period
 
 
-@njit(cache=True, error_model="numpy")
-def _is_zero(values: Array) -> bool:
-    """Tell whether all are zero; Numba's own `any` takes longer than the margins themselves."""
-    zero = True
-    for value in values:
-        zero = zero and value == 0.0
-    return zero
-
-
-def derive_all(
-    settings: Uncertainty,
-    scenes: "BarrierSet",
-    x: Array,
-    t: Array,
-    model: Array,
-    lag: Array,
-    covariance: Array,
-    growth: Array | None = None,
-    period: float = 0.0,
-) -> Array:
-    """Return (4, N, m) the margins of N states' rows and what else `derive` writes.
-
-    Args:
-        settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
-        scenes: N scenes, whose speed limits may reserve something by themselves.
-        x: (N, 4) states.
-        t: (N,) times [s].
-        model: (N, 4) states of the reduced-order models.
-        lag: (N, 4) tracking errors.
-        covariance: (N, 4, 4) of the states.
-        growth: (N,) g, by how much those of the velocities grow until the next sample [m²/s²];
-            None for zeros.
-        period: T [s]; 0 where it is not known.
-    """
-    numbers = Uncertainty(*map(float, settings))
-    out = np.zeros((4, *scenes.kind.shape))
-    for i in range(len(x)):
-        grown = 0.0 if growth is None else float(growth[i])
-        state = x[i], t[i], model[i], lag[i], covariance[i], grown, period
-        derive(numbers, scenes.kind[i], scenes.parameters[i], *state, out[:, i])
-    out[MARGIN] += scenes.own_margin
-    return out
+@njit(cache=True, error_model="numpy", inline="always")
+def is_exact(covariance: Array) -> bool:
+    """Tell whether a covariance (4, 4) is zero: no deviation is, so nothing is correlated."""
+    deviates = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3]
+    return deviates == 0.0
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,17 +1,36 @@
 """Rows of a user's own barriers for the double integrator, which Python evaluates one by one."""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
-from hcbf_gym.barriers.row_kernels import held_row, reach_of, support
+from hcbf_gym.barriers.row_kernels import beside_core, half_step, held_row, late, reach_of, support
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, RowSettings
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-Array = NDArray[np.float64]
+
+class OwnRow(NamedTuple):
+    """A row of a user's own barrier.
+
+    Attributes:
+        a: (2,) ∇h.
+        b: its lower bound [m/s²].
+        h: [m].
+        alpha2_psi: α₂(ψ) [m/s²].
+        psi: ψ with the margin alone [m/s].
+        dip: what the row keeps besides [m].
+    """
+
+    a: Array
+    b: float
+    h: float
+    alpha2_psi: float
+    psi: float
+    dip: float
 
 
 def own_row(
@@ -22,11 +41,12 @@ def own_row(
     margin: float,
     margin_rate: float,
     quickening: float,
-) -> tuple[Array, float, float, float]:
-    """Return a (2,), b, h and α₂(ψ) of a barrier's row.
+) -> OwnRow:
+    """Return a barrier's row.
 
-    The row is that of a held input where the settings say so and the barrier knows its core (see
-    `PlanarBarrier.core`), else the usual one.
+    It is that of a held input where the settings say so and the barrier knows its core (see
+    `PlanarBarrier.core`). Else it is the usual one, which keeps ½ ū T² more of an input that is
+    held: by so much h may dip between two samples.
 
     Args:
         barrier: of any class.
@@ -41,9 +61,13 @@ def own_row(
         row = _held_row(barrier, x, t, settings, margin, margin_rate, quickening)
         if row is not None:
             return row
-    usual = _usual(settings)([barrier], x, t, np.array([margin]), margin_rate)
+    dip = half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
+    usual = _usual(settings)([barrier], x, t, np.array([margin + dip]), margin_rate)
     assert usual.alpha2_psi is not None
-    return usual.a[0], float(usual.b[0]) + quickening, float(usual.h[0]), float(usual.alpha2_psi[0])
+    h, alpha2_psi = float(usual.h[0]), float(usual.alpha2_psi[0])
+    kept = h - margin
+    psi = settings.alpha2.inverse(alpha2_psi) + settings.alpha1(kept) - settings.alpha1(kept - dip)
+    return OwnRow(usual.a[0], float(usual.b[0]) + quickening, h, alpha2_psi, psi, dip)
 
 
 def _held_row(
@@ -54,7 +78,7 @@ def _held_row(
     margin: float,
     margin_rate: float,
     quickening: float,
-) -> tuple[Array, float, float, float] | None:
+) -> OwnRow | None:
     """Return the row for a held input, None where the barrier knows no core."""
     w, packed = barrier.frame_velocity, settings.packed
     q = x[:2] - w * t
@@ -65,23 +89,31 @@ def _held_row(
         return None
     h, gradient, hessian = barrier.planar_jet(q)
     bending = core.distance * float(r @ hessian @ r) if core.is_point else 0.0
-    b, alpha2_psi, _ = held_row(
-        float(h) - margin,
-        float(gradient @ r) - margin_rate,
+    kept = float(h) - margin - beside_core(float(core.radius), packed)
+    rate = float(gradient @ r) - margin_rate
+    b, alpha2_psi, psi, lost = held_row(
+        kept,
+        rate,
         quickening,
-        support(packed, float(gradient[0]), float(gradient[1])),
         speed,
         float(np.sqrt(max(0.0, bending))),
         float(core.distance),
-        float(core.radius),
-        bool(core.is_point),
         packed[ALPHA1 : ALPHA1 + 4],
         packed[ALPHA2 : ALPHA2 + 4],
         packed,
     )
-    return gradient, b, float(h), alpha2_psi
+    if psi < 0.0:
+        most = support(packed, float(gradient[0]), float(gradient[1]))
+        b = max(b, late(kept, rate, lost, most))
+    return OwnRow(gradient, b, float(h), alpha2_psi, psi, 0.0)
 
 
 @cache
 def _usual(settings: RowSettings) -> GeneralRows:
-    return GeneralRows(DoubleIntegrator(), settings.alpha1, settings.alpha2)
+    packed = settings.packed
+    return GeneralRows(
+        DoubleIntegrator(),
+        settings.alpha1,
+        settings.alpha2,
+        lambda a: support(packed, float(a[0]), float(a[1])),
+    )

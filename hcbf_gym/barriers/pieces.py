@@ -11,13 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BOXES, BLOCKS = range(13)
 """Where the head of the array holds how many pieces there are, the buckets' side [m], columns and

@@ -10,14 +10,11 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 VANISHED = 1e-9
 """Below it, relative to its size at sampled states, L_g ψ counts as zero."""

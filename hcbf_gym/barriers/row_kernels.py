@@ -13,19 +13,19 @@ a chord bounds α₁ from below.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit, zone
 from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT, ZONE
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, HIGH, LOW, PERIOD, U_MAX
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 B, H, ALPHA2_PSI, PSI = range(4)
 """What `rows` writes into the first axis of its output."""
 
 Row = tuple[float, float, float]
+"""b, α₂(ψ) and ψ."""
+PlacedRow = tuple[float, float, float, float]
+"""Of a row on the position also by how much less h − m gains with every input than a·u [m/s²]."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -85,21 +85,23 @@ def rows(
                 h, gx, gy, distance, tx, ty = shapes.jet(which, c, qx, qy)
                 a[i, k, 0], a[i, k, 1] = gx, gy
                 kept, rate = h - margin[0, i, k], gx * rx + gy * ry - margin[1, i, k]
-                quickening = margin[2, i, k]
-                most = support(settings, gx, gy) if rate < 0.0 else 0.0
                 sideways = abs(tx * rx + ty * ry)
                 if settings[HELD] == 0.0:
-                    b, alpha2_psi, psi = _usual_row(
-                        kept, rate, quickening, most, sideways, distance, alpha1, alpha2
+                    b, alpha2_psi, psi, lost = _usual_row(
+                        kept, rate, margin[2, i, k], sideways, distance, alpha1, alpha2
                     )
                 else:
                     speed = np.sqrt(rx * rx + ry * ry)
                     reach = reach_of(speed, settings)
                     distance, radius, is_point = shapes.core(which, c, qx, qy, h, distance, reach)
-                    b, alpha2_psi, psi = held_row(
-                        kept, rate, quickening, most, speed, sideways, distance, radius, is_point,
-                        alpha1, alpha2, settings,
+                    kept -= beside_core(radius, settings)
+                    across = sideways if is_point else 0.0
+                    b, alpha2_psi, psi, lost = held_row(
+                        kept, rate, margin[2, i, k], speed, across, distance, alpha1, alpha2,
+                        settings,
                     )  # fmt: skip
+                if psi < 0.0:
+                    b = max(b, late(kept, rate, lost, support(settings, gx, gy)))
             out[B, i, k], out[H, i, k] = b, h
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
 
@@ -109,20 +111,16 @@ def _usual_row(
     kept: float,
     rate: float,
     quickening: float,
-    most: float,
     sideways: float,
     distance: float,
     alpha1: Array,
     alpha2: Array,
-) -> Row:
-    """Return b, α₂(ψ) and ψ of a barrier on the position, looked at in this instant alone."""
+) -> PlacedRow:
+    """Return the row of a barrier on the position, looked at in this instant alone."""
     psi = rate + class_k.value(alpha1, kept)
     alpha2_psi = class_k.value(alpha2, psi)
-    given = sideways * sideways / distance - quickening  # that turns h away by itself
-    b = -alpha2_psi - given - class_k.slope(alpha1, kept) * rate
-    if psi < 0.0:
-        b = max(b, late(kept, rate, -given, most))
-    return b, alpha2_psi, psi
+    lost = quickening - sideways * sideways / distance  # what turns, turns h away by itself
+    return lost - alpha2_psi - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi, lost
 
 
 @njit(cache=True, error_model="numpy")
@@ -130,49 +128,57 @@ def held_row(
     kept: float,
     rate: float,
     quickening: float,
-    most: float,
     speed: float,
     sideways: float,
     distance: float,
-    radius: float,
-    is_point: bool,
     alpha1: Array,
     alpha2: Array,
     s: Array,
-) -> Row:
-    """Return b, α₂(ψ) and ψ of a barrier on the position while u is held for T.
+) -> PlacedRow:
+    """Return the row of a barrier on the position while u is held for T.
 
     Args:
-        kept: h − m [m].
+        kept: h − m, less what `beside_core` reserves [m].
         rate: ḣ − ṁ [m/s].
         quickening: m̈ [m/s²].
-        most: a·u of the input of U that gives most of it [m/s²].
         speed: ‖r‖ in the barrier's frame [m/s].
-        sideways: the speed across the direction from the core, if that is a point [m/s].
+        sideways: the speed across the direction from the core, 0 if that is no point [m/s].
         distance: from the core, as in `Core` [m]; infinite where the gradient does not turn.
-        radius: how far the region reaches beyond its core [m].
-        is_point: whether the core is a point.
         alpha1: (4,) α₁.
         alpha2: (4,) α₂.
         s: (15,) `RowSettings.packed`.
     """
     period = s[PERIOD]
-    half = 0.5 * s[U_MAX] * period * period  # |½ a·u T²| is no larger
-    kept -= max(0.0, half - radius)  # so that the distance from the core is at least that
+    half = half_step(s)
     psi = rate + class_k.value(alpha1, kept)
     alpha2_psi = class_k.value(alpha2, psi)
 
     end = kept + rate * period
     chord = min(class_k.slope(alpha1, end - half), class_k.slope(alpha1, end + half))
     promised = class_k.value(alpha1, end - half) + chord * half
-    nu = turning(speed, sideways if is_point else 0.0, distance, s) + quickening * period
+    nu = turning(speed, sideways, distance, s) + quickening * period
     wanted = psi - period * alpha2_psi - rate + nu
     b = (wanted - promised) / (period + 0.5 * chord * period * period)
     if kept >= 0.0 and end >= 0.0:  # h >= 0 on the way, whatever α₁
         b = max(b, -2.0 * end / (period * period))
-    if psi < 0.0:
-        b = max(b, late(kept, rate, nu / period, most))
-    return b, alpha2_psi, psi
+    return b, alpha2_psi, psi, nu / period
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def half_step(s: Array) -> float:
+    """Return ½ ū T², the most that a held input moves h by [m]."""
+    return 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def beside_core(radius: float, s: Array) -> float:
+    """Return what h keeps so that no held input reaches the core of a region [m].
+
+    Args:
+        radius: how far the region reaches beyond its core [m].
+        s: (15,) `RowSettings.packed`.
+    """
+    return max(0.0, half_step(s) - radius)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -182,7 +188,7 @@ def late(kept: float, rate: float, lost: float, most: float) -> float:
     Args:
         kept: h − m [m].
         rate: ḣ − ṁ [m/s].
-        lost: of every input, by how much less h − m gains [m/s²].
+        lost: of every input, by how much less h − m gains than a·u [m/s²].
         most: a·u of the input of U that gives most of it [m/s²].
     """
     if rate >= 0.0 or kept <= 0.0:
@@ -218,7 +224,7 @@ def turning(speed: float, sideways: float, distance: float, s: Array) -> float:
 @njit(cache=True, error_model="numpy")
 def reach_of(speed: float, s: Array) -> float:
     """Return ℓ, how far the barrier's frame sees the robot get in one period [m]."""
-    return speed * s[PERIOD] + 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
+    return speed * s[PERIOD] + half_step(s)
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers.barrier import Pair
+from hcbf_gym.arrays import Pair
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError, finite_float
 

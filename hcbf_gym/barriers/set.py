@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.barriers import kernels, layout, mapped, row_kernels, zone
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers import kernels, layout, mapped, margins, row_kernels, zone
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.many import Several, Shapes
@@ -17,10 +18,6 @@ from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Uncertainty
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 Entry = Barrier | Shapes | Several
 
@@ -246,12 +243,12 @@ class BarrierSet:
             quickening: (N, m) the rate of that of rows on the position.
         """
         shape = self.kind.shape
-        margins = np.empty((3, *shape))
-        margins[0], margins[1], margins[2] = self.margins(margin), margin_rate, quickening
+        kept = np.empty((3, *shape))
+        kept[0], kept[1], kept[2] = self.margins(margin), margin_rate, quickening
         a, out = np.empty((*shape, 2)), np.empty((4, *shape))
-        row_kernels.rows(self.kind, self.parameters, margins, x, t, settings.packed, a, out)
+        row_kernels.rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
         for (i, k), barrier in self.own.items():
-            self._write_own(i, k, barrier, x[i], float(t[i]), settings, margins, a, out)
+            self._write_own(i, k, barrier, x[i], float(t[i]), settings, kept, a, out)
         return CbfRows(
             a,
             out[row_kernels.B],
@@ -259,6 +256,39 @@ class BarrierSet:
             self.priority,
             out[row_kernels.ALPHA2_PSI],
         )
+
+    def reserved(
+        self,
+        settings: Uncertainty,
+        x: Array,
+        t: Array,
+        model: Array,
+        lag: Array,
+        covariance: Array,
+        growth: Array | None = None,
+        period: float = 0.0,
+    ) -> Array:
+        """Return (4, N, m) what the rows of N states reserve, as `margins.derive` writes it.
+
+        Args:
+            settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
+            x: (N, 4) states.
+            t: (N,) times [s].
+            model: (N, 4) states of the reduced-order models.
+            lag: (N, 4) tracking errors.
+            covariance: (N, 4, 4) of the states.
+            growth: (N,) g, by how much those of the velocities grow until the next sample [m²/s²];
+                None for zeros.
+            period: T [s]; 0 where it is not known.
+        """
+        numbers = Uncertainty(*map(float, settings))
+        out = np.zeros((4, *self.kind.shape))
+        for i in range(len(x)):
+            grown = 0.0 if growth is None else float(growth[i])
+            state = x[i], t[i], model[i], lag[i], covariance[i], grown, period
+            margins.derive(numbers, self.kind[i], self.parameters[i], *state, out[:, i])
+        out[margins.MARGIN] += self.own_margin
+        return out
 
     def at_hand(
         self,
@@ -305,15 +335,15 @@ class BarrierSet:
         x: Array,
         t: float,
         settings: RowSettings,
-        margins: Array,
+        kept: Array,
         a: Array,
         out: Array,
     ) -> None:
         """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
-        reserved = margins[:, i, k].tolist()
-        a[i, k], b, h, alpha2_psi = own_row(barrier, x, t, settings, *reserved)
-        psi = settings.alpha2.inverse(alpha2_psi)
-        out[:, i, k] = b, h, alpha2_psi, psi  # in the order of `row_kernels.B` and the others
+        reserved = kept[:, i, k].tolist()
+        row = own_row(barrier, x, t, settings, *reserved)
+        a[i, k] = row.a
+        out[:, i, k] = row.b, row.h, row.alpha2_psi, row.psi  # in the order of `row_kernels.B` …
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""

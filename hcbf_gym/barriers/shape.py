@@ -14,14 +14,13 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier, Core, Pair, PlanarBarrier
+from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
 from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
 
-Array = NDArray[np.float64]
 PlanarJet = tuple[float, float, float, float, float, float]
 Planar = Callable[[Any, Any], Any]
 

@@ -5,14 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
 
 
 @njit(cache=True, error_model="numpy")

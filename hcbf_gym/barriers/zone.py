@@ -11,12 +11,10 @@ in m/s as a speed limit's. Its zero is the speed from which braking by β reache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.rows import HELD, PERIOD, U_MAX
-
-Array = NDArray[np.float64]
 
 BRAKING = 1.0
 """β, with which a robot slows down before a zone [m/s²]."""

@@ -7,11 +7,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.errors import RenderingError
 from hcbf_gym.scenarios import Scenario
-
-Array = NDArray[np.float64]
 
 HEIGHT, WIDTH = 480, 640
 

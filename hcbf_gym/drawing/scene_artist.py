@@ -7,14 +7,13 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
-Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]
 
 _LAYER = 0.004  # [m] between a rank and the next, the first on top

@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
@@ -14,8 +14,6 @@ from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.watch import Fault, Watch
 from hcbf_gym.models.plant import Estimate, Reason
-
-Array = NDArray[np.float64]
 
 FEEDBACK = {
     "measured": "position and velocity of the trunk",

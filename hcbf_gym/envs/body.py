@@ -11,10 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import kernels, layout, pieces
 from hcbf_gym.barriers.set import BarrierSet
-
-Array = NDArray[np.float64]
 
 ALONG = 5
 """Points along the axis of a capsule, and along each edge of a box."""

@@ -17,12 +17,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import CloudpickleWrapper, batch_space
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.envs import infos as vector_infos
-from hcbf_gym.envs.fleet_group import Group, Maker, Records, first_report, layout
+from hcbf_gym.envs.fleet_group import Group, Maker, first_report, layout
 from hcbf_gym.errors import HcbfError, InvalidInputError, as_array
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _PATIENCE = 5.0
 """How long a process may take to close its environments [s]."""
@@ -44,8 +42,6 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             one shape, and always report the same infos: numbers and arrays of one shape.
         processes: of which this is one; None for as many as this process may use cores.
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled".
-        context: how processes start, see `multiprocessing`; None takes the platform's way, or
-            "spawn" where JAX runs, whose threads a forked process lacks.
 
     Raises:
         InvalidInputError: if there is no maker, a space is no box, infos hold something else than
@@ -69,7 +65,6 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         makers: Sequence[Maker],
         processes: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        context: str | None = None,
     ):
         self.num_envs = len(makers)
         count = min(joblib.cpu_count(), self.num_envs) if processes is None else processes
@@ -86,9 +81,8 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         self.single_action_space = _box("action", first.action_space)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        if context is None and "jax" in sys.modules:
-            context = "spawn"
-        start: Any = multiprocessing.get_context(context)
+        # a forked process lacks JAX's threads
+        start: Any = multiprocessing.get_context("spawn" if "jax" in sys.modules else None)
         record = layout(first_report(first))
         self._now = _Shared(start, record, (self.num_envs,))
         self._last = _Shared(start, record, (self.num_envs,))

@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Records
 from hcbf_gym.errors import InvalidInputError
 
-Records = NDArray[Any]
 Maker = Callable[[], gym.Env]
 
 

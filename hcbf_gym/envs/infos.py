@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from hcbf_gym.arrays import Array, Mask
+
 Infos = dict[str, Any]
 
 

@@ -9,13 +9,14 @@ import mujoco
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Conditions, Randomization
 from hcbf_gym.envs.simulated import Simulated
 from hcbf_gym.errors import finite_float
 from hcbf_gym.locomotion.rotation import turned
-from hcbf_gym.locomotion.state import STATE_SIZE, Array, RobotState
+from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.motors import drive
 from hcbf_gym.robots.reader import compile_spec, foot_name, read_robot

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.locomotion.state import Array
 from hcbf_gym.records import build, check_mapping
 
 Range = tuple[float, float]

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.drawing.top_down import TopDownView
@@ -21,8 +22,6 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.scenarios import Scenario
-
-Array = NDArray[np.float64]
 
 PATH_POINTS = 3000
 """How many of the last positions a picture shows; an episode without end forgets the others."""

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
@@ -24,8 +25,6 @@ from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.floor_plans import Route
 from hcbf_gym.scenarios.hall import Layout
-
-Array = NDArray[np.float64]
 
 
 class BatchStep(NamedTuple):

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import coverage, task
 from hcbf_gym.envs import infos as vector_infos
@@ -22,9 +23,6 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Layout, Route, Scenario
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FRAME = 240
 """Side of the picture of one environment [pixels]."""

@@ -7,11 +7,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push
 from hcbf_gym.errors import InvalidInputError
-
-Array = NDArray[np.float64]
 
 
 class Simulated:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
@@ -24,8 +24,6 @@ from hcbf_gym.envs.task import (
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Task = tuple[Array, float, float, bool, bool]
 
 _NUMBERS = ("cost", "tracking_error", "is_success")

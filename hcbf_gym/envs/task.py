@@ -7,13 +7,12 @@ from gymnasium import spaces
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
-
-Array = NDArray[np.float64]
 
 CONTROL_DT = 0.02
 """Time between two actions [s]."""

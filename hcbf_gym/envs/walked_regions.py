@@ -13,6 +13,7 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
@@ -26,8 +27,6 @@ from hcbf_gym.envs.tally import Tally
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
 from hcbf_gym.models.plant import Coverage, Estimate
 from hcbf_gym.scenarios import Scenario
-
-Array = NDArray[np.float64]
 
 
 class Moving(Protocol):

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.a1_walker import Walk, ticks_of
@@ -17,8 +17,6 @@ from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_policy import Controller
 from hcbf_gym.robots.walker_terms import Observer, Source
-
-Array = NDArray[np.float64]
 
 
 class WalkerDrive:

@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import Conditions, Randomization
@@ -18,8 +18,6 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker import Walker, stand
 from hcbf_gym.robots.walker_model import as_slice, indices
-
-Array = NDArray[np.float64]
 
 
 class WalkerPhysics(Simulated):

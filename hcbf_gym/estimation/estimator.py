@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.kalman import AXIS, A, D, S
@@ -14,7 +15,7 @@ from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.estimation.tick import MEMORY, PAST, SETTINGS, SLIPPING, start, tick
 from hcbf_gym.locomotion.dynamics import GRAVITY
 from hcbf_gym.locomotion.leg import LegGeometry
-from hcbf_gym.locomotion.state import STATE_SIZE, Array
+from hcbf_gym.locomotion.state import STATE_SIZE
 
 SETTLING = 0.01
 """How long a foot must have touched before its leg shows the trunk's velocity [s]."""

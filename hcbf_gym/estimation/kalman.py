@@ -11,7 +11,7 @@ on the derivatives of what comes in, give the derivative of the estimate: column
 import numpy as np
 from numba import njit
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 AXIS = 5  # entries of an axis's state
 P, V, D, A, S = range(AXIS)

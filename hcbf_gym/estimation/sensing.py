@@ -3,10 +3,10 @@
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.dynamics import GRAVITY
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, turned
-from hcbf_gym.locomotion.state import Array
 
 NOISE = np.dtype(
     (

@@ -2,8 +2,8 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Records
 from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
 from hcbf_gym.estimation.sensing import (
     ERRORS,
@@ -16,7 +16,7 @@ from hcbf_gym.estimation.sensing import (
 from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
 from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
-from hcbf_gym.locomotion.state import Array, StateViews, state_views
+from hcbf_gym.locomotion.state import StateViews, state_views
 
 GATE = 3.5
 """A foot that disagrees with the estimate by more standard deviations slips or lifts."""
@@ -74,8 +74,6 @@ PAST = np.dtype(
     )
 )
 """An instant that a fix still to come may change: what was known then, and what came in."""
-
-Records = NDArray[np.void]
 
 
 @njit(cache=True)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from hcbf_gym import wrappers
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, stakes
@@ -18,8 +18,6 @@ from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 """The 95 % band of the NEES of position and velocity at one instant."""

@@ -22,12 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
-
-Array = NDArray[np.float64]
 
 FULL = 5.0
 """The limit of each input [m/s²]; the filter cuts what its own U does not hold."""

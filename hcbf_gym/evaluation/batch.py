@@ -6,11 +6,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.policies import Policy
-
-Array = NDArray[np.float64]
 
 
 class BatchEpisodes(NamedTuple):

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.models.constants import ASKING, STANDING
-
-Array = NDArray[np.float64]
 
 
 def deadlocked(

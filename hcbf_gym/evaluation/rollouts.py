@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import policies, scenarios, wrappers
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import chunks
@@ -17,8 +18,6 @@ from hcbf_gym.evaluation.measures import deadlock_share
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 UNFILTERED = "none"
 

@@ -4,12 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
-
-Array = NDArray[np.float64]
 
 AHEAD = (0.25, 0.5, 0.75, 1.0)
 """When it is looked whether a held u* has entered [s]."""

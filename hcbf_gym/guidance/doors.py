@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.grounds import MapGround
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def points(name: str, value: ArrayLike | None, count: int) -> Array:

@@ -4,10 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import kernels, shapes
 from hcbf_gym.barriers.shapes import half_plane
-
-Array = NDArray[np.float64]
 
 PAD = 1.5
 """Room around start, goal and regions, for the ways round them [m]."""

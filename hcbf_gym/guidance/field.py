@@ -8,15 +8,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels
 from hcbf_gym.guidance import march
 from hcbf_gym.guidance.ground import Ground, open_ground, paint_barrier
-from hcbf_gym.guidance.march import Field, Mask, Ranks
+from hcbf_gym.guidance.march import Field, Ranks
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Number = TypeVar("Number", float, Array)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
@@ -20,9 +21,6 @@ from hcbf_gym.guidance.ground import Ground
 from hcbf_gym.guidance.grounds import MapGround
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LEAST_CLEARANCE = 0.01
 """What strict edges reserve at least: where two of them touch there is no way between [m]."""

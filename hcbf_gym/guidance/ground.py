@@ -12,11 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.shapes import half_plane
-from hcbf_gym.guidance.march import Cost, Mask, Ranks, is_open
-
-Array = NDArray[np.float64]
+from hcbf_gym.guidance.march import Cost, Ranks, is_open
 
 CLOSED_COST = 100.0
 """What a metre costs inside a region through which no way leads: out of it by a short one."""

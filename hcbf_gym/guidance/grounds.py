@@ -3,15 +3,13 @@
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
-from hcbf_gym.maps import Grid
+from hcbf_gym.models.grid import Grid
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Window = tuple[int, int, int, int]
 
 

@@ -20,12 +20,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.row import Pull
-
-Array = NDArray[np.float64]
 
 REACH = 0.5
 """Within this distance an edge may stop the policy [m]."""
@@ -111,7 +110,6 @@ class Local:
 
     Args:
         count: N.
-        pull: how the row pulls; its look-ahead and ease play no part.
 
     Raises:
         InvalidInputError: if the count is below 1.
@@ -121,10 +119,9 @@ class Local:
         barriers: of the N scenes as they are now; None before the first reset.
     """
 
-    def __init__(self, count: int = 1, *, pull: Pull | None = None):
+    def __init__(self, count: int = 1):
         if count < 1:
             raise InvalidInputError(f"count: got {count}, expected >= 1")
-        self.pull = Pull() if pull is None else pull
         self.memory = np.zeros((count, 2))
         self.barriers: BarrierSet | None = None
 
@@ -163,7 +160,7 @@ class Local:
             x,
             t,
             u_nominal,
-            self.pull,
+            Pull(),
             self.memory,
             a,
             b,

@@ -25,10 +25,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Mask
+
 Cost = NDArray[np.float32]
 Field = NDArray[np.float32]
 Ranks = NDArray[np.int8]
-Mask = NDArray[np.bool_]
 Places = NDArray[np.int32]
 
 BUCKETS = 1 << 15

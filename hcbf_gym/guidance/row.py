@@ -15,10 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.guidance.field import cell_of, grid, to_cells, to_world
 from hcbf_gym.guidance.march import Field, Ranks
-
-Array = NDArray[np.float64]
 
 
 class Pull(NamedTuple):

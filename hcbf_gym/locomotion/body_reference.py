@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.rotation import wrap_angle
-from hcbf_gym.locomotion.state import Array
 
 LEASH = 0.15  # [m] the reference never runs further ahead of the robot
 # at full grip, and less in proportion to it: turning takes the ground's friction, too

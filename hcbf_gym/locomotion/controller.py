@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import BodyReference
@@ -15,7 +16,7 @@ from hcbf_gym.locomotion.gait import GAITS, RESTING, Gait
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space_qp import TaskSpaceQp
 from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1

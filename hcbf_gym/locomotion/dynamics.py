@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
-from hcbf_gym.locomotion.state import Array
 from hcbf_gym.models.constants import GRAVITY
 
 FRICTION_VELOCITY = 0.1  # [rad/s] over which dry friction reverses, so that noise cannot chatter

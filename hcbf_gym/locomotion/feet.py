@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.foothold import Trunk, foothold
 from hcbf_gym.locomotion.gait import FootPhases, Gait
-from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.swing import swing_step
 
 # last share of the swing in which the foothold is held: it sways with the trunk's velocity, and a

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.body_reference import BodyReference
-from hcbf_gym.locomotion.state import Array
 from hcbf_gym.models.constants import GRAVITY
 
 SIDEWAYS = 0.085  # [m] the nominal foothold lies this far outside the abad joint

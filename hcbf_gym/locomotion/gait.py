@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 EARLY_TOUCHDOWN = 0.6  # share of the swing after which a touching foot becomes stance
 RESTING = -1.0  # what the clock shows while all feet are held down

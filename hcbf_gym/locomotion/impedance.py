@@ -3,11 +3,12 @@
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry, inverse_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed, cross, inverse_3x3
-from hcbf_gym.locomotion.state import Array, StateViews
+from hcbf_gym.locomotion.state import StateViews
 
 SWING_KP, SWING_KD = 20.0, 1.0  # [N·m/rad], [N·m·s/rad]
 STANCE_KD = 1.0  # a standing leg's place is the ground's business

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.rotation import wrap_angle
-from hcbf_gym.locomotion.state import Array
 
 
 class LegGeometry(NamedTuple):

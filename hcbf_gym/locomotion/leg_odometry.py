@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.matrices import add_cross, apply
-from hcbf_gym.locomotion.state import Array, StateViews
+from hcbf_gym.locomotion.state import StateViews
 
 
 class FootVelocity(NamedTuple):

@@ -7,7 +7,7 @@ the arithmetic, and a result that no library decides is the same on every machin
 import numpy as np
 from numba import njit
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 
 @njit(cache=True)

@@ -7,7 +7,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 OPTIMAL = 1
 _EQUALITY = 5

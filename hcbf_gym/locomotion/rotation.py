@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 
 @njit(cache=True)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from hcbf_gym.locomotion.state import Array
+from hcbf_gym.arrays import Array
 
 SWING_HEIGHT = 0.055  # [m] of the apex above the foothold
 # acceleration at lift-off, in the plane and upwards, as a multiple of distance / time²: a foot that

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.dynamics import Dynamics
 from hcbf_gym.locomotion.leg import foot_bias
 from hcbf_gym.locomotion.matrices import (
@@ -29,7 +30,6 @@ from hcbf_gym.locomotion.matrices import (
     inverse_3x3,
     solve_in_place,
 )
-from hcbf_gym.locomotion.state import Array
 from hcbf_gym.locomotion.tasks import FORCE_WEIGHT, HEIGHT_WEIGHT, TaskAccelerations
 
 # a program and what comes of it, as one record that compiled code fills in: of A and the bounds the

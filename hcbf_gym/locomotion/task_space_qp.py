@@ -2,14 +2,12 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Records
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.state import Array, RobotState
+from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space import WORKSPACE, set_torque, take_solution
 from hcbf_gym.locomotion.tick import tick
-
-Records = NDArray[np.void]
 
 
 class TaskSpaceQp:

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.matrices import apply, cross
 from hcbf_gym.locomotion.rotation import rotation_vector_to_yaw
-from hcbf_gym.locomotion.state import Array, StateViews
+from hcbf_gym.locomotion.state import StateViews
 
 # Stiffness K_p [1/s²] and damping K_d [1/s]. The paper leaves them open; all are ours, about
 # critically damped, K_d ≈ 2 √K_p, and held to the bounds of docs/locomotion.md.

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
 from hcbf_gym.locomotion.dynamics import BODIES, Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet
@@ -19,7 +20,7 @@ from hcbf_gym.locomotion.impedance import joint_feedback
 from hcbf_gym.locomotion.leg import LEGS, foot_kinematics
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
-from hcbf_gym.locomotion.state import Array, StateViews, state_views
+from hcbf_gym.locomotion.state import StateViews, state_views
 from hcbf_gym.locomotion.task_space import condense, free_minimiser, take_solution
 from hcbf_gym.locomotion.tasks import TaskAccelerations, task_accelerations
 from hcbf_gym.robots.motors import torque_limits

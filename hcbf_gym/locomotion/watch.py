@@ -11,10 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.leg import LEGS, LegGeometry, foot_kinematics
 from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix
-from hcbf_gym.locomotion.state import STATE_SIZE, Array, state_views
+from hcbf_gym.locomotion.state import STATE_SIZE, state_views
 
 JUDGED = 0.04
 """Between two judgements [s]: entering compiled code costs more than the ticks themselves."""

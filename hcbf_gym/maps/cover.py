@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from hcbf_gym.arrays import Array, Integers, Mask
+
 Labels = NDArray[np.int32]
 
 MOST_CORNERS = 8

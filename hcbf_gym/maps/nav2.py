@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
-from hcbf_gym.maps.grid import Grid, checked_shape
 from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
@@ -36,12 +36,10 @@ class Raster(NamedTuple):
     Attributes:
         grid: where its cells lie.
         occupancy: (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest.
-        pixels: (rows, columns) the image's own numbers, 0 to 255.
     """
 
     grid: Grid
     occupancy: NDArray[np.int16]
-    pixels: NDArray[np.uint8]
 
 
 def read(path: str | Path) -> Raster:
@@ -80,7 +78,7 @@ def read(path: str | Path) -> Raster:
         raise InvalidInputError(
             f"map {path}: image: got {keys['image']!r}, expected the path of a PGM or PNG"
         )
-    shade, clear, pixels = _shade(path.parent / keys["image"], mode)
+    shade, clear = _shade(path.parent / keys["image"], mode)
     origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=FARTHEST)
     grid = Grid(keys["resolution"], tuple(origin.tolist()), shade.shape)
     occupied = shade if negate else 1.0 - shade
@@ -94,7 +92,7 @@ def read(path: str | Path) -> Raster:
         values[occupied < low] = FREE
         values[occupied > high] = OCCUPIED
         values[clear] = UNKNOWN
-    return Raster(grid, values.astype(np.int16)[::-1], pixels[::-1])
+    return Raster(grid, values.astype(np.int16)[::-1])
 
 
 def _text(path: Path) -> str:
@@ -166,8 +164,8 @@ def _value(text: str) -> Any:
     return math.inf if text.lower() in (".inf", "+.inf") else text
 
 
-def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
-    """Return an image's brightness from 0 to 1, where it is transparent, and its grey pixels.
+def _shade(path: Path, mode: str) -> tuple[Any, Any]:
+    """Return an image's brightness from 0 to 1, and where it is transparent.
 
     In trinary mode the opacity counts as a colour, as the map server has it; in the others a
     transparent pixel is not known.
@@ -187,7 +185,6 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
                     f"map image {path}: got the mode {image.mode!r}, expected 8 bits a channel"
                 )
             colours = np.asarray(image.convert("RGBA"))
-            pixels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
     except InvalidInputError:
         raise
     except _NO_IMAGE as error:
@@ -198,4 +195,4 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any, Any]:
     channels = 4 if has_opacity and mode == "trinary" else 3
     shade = colours[..., :channels].astype(np.float64).mean(axis=2) / 255.0
     clear = (colours[..., 3] < 255) & (mode == "scale")
-    return shade, clear, pixels.copy()
+    return shade, clear

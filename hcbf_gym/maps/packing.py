@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Mask
 from hcbf_gym.errors import InvalidInputError, check_options
-from hcbf_gym.maps.grid import Grid, MapClass
-
-Mask = NDArray[np.bool_]
+from hcbf_gym.maps.map_class import MapClass
+from hcbf_gym.models.grid import Grid
 
 KEYS = ("resolution", "origin", "shape", "classes")
 

@@ -4,13 +4,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_array
 from hcbf_gym.maps.ranked_map import RankedMap
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
 
 
 class Paying(NamedTuple):

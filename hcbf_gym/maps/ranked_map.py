@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import pieces
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
@@ -17,11 +18,9 @@ from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import InvalidInputError, as_array, check_options, choose, finite_array
 from hcbf_gym.maps import packing, reading
 from hcbf_gym.maps.cover import Cover
-from hcbf_gym.maps.grid import Grid, MapClass
+from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from hcbf_gym.models.grid import Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +83,6 @@ class RankedMap(Several):
         rank: int = 1,
         unknown: int | None = 1,
         margin: float = 0.0,
-        table: Mapping[Any, Mapping[str, Any]] | None = None,
     ) -> Self:
         """Read a map of Nav2, and masks over the same cells.
 
@@ -98,16 +96,13 @@ class RankedMap(Several):
             unknown: rank of the cells of which nothing is known and of all outside the grid, the
                 class "unknown"; None makes them free.
             margin: reserved around both [m].
-            table: of a label image: a pixel's value → "name", "rank", and "kind", "limit",
-                "margin" where they are not the usual ones; then `rank` and `unknown` are not used,
-                and other values are free.
 
         Raises:
             InvalidInputError: if a file cannot be read, a mask has other cells than the map, a
                 field is missing, unknown or out of range, or every cell is strict.
         """
-        grid, classes = reading.read(file, masks or {}, rank, unknown, margin, table)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin, table))
+        grid, classes = reading.read(file, masks or {}, rank, unknown, margin)
+        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

@@ -1,22 +1,21 @@
-"""Classes of a map from its files: the map itself, masks over it, or an image of labels."""
+"""Classes of a map from its files: the map itself, and masks over it."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, check_options, finite_float
 from hcbf_gym.maps import nav2
-from hcbf_gym.maps.grid import Grid, MapClass
+from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.models.grid import Grid
 
-Mask = NDArray[np.bool_]
 Classes = tuple[MapClass, ...]
 
-USUAL: dict[str, Any] = {"rank": 1, "unknown": 1, "margin": 0.0, "table": None}
+USUAL: dict[str, Any] = {"rank": 1, "unknown": 1, "margin": 0.0}
 """Arguments of `RankedMap.load` that need not be given."""
 
 KNOWN_FREE = 25
@@ -25,7 +24,6 @@ SURELY_OCCUPIED = 65
 """A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
 
 OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
-OF_LABEL = ("name", "rank", "kind", "limit", "margin")
 
 MOST_LIMITS = 16
 """Speed limits in one mask, each of which becomes a class."""
@@ -37,16 +35,13 @@ def source(
     rank: int,
     unknown: int | None,
     margin: float,
-    table: Mapping[Any, Any] | None,
 ) -> dict[str, Any]:
     """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
-    given = {"rank": rank, "unknown": unknown, "margin": margin, "table": table}
+    given = {"rank": rank, "unknown": unknown, "margin": margin}
     told: dict[str, Any] = {"file": str(file)}
     if masks:
         told["masks"] = records.plain(masks)
     told |= {name: value for name, value in given.items() if value != USUAL[name]}
-    if table is not None:
-        told["table"] = {str(value): records.plain(entry) for value, entry in table.items()}
     return told
 
 
@@ -56,14 +51,13 @@ def read(
     rank: int,
     unknown: int | None,
     margin: float,
-    table: Mapping[Any, Any] | None,
 ) -> tuple[Grid, Classes]:
     """Read a map and its masks; see `RankedMap.load`."""
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
     file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
-    found = _of_map(raster, rank, unknown, margin) if table is None else _labels(raster, table)
+    found = _of_map(raster, rank, unknown, margin)
     records.check_mapping("map: masks", masks)
     for name, entry in masks.items():
         found += _of_mask(Path(file).parent / name, name, entry, raster.grid)
@@ -86,44 +80,6 @@ def _of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> li
     if unknown is not None:
         found.append(MapClass("unknown", unknown, "unknown", doubtful, margin=margin))
     return found
-
-
-def _labels(raster: Raster, table: Mapping[Any, Any]) -> list[MapClass]:
-    """Return the classes of an image of labels.
-
-    Raises:
-        InvalidInputError: if the table is none, or a value in it is no pixel's.
-    """
-    if not isinstance(table, Mapping) or not table:
-        raise InvalidInputError(
-            f"map: table: got {table!r}, expected pixel values with what they mean"
-        )
-    found = []
-    for value, entry in table.items():
-        number = _pixel(value)
-        label = f"map: table: {value!r}"
-        records.check_mapping(label, entry)
-        check_options(label, entry, OF_LABEL)
-        for key in ("name", "rank"):
-            if key not in entry:
-                raise InvalidInputError(f"{label}: {key!r} is missing, expected a name and a rank")
-        fields: dict[str, Any] = {"kind": "keepout"} | dict(entry)
-        found.append(MapClass(cells=raster.pixels == number, **fields))
-    return found
-
-
-def _pixel(value: Any) -> int:
-    """Return a pixel's value, which is a key of JSON, too.
-
-    Raises:
-        InvalidInputError: if it is none from 0 to 255.
-    """
-    number = int(value) if isinstance(value, str) and value.isdecimal() else value
-    if isinstance(number, bool) or not isinstance(number, int | np.integer):
-        number = -1
-    if not 0 <= number <= 255:
-        raise InvalidInputError(f"map: table: got the value {value!r}, expected 0 to 255")
-    return int(number)
 
 
 def _of_mask(path: Path, name: str, entry: Any, grid: Grid) -> list[MapClass]:

@@ -6,16 +6,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps.cover import Cover
-from hcbf_gym.maps.grid import Grid
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
+from hcbf_gym.models.grid import Grid
 
 SIDE = 0.05
 """Of the cells into which points fall [m]: so many points as fall into one count once."""

@@ -4,13 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.autodiff import compile64, import_jax, is_jax
 from hcbf_gym.models.reduced_order import ReducedOrderModel, count, namespace
-
-Array = NDArray[np.float64]
 
 
 class ControlAffine(ReducedOrderModel):

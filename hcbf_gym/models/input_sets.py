@@ -6,11 +6,10 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
-
-Array = NDArray[np.float64]
 
 
 def _frozen(array: Array) -> Array:
@@ -72,6 +71,10 @@ class Box:
         """Tell whether u (n_u,) lies in the set, or at most `tolerance` outside a limit."""
         limits = zip(np.asarray(u).tolist(), self.low.tolist(), self.high.tolist(), strict=True)
         return all(low - tolerance <= x <= high + tolerance for x, low, high in limits)
+
+    def support(self, a: Array) -> float:
+        """Return the most that an input of the set gives of a·u, a (n_u,)."""
+        return float(np.maximum(a * self.low, a * self.high).sum())
 
     def project(self, u: ArrayLike) -> Array:
         """Return the point of the set that is nearest to u (n_u,)."""
@@ -140,6 +143,10 @@ class Ball:
         """Tell whether u (2,) lies in the polygon, or at most `tolerance` outside a side."""
         a, b = self.halfspaces()
         return bool((a @ np.asarray(u) >= b - tolerance).all())
+
+    def support(self, a: Array) -> float:
+        """Return the most that an input of the polygon gives of a·u, a (2,)."""
+        return float((self.vertices() @ a).max())
 
     def project(self, u: ArrayLike) -> Array:
         """Return the point of the polygon that is nearest to u (2,)."""

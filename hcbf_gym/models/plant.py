@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-Array = NDArray[np.float64]
 Reader = Callable[[Any, Any, dict[str, Any]], Any]
 
 

@@ -10,11 +10,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_float
-
-Array = NDArray[np.float64]
 
 
 class ReducedOrderModel(ABC):

@@ -4,12 +4,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.reduced_order import ReducedOrderModel, namespace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
@@ -27,8 +28,6 @@ from hcbf_gym.robots.walker_response import UNKNOWN, Response, braked, uncertain
 from hcbf_gym.wrappers.belief import real_numbers
 from hcbf_gym.wrappers.filter_core import FilterSettings
 from hcbf_gym.wrappers.planar_core import PlanarCore
-
-Array = NDArray[np.float64]
 
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.play.page import FIRST_PORT, Page, check_address
+from hcbf_gym.play.page import FIRST_PORT, HERE, Page, check_port
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.scenarios import Scenario
@@ -28,8 +28,6 @@ IN_CONFLICT = Scenario(
 class Args:
     """Where the page is, and what is chosen at first; all of it can be changed in the page."""
 
-    host: str = "127.0.0.1"
-    """The address to listen at; 0.0.0.0 lets other machines in that show the token."""
     port: int | None = None
     """The port; by default the first free one from 8080 on."""
     model: Literal["a1", "reduced"] = "a1"
@@ -62,7 +60,7 @@ class Args:
 
 def main(args: Args) -> None:
     """Serve the page until Ctrl-C."""
-    check_address(args.host, args.port)
+    check_port(args.port)
     settings = Settings(
         model=args.model,
         body=args.body,
@@ -76,12 +74,14 @@ def main(args: Args) -> None:
     )
     session = Session(settings, scene(args))
     compile_all(session)
-    page = Page(session, args.host, args.port)
+    page = Page(session, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
     if args.port is None and page.port != FIRST_PORT:
         print(f"Port {FIRST_PORT} is taken.")
-    print(f"The playground is at {page.address} (Ctrl-C ends it)", flush=True)
+    print(f"The playground is at {page.address} (Ctrl-C ends it)")
+    tunnel = f"ssh -L {page.port}:{HERE}:{page.port} MACHINE"
+    print(f"From another machine, open the same address after: {tunnel}", flush=True)
     simulation.start()
     try:
         page.run(stop, simulation)

@@ -9,13 +9,13 @@ import viser
 from numpy.typing import NDArray
 
 from hcbf_gym import guidance
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Oval, Shape, Wall
 from hcbf_gym.drawing.palette import PATH, REFERENCE, SPEED_ZONE, paler, priority_color
 from hcbf_gym.guidance.field import grid, to_world
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios import Scenario
 
-Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 WALL_LENGTH, WALL_DEPTH = 40.0, 0.6

@@ -5,15 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Shape
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.scenarios import Scenario
-
-Array = NDArray[np.float64]
 
 
 def region(scenario: Scenario, name: str) -> Any:

@@ -15,11 +15,11 @@ from hcbf_gym.play import readings
 from hcbf_gym.play.bell import hang_bells
 from hcbf_gym.play.controls import Controls
 from hcbf_gym.play.drawing import Stage
-from hcbf_gym.play.gate import TOKEN, Gate, is_local
 from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.plots import Plots
 from hcbf_gym.play.session import Session
 
+HERE = "127.0.0.1"
 FIRST_PORT = 8080
 RATE = 40.0
 """How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
@@ -35,45 +35,35 @@ class Page:
     """A web server that shows a session and takes its commands.
 
     Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
-    is neither waited for nor remembered. While nobody watches, time stands still. Where other
-    machines can reach it, a `Gate` stands before it.
+    is neither waited for nor remembered. While nobody watches, time stands still. It listens at
+    this machine alone.
 
     Args:
         session: what is shown.
-        host: the address to listen at.
         port: the port; None takes the first free one from 8080 on, 0 any free one.
 
     Attributes:
         port: the port that it is.
-        address: what to open in a browser, with the token where one is needed.
+        address: what to open in a browser.
         helm: who steers.
         controls: what can be touched.
 
     Raises:
-        InvalidInputError: if nothing can listen at that address, or the port is taken.
+        InvalidInputError: if the port is taken.
     """
 
-    def __init__(self, session: Session, host: str, port: int | None):
-        check_address(host, port)
-        first = FIRST_PORT if port is None else port
-        local = is_local(host)
+    def __init__(self, session: Session, port: int | None):
+        check_port(port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's own banner
             self._server = viser.ViserServer(
-                host=host if local else "127.0.0.1",
-                port=first if local else 0,
+                host=HERE,
+                port=FIRST_PORT if port is None else port,
                 label="hcbf play",
                 verbose=False,
             )
         hang_bells(self._server)
         self.port = self._server.get_port()
-        self._gate: Gate | None = None
-        if not local:
-            last = 65535 if port is None else port
-            self._gate = Gate(host, range(first, last + 1), self.port)
-            self.port = self._gate.port
-        shown = "127.0.0.1" if host in ("", "0.0.0.0") else host
-        key = "" if self._gate is None else f"?{TOKEN}={self._gate.token}"
-        self.address = f"http://{shown}:{self.port}/{key}"
+        self.address = f"http://{HERE}:{self.port}/"
         self._session = session
         self.helm = Helm()
         self._server.gui.configure_theme(
@@ -105,8 +95,6 @@ class Page:
 
     def close(self) -> None:
         """Stop serving."""
-        if self._gate is not None:
-            self._gate.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -161,23 +149,16 @@ class Page:
         return f"{who}, {watching} connected"
 
 
-def check_address(host: str, port: int | None) -> None:
-    """Refuse an address that nothing can listen at; viser would try a thousand ports there.
+def check_port(port: int | None) -> None:
+    """Refuse a port at which nothing can listen; viser would try a thousand others.
 
     Raises:
-        InvalidInputError: if the host is not of this machine, or the port is taken.
+        InvalidInputError: if there is no such port, or it is taken.
     """
     if port is not None and not 0 <= port <= 65535:
         raise InvalidInputError(f"port: got {port}, expected 0 to 65535")
     try:
-        with socket.create_server((host, 0)):
-            pass
-    except OSError as error:
-        raise InvalidInputError(
-            f"host: got {host!r} ({error}), expected an address of this machine, such as 127.0.0.1"
-        ) from error
-    try:
-        with socket.create_server((host, port or 0)):
+        with socket.create_server((HERE, port or 0)):
             pass
     except OSError as error:
         raise InvalidInputError(

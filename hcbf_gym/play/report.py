@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
@@ -15,8 +16,6 @@ from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers.alarms import SAYS
-
-Array = NDArray[np.float64]
 
 UNFILTERED = "UNFILTERED"
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.plant import Reason
@@ -28,7 +28,6 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
-Array = NDArray[np.float64]
 Source = str | Path | Mapping[str, Any] | Scenario
 
 PUSH_TIME = 0.2

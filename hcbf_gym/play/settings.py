@@ -5,15 +5,13 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import policies, programs
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import choose, finite_float
 from hcbf_gym.policies import Policy, learned
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
-
-Array = NDArray[np.float64]
 
 MODELS = {"a1": "HCBF-A1Regions-v0", "reduced": "HCBF-Regions-v0"}
 """The robot: the whole A1 in MuJoCo, or its reduced-order model alone."""

@@ -9,12 +9,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.records import whole
-
-Array = NDArray[np.float64]
 
 CLIP = 10.0
 """Normalised observations are cut here, as in training."""

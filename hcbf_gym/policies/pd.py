@@ -8,9 +8,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_float
-
-Array = NDArray[np.float64]
 
 
 class Policy(Protocol):

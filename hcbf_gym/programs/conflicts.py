@@ -32,7 +32,7 @@ class ConflictReport(NamedTuple):
 
 
 def conflict_report(
-    rows: CbfRows, result: FilterResult, input_set: InputSet, solver: str = "daqp"
+    rows: CbfRows, result: FilterResult, input_set: InputSet
 ) -> ConflictReport | None:
     """Report the conflict among the rows of one state, or None where there is none.
 
@@ -43,13 +43,12 @@ def conflict_report(
         rows: the rows of one state.
         result: what a program made of them.
         input_set: U.
-        solver: the solver's name.
 
     Raises:
         InvalidInputError: on malformed rows.
     """
     check_rows(rows, input_set.n_u)
-    admissible = Remaining.of(input_set, np.zeros(input_set.n_u), Solver(solver))
+    admissible = Remaining.of(input_set, np.zeros(input_set.n_u), Solver("daqp"))
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None

@@ -3,14 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.weights import Weights
-
-Array = NDArray[np.float64]
 
 
 class Prices(NamedTuple):

@@ -7,14 +7,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.result import FilterResult
-
-Array = NDArray[np.float64]
 
 
 class Program(ABC):

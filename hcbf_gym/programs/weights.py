@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-
-Array = NDArray[np.float64]
 
 
 class Weights(NamedTuple):

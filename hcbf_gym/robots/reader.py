@@ -5,13 +5,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
-
-Array = NDArray[np.float64]
 
 CLEARANCE = 0.001
 """Between soles and ground where the home pose's height is solved [m]."""

@@ -10,7 +10,7 @@ heading, and for windows W that double from W₀, the larger of τ + δ and `SHO
 
 The alarm is raised where in any window
 
-.. math:: ‖r‖ > K (D w + (S - D) \sqrt{W_0 w}) + a\, m + d
+.. math:: ‖r‖ > D w + (K S - D) \min(\sqrt{W_0 w}, 2 W_0) + a\, m + d
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
@@ -19,13 +19,15 @@ that nobody measured or that has complaints, (τ + δ) times all by which v̂ ch
 
 A gait sways more than many a fault shows in r. What follows late, by another share or in another
 direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
-quarter turn, W = `LONG`, and over the samples at which ‖v̂‖ is above `FAST` of the greatest speed,
+quarter turn, the windows W those of `COMPARED`, and over the samples at which ‖v̂‖ is above `FAST`
+of the greatest speed,
 
 .. math::
     c ← (1 - T/W) c + T (e·v̂, e·Jv̂), \quad E ← (1 - T/W) E + T ‖v̂‖^2,
 
-and the alarm is raised where ``‖c‖ > a E + k K S √(W₀ E) + d'``: c/E is the share of v̂ that is
-missing, or too much, along it and across; d' is d times the speed that was told.
+and the alarm is raised where in both windows ``‖c‖ > a E + k K S √(W₀ E) + d'``: c/E is the share
+of v̂ that is missing, or too much, along it and across; d' is d times the speed that was told. A
+window is judged once it has seen W₀/k of motion, up to where sway may correlate with all of it.
 """
 
 import math
@@ -33,28 +35,27 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import UNKNOWN, Response
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
-
 SHORTEST = 0.1
 """The shortest window [s]: a few samples of any loop."""
-WINDOWS = 5
+WINDOWS = 7
 """How many there are, each twice as long as the one before."""
-BEYOND = 1.3
-"""K: an hour shows more than the minute of identification."""
+BEYOND = 1.45
+"""K: hours show more sway than the minutes of identification."""
+SWAYS = 2.0
+"""Over how many W₀ sway adds up."""
 SHARE, DOUBTED = 0.15, 0.5
 """a: share of the motion that may be missing or too much, and of a response that nobody measured
 or that has complaints."""
 FAST = 0.25
 """Share of the greatest speed above which motion is compared with what was told: legs that are told
 less may stand."""
-LONG = 4.0
-"""W over which it is [s]."""
+COMPARED = ((4.0, 16.0), (1.0, 4.0))
+"""Windows over which it is [s], at least so many W₀: a fault that lasts shows in both."""
 APART = 0.6
 """k: sway that is no answer to commands hardly correlates with them."""
 FILLED = 0.6
@@ -82,9 +83,9 @@ NOTES = np.dtype(
         ("moved", "f8", WINDOWS),  # m [m]
         ("doubt", "f8", WINDOWS),  # d [m]
         ("seen", "f8", WINDOWS),  # w [s]
-        ("missing", "f8", 2),  # c [m²/s]
-        ("asked", "f8"),  # E [m²/s]
-        ("hidden", "f8"),  # d of it [m²/s]
+        ("missing", "f8", (2, 2)),  # c [m²/s]
+        ("asked", "f8", 2),  # E [m²/s]
+        ("hidden", "f8", 2),  # d of it [m²/s]
         ("worst", "f8"),  # the greatest share of a bound at the last sample
     ]
 )
@@ -95,7 +96,7 @@ LAW = np.dtype(
         ("delay", "f8"),  # δ [s]
         ("first", "f8"),  # W₀ [s]
         ("most", "f8"),  # K S [m/s]
-        ("lasting", "f8"),  # K D [m/s]
+        ("lasting", "f8"),  # D [m/s]
         ("share", "f8"),  # a
         ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
@@ -129,12 +130,13 @@ class ResponseMonitor:
         self._command = command
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows
-        lasting = min(known.sway / follows, known.residual[1])
+        lasting = known.residual[1] if known.lasting is None else known.lasting
+        lasting = min(known.sway / follows, lasting)
         share = DOUBTED if doubted else SHARE
         law = np.zeros(1, dtype=LAW)
         law["tau"], law["delay"] = known.time_constant, known.delay
         law["first"] = max(follows, SHORTEST)
-        law["most"], law["lasting"] = widened * BEYOND * most, widened * BEYOND * lasting
+        law["most"], law["lasting"] = widened * BEYOND * most, widened * lasting
         law["share"], law["forward"] = widened * share, command.forward
         law["guessed"] = widened * follows if doubted else 0.0
         self._law = law
@@ -203,7 +205,7 @@ def _observe(
         note.velocity[0] = cos * velocity[0] + sin * velocity[1]
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
         note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
-        note.missing[:], note.asked, note.hidden = 0.0, 0.0, 0.0
+        note.missing[:, :], note.asked[:], note.hidden[:] = 0.0, 0.0, 0.0
         _follow(note, law, time - PAUSE, time, False)
         return False
     forward, sideways = note.velocity[0], note.velocity[1]
@@ -233,7 +235,8 @@ def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt:
         note.seen[i] = seen = keep * note.seen[i] + passed
         if seen < FILLED * law.first:
             continue
-        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * np.sqrt(law.first * seen)
+        swaying = min(np.sqrt(law.first * seen), SWAYS * law.first)
+        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * swaying
         bound += law.share * note.moved[i] + note.doubt[i]
         worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
     return worst
@@ -241,19 +244,28 @@ def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt:
 
 @njit(cache=True, error_model="numpy")
 def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float, hidden: float) -> float:
-    """Add a sample to c, and return its share of the bound."""
-    keep = max(0.0, 1.0 - passed / LONG)
-    note.missing[0], note.missing[1] = keep * note.missing[0], keep * note.missing[1]
-    note.asked, note.hidden = keep * note.asked, keep * note.hidden + hidden
+    """Add a sample to c of both windows, and return the lesser share of the bound."""
     least = FAST * law.forward
-    if np.hypot(went[0], went[1]) > least * passed:
-        note.missing[0] += (off[0] * went[0] + off[1] * went[1]) / passed
-        note.missing[1] += (off[1] * went[0] - off[0] * went[1]) / passed
-        note.asked += (went[0] ** 2 + went[1] ** 2) / passed
-    if note.asked < least**2 * law.first:
-        return 0.0
-    bound = law.share * note.asked + APART * law.most * np.sqrt(law.first * note.asked)
-    return np.hypot(note.missing[0], note.missing[1]) / (bound + note.hidden)
+    told = np.hypot(went[0], went[1]) > least * passed
+    along, across = off[0] * went[0] + off[1] * went[1], off[1] * went[0] - off[0] * went[1]
+    worst = np.inf
+    for i, (seconds, times) in enumerate(COMPARED):
+        keep = max(0.0, 1.0 - passed / max(seconds, times * law.first))
+        note.missing[i, 0], note.missing[i, 1] = (
+            keep * note.missing[i, 0],
+            keep * note.missing[i, 1],
+        )
+        note.asked[i], note.hidden[i] = keep * note.asked[i], keep * note.hidden[i] + hidden
+        if told:
+            note.missing[i, 0] += along / passed
+            note.missing[i, 1] += across / passed
+            note.asked[i] += (went[0] ** 2 + went[1] ** 2) / passed
+        if note.asked[i] < least**2 * law.first / APART:
+            return 0.0  # the shorter window begins where the longer one has seen enough
+        bound = law.share * note.asked[i] + APART * law.most * np.sqrt(law.first * note.asked[i])
+        off_by = np.hypot(note.missing[i, 0], note.missing[i, 1])
+        worst = min(worst, off_by / (bound + note.hidden[i]))
+    return worst
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import (
     HcbfError,
     InvalidInputError,
@@ -23,7 +24,7 @@ from hcbf_gym.errors import (
     UnknownNameError,
     finite_float,
 )
-from hcbf_gym.robots import a1, carts, walker_policy
+from hcbf_gym.robots import carts, walker_policy
 from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
@@ -48,12 +49,9 @@ from hcbf_gym.robots.walker_terms import (
     sensors_of,
 )
 
-Array = NDArray[np.float64]
-
 NAMES = {
     "cart": carts.FOLDER / "cart.json",
     "holonomic-cart": carts.FOLDER / "holonomic-cart.json",
-    "a1": a1.XML_FILE.with_suffix(".json"),
 }
 """name → contract of the walkers that the package brings along."""
 
@@ -250,6 +248,11 @@ def _find(path: str | Path) -> Path:
         )
     if str(path) in NAMES:
         return NAMES[str(path)]
+    if str(path) == "a1":
+        raise UnknownNameError(
+            "unknown robot: got 'a1', which takes accelerations and no velocities, expected "
+            f"gym.make('HCBF-A1Regions-v0') for it, or a contract's path or one of {list(NAMES)}"
+        )
     if isinstance(path, str) and not path.endswith(".json"):
         raise UnknownNameError(
             f"unknown robot: got {path!r}, expected a contract's path, which ends in .json, or one "

@@ -13,13 +13,8 @@ direction stays.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import LEAST_GAIN, Response
-
-Array = NDArray[np.float64]
 
 TURNING = 2.0
 """Gain of the heading's loop [1/s]."""

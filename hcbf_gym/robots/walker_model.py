@@ -6,15 +6,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots.reader import compile_spec, load_spec
 from hcbf_gym.robots.walker_parts import Action, Body, Physics, spread
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _VISIBLE_GROUPS = 3

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
-
-Array = NDArray[np.float64]
 
 HEADINGS = {
     "velocity": "along the velocity",

@@ -9,12 +9,10 @@ from typing import Any, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import compilation
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, RobotModelError, require
-
-Array = NDArray[np.float64]
 
 EXTRA = "walkers"
 

@@ -13,16 +13,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 
-Array = NDArray[np.float64]
-
+LASTING = 4.0
+"""Over which sway has averaged out [s]."""
 LEAST_GAIN = 0.5
 """A robot that gives less of the commanded speed does not follow."""
 
@@ -45,6 +42,8 @@ class Response:
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].
         falls: how often it fell meanwhile.
         seconds: how long it was observed [s].
+        lasting: mean of w over `LASTING` in 99.9 % of the time, beyond a share of the motion:
+            what of it does not average out [m/s]; None if nobody has measured it.
 
     Raises:
         InvalidInputError: on a number out of range.
@@ -61,6 +60,7 @@ class Response:
     braking: float
     falls: int
     seconds: float
+    lasting: float | None = None
 
     def __post_init__(self) -> None:
         for name, count in (("gain", None), ("residual", 3)):
@@ -78,6 +78,8 @@ class Response:
         ):
             finite_float(f"response: {name}", getattr(self, name), minimum=0.0)
         finite_float("response: braking", self.braking, minimum=0.0, exclusive=True)
+        if self.lasting is not None:
+            finite_float("response: lasting", self.lasting, minimum=0.0)
 
     @classmethod
     def load(cls, path: Path) -> "Response":

@@ -23,14 +23,13 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
 from hcbf_gym.robots.walker_model import Indices, Parts, as_slice
 from hcbf_gym.robots.walker_parts import names, numbers, spread
 
-Array = NDArray[np.float64]
 Write = Callable[[Array], None]
 
 TOUCH = 5.0

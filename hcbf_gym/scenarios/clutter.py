@@ -6,8 +6,8 @@ it. So a way that enters nothing exists by construction, mostly far from the str
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -21,8 +21,6 @@ from hcbf_gym.scenarios.hall import (
     hide,
     room_beside,
 )
-
-Array = NDArray[np.float64]
 
 CLEAR = 0.45
 """Least distance between the free way and any region or wall [m]."""

@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios.hall import V_MAX
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"

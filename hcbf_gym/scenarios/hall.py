@@ -10,12 +10,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.shapes import convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
-
-Array = NDArray[np.float64]
 
 V_MAX = 1.0
 """Strict cap on the speed [m/s], low enough for the walking robot to follow."""

@@ -7,8 +7,8 @@ the episode starts inside a region of priority 3 whose nearest exit leads into o
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -23,8 +23,6 @@ from hcbf_gym.scenarios.hall import (
     Y,
     hide,
 )
-
-Array = NDArray[np.float64]
 
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair

@@ -5,13 +5,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 LONGEST = 1e4
 """Of a course [s]: environments store a row of it for every control step."""

@@ -7,8 +7,8 @@ piece of furniture is convex: the regions are the cover of a map, which nobody n
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -21,9 +21,6 @@ from hcbf_gym.scenarios.hall import (
     hide,
     room_beside,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 CLEAR = 0.7
 """Least distance between the free way and anything [m], and half of the narrowest door."""

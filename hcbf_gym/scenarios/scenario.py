@@ -7,10 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hcbf_gym import barriers, records
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.maps import RankedMap
@@ -19,9 +17,6 @@ from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.scenarios import references
 from hcbf_gym.scenarios.references import Reference
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 TASKS = ("track", "reach")
 

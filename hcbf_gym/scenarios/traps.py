@@ -7,8 +7,8 @@ enters nothing exists by construction.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -20,8 +20,6 @@ from hcbf_gym.scenarios.hall import (
     Y,
     hide,
 )
-
-Array = NDArray[np.float64]
 
 PASSAGE = 1.0
 """Least passage beside a trap, and between the two [m]."""

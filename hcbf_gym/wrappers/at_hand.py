@@ -2,16 +2,11 @@
 
 from typing import Any
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Records = NDArray[Any]
 
 
 @njit(cache=True)

@@ -7,9 +7,10 @@ the model stands.
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.wrappers.belief import Array, real_numbers
+from hcbf_gym.wrappers.belief import real_numbers
 
 
 class Backup:

@@ -5,12 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Reason
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-6
 """Of a covariance: how far its correlations may be from those of one."""

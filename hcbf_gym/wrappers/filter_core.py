@@ -5,9 +5,9 @@ from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import programs, records
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
@@ -27,10 +27,6 @@ from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertain
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.alarms import Announcer
 from hcbf_gym.wrappers.certified import Earned
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 ROW_OPTIONS = ("alpha1", "alpha2")
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import layout, margins, row_kernels
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.margins import LEANING
@@ -21,22 +21,10 @@ from hcbf_gym.programs.planar.records import Settings
 from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import at_hand, verdict
 from hcbf_gym.wrappers.monitor import APART
-from hcbf_gym.wrappers.plants import (
-    OWN_ROW,
-    Plants,
-    Records,
-    Work,
-    fits,
-    make_work,
-    program_of,
-    some,
-)
+from hcbf_gym.wrappers.plants import OWN_ROW, Plants, Work, fits, make_work, program_of, some
 from hcbf_gym.wrappers.report import ROW
 from hcbf_gym.wrappers.senses import look, watch
 from hcbf_gym.wrappers.verdict import BACKUP
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a call says of itself."""
@@ -403,6 +391,8 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         row.slack = slack[k]
         row.delta = delta[k]
         row.margin = w.margin[0, i, k]
+        if p.own.size > 0 and p.kind[i, k] == layout.CUSTOM:
+            row.margin += p.own[i, k].dip
 
 
 @njit(cache=True, inline="always")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
@@ -26,7 +27,7 @@ from hcbf_gym.programs.tolerances import NOMINAL
 from hcbf_gym.wrappers import report, solvers, verdict
 from hcbf_gym.wrappers.backup import Backup
 from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask, check_hold
+from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, check_hold
 from hcbf_gym.wrappers.monitor import Monitor
 
 _MEMORY = np.dtype((np.record, verdict.MEMORY))
@@ -40,17 +41,20 @@ class Conditions(NamedTuple):
         margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
         strict: (m,) which are of rank 1 and on the position.
+        body: ρ, what the body reaches beyond its centre [m].
     """
 
     rows: CbfRows
     margin: Array
     conditioning: Array
     strict: NDArray[np.bool_]
+    body: float
 
     @property
     def unsafe(self) -> bool:
-        """Whether h of a condition of rank 1 is below zero."""
-        return bool((self.rows.h[self.rows.priority == 1] < 0.0).any())
+        """Whether h of a condition of rank 1 is below zero, the body's where h is a distance."""
+        reach = self.body * self.strict  # ‖∇h‖ ≤ 1
+        return bool((self.rows.h < reach)[self.rows.priority == 1].any())
 
 
 class GeneralCore(FilterCore):
@@ -82,7 +86,7 @@ class GeneralCore(FilterCore):
         self.program = programs.make(
             settings.program, input_set=input_set, **solver, **self.program_options
         )
-        self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2)
+        self._rows_of = GeneralRows(plant.model, self.alpha1, self.alpha2, input_set.support)
         self._late = LateInputs(plant.model)
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._said_concave = False
@@ -304,7 +308,9 @@ class GeneralCore(FilterCore):
         margin = self._rows_of.prepare(barriers).margins(distance)
         rows = self._rows_of(barriers, sensed.x, time, margin)
         placed = np.array([barrier.reads_position for barrier in barriers], dtype=np.bool_)
-        return Conditions(rows, margin, self._rows_of.conditioning, placed & (rows.priority == 1))
+        strict = placed & (rows.priority == 1)
+        conditioning = self._rows_of.conditioning
+        return Conditions(rows, margin, conditioning, strict, self.uncertainty.body)
 
     def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
         """Return the report of a step in which the filter brakes, and say so once."""

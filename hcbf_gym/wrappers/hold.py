@@ -6,13 +6,10 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Mask
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.errors import InvalidInputError
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SUMMED = ("cost", "fallbacks")
 """Infos that a held decision sums over its steps, beside the reward's terms."""

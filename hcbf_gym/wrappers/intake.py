@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.wrappers.senses import PLANT
-
-Array = NDArray[np.float64]
 
 _FLOAT = np.dtype(np.float64)
 

@@ -6,13 +6,11 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.wrappers.safety_filter import SafetyFilter, VectorSafetyFilter
-
-Array = NDArray[np.float64]
 
 
 def _check_filtered(env: Any, kind: type) -> None:

@@ -20,15 +20,12 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 WINDOW = 0.5
 """τ, over which squared errors are averaged [s]."""

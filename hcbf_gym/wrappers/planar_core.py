@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.barriers.margins import LEANING, MARGIN, derive_all
+from hcbf_gym.barriers.margins import LEANING, MARGIN
+from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.wrappers import fused, senses, solvers
 from hcbf_gym.wrappers.belief import real_numbers
-from hcbf_gym.wrappers.filter_core import Array, FilterCore, FilterSettings, Mask
+from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings
 from hcbf_gym.wrappers.intake import Intake
 from hcbf_gym.wrappers.plants import OWN_ROW, constants
 from hcbf_gym.wrappers.report import Sheet
@@ -275,20 +277,20 @@ class PlanarCore(FilterCore):
             self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
         names = "x", "time", "model", "lag", "covariance", "growth"
         state = [plants[name] for name in names]
-        reserved = derive_all(self.uncertainty, scene, *state, period=self._period)
+        reserved = scene.reserved(self.uncertainty, *state, period=self._period)
         out["margin"] = reserved[MARGIN]
-        try:
-            with np.errstate(all="ignore"):
-                x, time = plants["x"], plants["time"]
-                rows = scene.rows(x, time, self.row_settings, *reserved[:LEANING])
-        except UNREADABLE:
-            out["b"] = np.nan
-            return
-        out["a_x"], out["a_y"] = rows.a[..., 0], rows.a[..., 1]
-        out["b"], out["h"], out["alpha2_psi"] = rows.b, rows.h, rows.alpha2_psi
-        assert rows.alpha2_psi is not None
-        psi = [self.alpha2.inverse(value) for value in rows.alpha2_psi.ravel().tolist()]
-        out["psi"] = np.reshape(psi, out.shape)
+        x, time = plants["x"], plants["time"]
+        for (i, k), barrier in scene.own.items():
+            of_row = reserved[:LEANING, i, k].tolist()
+            try:
+                with np.errstate(all="ignore"):
+                    row = own_row(barrier, x[i], float(time[i]), self.row_settings, *of_row)
+            except UNREADABLE:
+                out["b"][i, k] = np.nan
+                continue
+            out["a_x"][i, k], out["a_y"][i, k] = row.a
+            for name in ("b", "h", "alpha2_psi", "psi", "dip"):
+                out[name][i, k] = getattr(row, name)
 
 
 def _same(barriers: Any, listed: tuple[Any, ...]) -> bool:

@@ -6,15 +6,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
 from hcbf_gym.programs.result import FilterResult
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Records = NDArray[Any]
 
 CONSTANTS = np.dtype(
     (
@@ -65,10 +62,9 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
     return record, np.concatenate([vertices.ravel(), weights.ravel()])
 
 
-OWN_ROW = np.dtype(
-    (np.record, [(name, "f8") for name in ("a_x", "a_y", "b", "h", "alpha2_psi", "psi", "margin")])
-)
-"""A row of a user's own barrier, made in Python."""
+_OWN = "a_x", "a_y", "b", "h", "alpha2_psi", "psi", "margin", "dip"
+OWN_ROW = np.dtype((np.record, [(name, "f8") for name in _OWN]))
+"""A row of a user's own barrier, made in Python: `own_rows.OwnRow`, and its margin."""
 
 
 class Plants(NamedTuple):

@@ -7,10 +7,8 @@ a row, less than 1 near a kink of its function. A field that a filter does not w
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Records = NDArray[Any]
+from hcbf_gym.arrays import Array, Records
 
 PLANT = np.dtype(
     (

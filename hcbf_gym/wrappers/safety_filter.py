@@ -12,6 +12,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from hcbf_gym import certificates, programs, records
+from hcbf_gym.arrays import Array
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
@@ -26,8 +27,6 @@ from hcbf_gym.wrappers.general_core import GeneralCore
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.planar_core import PlanarCore
 from hcbf_gym.wrappers.readers import Readers
-
-Array = NDArray[np.float64]
 
 
 class SafetyFilter(gym.Wrapper, RecordConstructorArgs):

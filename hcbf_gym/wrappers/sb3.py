@@ -7,6 +7,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError
 
 try:
@@ -15,8 +16,6 @@ except ImportError as error:
     raise MissingDependencyError(
         "SB3 adapter: stable_baselines3 is not installed: pip install 'hcbf-gym[rl]'"
     ) from error
-
-Array = NDArray[np.float64]
 
 
 class Sb3VecEnv(VecEnv):

@@ -118,6 +118,8 @@ def _grow(plant: Any) -> None:
     covariance = plant.covariance
     if plant.follows == 0:
         plant.vague[:] = 0.0
+    elif covariance[2, 2] + covariance[3, 3] + plant.vague[0] + plant.vague[2] == 0.0:
+        return  # the truth, as before
     grown = margins.growth_of(covariance, plant.vague)
     if grown > 0.0 or plant.follows == 0:
         plant.growth = grown

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
-from hcbf_gym.models.input_sets import Array
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
 from hcbf_gym.wrappers.plants import Work
 

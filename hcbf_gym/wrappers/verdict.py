@@ -13,15 +13,11 @@ news left it so. A robot that is its model has e = 0.
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import class_k
 from hcbf_gym.programs.result import FilterStatus
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NOMINAL, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 VIOLATED, UNSAFE = int(FilterStatus.VIOLATED), int(FilterStatus.UNSAFE)

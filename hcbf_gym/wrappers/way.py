@@ -4,17 +4,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import check_options, choose
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 from hcbf_gym.wrappers.intake import Intake
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Way:

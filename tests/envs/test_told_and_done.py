@@ -13,14 +13,18 @@ from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 
+ALARMS = Reason.RESPONSE, Reason.INPUT, Reason.MOTION, Reason.SLIP, Reason.LAG
 WALL = [HalfPlane("wall", 1, (-1.0, 0.0), -20.0)]
 
 
-@pytest.mark.parametrize("fault", told_and_done.FAULTS)
-def test_a_fault_is_warned_of_before_a_region_is_entered(fault):
-    seen = told_and_done.run("cart", fault, k=0, seed=11)
+FAULTS = [(robot, fault) for robot in ("cart", "a1") for fault in told_and_done.faults_of(robot)]
+
+
+@pytest.mark.parametrize(("robot", "fault"), FAULTS)
+def test_a_fault_is_warned_of_before_a_region_is_entered(robot, fault):
+    seen = told_and_done.run(robot, fault, k=0, seed=11)
     assert seen.alarmed < seen.entered
-    assert seen.reason in (Reason.RESPONSE, Reason.INPUT, Reason.MOTION)
+    assert seen.reason in ALARMS
 
 
 @pytest.mark.parametrize("robot", ["cart", "holonomic-cart"])

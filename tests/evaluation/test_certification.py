@@ -1,6 +1,7 @@
 """Calibrate, freeze, certify: margins cover the needs, and no number comes without its episodes."""
 
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 import tyro
 
 from hcbf_gym import certificates
+from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError
 from hcbf_gym.evaluation.certification import (
@@ -27,6 +29,7 @@ from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, S
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_gym.robots.walker import Walker
+from hcbf_gym.wrappers import SafetyFilter
 
 BOAT = f"{Path(__file__).parents[2] / 'examples' / 'boat.py'}:certify"
 
@@ -295,6 +298,19 @@ def test_a_number_that_says_nothing_is_not_certified(what, tmp_path):
         boat(None, frozen=asked(tmp_path, text, steps=60))
 
 
+def covers_its_own_barriers_alone(certificate):
+    """A boat that its certificate speaks of is covered, and not with a list of other barriers."""
+    env, plant = own.make(BOAT)
+    others = [Disc("other", 1, (3.0, 0.0), 0.5)]
+    for of, covered in ((plant, 1), (replace(plant, barriers=others), 0)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            env = SafetyFilter(env.unwrapped, plant=of, certificate=certificate)
+            _, info = env.reset(seed=1)
+            *_, stepped = env.step(np.array([3.0, 0.0]))
+        assert info["safety_filter"]["covered"] == covered == stepped["safety_filter"]["covered"]
+
+
 def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys):
     def run(*more):
         command.main(tyro.cli(command.Args, args=[*more, "--workers", "1"]))
@@ -306,6 +322,7 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
     file = tmp_path / "boat" / "boat.json"
     one = Certificate.load(file)
     assert one.entered == 0
+    covers_its_own_barriers_alone(str(file))
     replace(one, sources="abc").save(file)
     run("--check", str(file), "--episodes", "10", "--write")
     assert "with the same entries" in capsys.readouterr().out

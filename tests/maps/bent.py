@@ -1,4 +1,4 @@
-"""Maps bent at random: YAML, images, tables, masks and arrays are refused in words, or read right.
+"""Maps bent at random: YAML, images, masks and arrays are refused in words, or read right.
 
 ``python -m tests.maps.bent --count 1000`` bends so many, each from its number.
 """
@@ -37,9 +37,6 @@ FIELDS = ({}, {"rank": 2, "kind": "sped"}, {"rank": 2, "limit": 1.0}, {"rank": 2
           {"rank": 2, "base": 1.0}, {"rank": 1, "margin": -1}, {"rank": 1, "colour": "red"},
           {"rank": 2, "kind": "speed", "base": np.nan, "multiplier": 1.0},
           {"rank": 2, "kind": "speed", "base": 0.1, "multiplier": 0.001})  # fmt: skip
-TABLES = ({}, {300: {"name": "a", "rank": 1}}, {0: {"rank": 1}}, {"x": {"name": "a", "rank": 1}},
-          {0: 3}, [1], {0: {"name": "a", "rank": 1}, 254: {"name": "a", "rank": 2}},
-          {-1: {"name": "a", "rank": 1}}, {0: {"name": "", "rank": 1}})  # fmt: skip
 
 
 def pick(rng, choices):
@@ -101,8 +98,6 @@ def of_files(rng, folder):
     if rng.random() < 0.3:
         (folder / "mask.yaml").write_text(description(rng), encoding="utf-8")
         options["masks"] = {"mask.yaml": pick(rng, (*RANKS, 2, 2, *FIELDS))}
-    if rng.random() < 0.2:
-        options["table"] = pick(rng, TABLES)
     if rng.random() < 0.2:
         options[pick(rng, ("rank", "unknown", "margin"))] = pick(rng, RANKS)
     return RankedMap.load(folder / "map.yaml", **options)

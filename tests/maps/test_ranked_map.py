@@ -66,16 +66,6 @@ def test_a_map_of_arrays_travels_through_json():
     )
 
 
-def test_labels_become_classes_by_their_table(tmp_path):
-    table = {0: {"name": "walls", "rank": 1}, "100": {"name": "mats", "rank": 2, "margin": 0.1}}
-    ranked = RankedMap.load(write(tmp_path), table=table)
-    assert [(c.name, c.cells.sum(), c.margin) for c in ranked.classes] == [
-        ("walls", 1, 0.0),
-        ("mats", 1, 0.1),
-    ]
-    assert RankedMap.from_dict(ranked.to_dict()) == ranked
-
-
 @pytest.mark.parametrize(
     ("keys", "says"),
     [

@@ -351,15 +351,17 @@ def test_of_two_browsers_one_steers_and_a_closed_tab_hands_over(browser, album):
         first.until_said("policy", "human")
 
 
-def test_a_phone_with_the_token_sees_a_robot_under_way_and_the_panel(browser, album):
-    with playground("--port", "0", "--model", "reduced", "--host", "0.0.0.0") as (url, _):
+def test_a_phone_sees_a_robot_under_way_and_the_panel(browser, album):
+    with playground("--port", "0", "--model", "reduced") as (url, _):
         visit = Visit(browser, url, 390, 844)
         assert visit.says("program") == "lex-cbf-qp"
         visit.until(lambda: visit.number("time") > 1.0, "the robot")
         assert visit.number("time") < 60.0  # it waited for somebody to watch
         assert "derived" in visit.says("margin")
-        assert "token" not in visit.page.url
-        visit.click_on((0.5, 0.5))
+        for place in itertools.product((0.5, -0.5), (0.5, 0.8, 1.1)):  # some lie in a region
+            visit.click_on(place)
+            if visit.happens(lambda: "The goal is at " in visit.says("message"), PATIENCE / 48):
+                break
         visit.until_said("message", "The goal is at ")
         sheet = visit.page.locator(".mantine-Paper-root", has=visit.page.locator("[data-reading]"))
         place = sheet.bounding_box()
@@ -367,6 +369,3 @@ def test_a_phone_with_the_token_sees_a_robot_under_way_and_the_panel(browser, al
         assert place["y"] > 0.5 * 844
         visit.until(lambda: visit.shows_the_scene(195, 300), "the scene above the panel")
         album(visit, "phone")
-        stranger = browser.new_page(storage_state=None)
-        stranger.goto(url.partition("?")[0])
-        assert "open the address with the token" in stranger.content()

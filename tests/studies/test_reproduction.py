@@ -181,7 +181,7 @@ def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
     [
         ("tune", {"covariance": ((1.0, 2.0), (2.0, 1.0))}, "positive semidefinite"),
         ("tune", {"program": "cbf-qp"}, "takes gamma0"),
-        ("tune", {"samples": 0}, "samples 0"),
+        ("tune", {"samples": 0}, "samples: got 0"),
         ("tune", {"scenario": "moon"}, "unknown scenario"),
         ("tune", {"w_f": -1.0}, "w_f"),
         ("tune", {}, "another study"),

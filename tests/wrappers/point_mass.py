@@ -40,10 +40,9 @@ def filtered(state=lambda x: x, listed=(DISC,), **options):
     """Return the filtered point; `state` makes what the filter is told of the true state."""
     of_filter = {key: options.pop(key) for key in FILTER_ARGUMENTS if key in options}
     plant = hcbf_gym.Plant(
-        model=models.DoubleIntegrator(),
         barriers=lambda env, observation, info: listed() if callable(listed) else listed,
         state=lambda env, observation, info: state(env.x.copy()),
-        **{"period": PERIOD} | options,
+        **{"model": models.DoubleIntegrator(), "period": PERIOD} | options,
     )
     return wrappers.SafetyFilter(Point(), plant=plant, **of_filter)
 

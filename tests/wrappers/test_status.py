@@ -1,13 +1,18 @@
 """What the filter says of a robot that stands inside a strict region."""
 
+import warnings
 from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from hcbf_gym.barriers import Disc
+from hcbf_gym.models import DoubleIntegrator
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
+from tests.wrappers.point_mass import filtered, quietly
 
 
 @pytest.mark.parametrize("solver", [None, "daqp"])
@@ -57,3 +62,17 @@ def test_a_plant_that_stands_though_the_policy_asks_is_deadlocked(solver):
     assert said[-1] == 1.0  # before the wall
     *_, info = env.step(np.array([0.1, 0.0], dtype=np.float32))
     assert info["safety_filter"]["deadlock"] == 0.0  # nothing is asked
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+@pytest.mark.parametrize("model", [DoubleIntegrator(), DoubleIntegrator(drag=0.5)])
+@pytest.mark.parametrize(("body", "unsafe"), [(0.35, True), (0.25, False)])
+def test_whichever_core_answers_the_body_counts(model, solver, body, unsafe):
+    disc = Disc("near", 1, center=(0.8, 0.0), radius=0.5)  # .3 m away
+    reserved = Uncertainty(body=body)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        env = filtered(listed=(disc,), model=model, uncertainty=reserved, solver=solver)
+        env.reset(seed=0)
+    status = quietly(env, np.zeros(2))["status"]
+    assert (status == FilterStatus.UNSAFE) == unsafe

@@ -6,7 +6,8 @@ A new shape is a file here and its name in this one: in `SHAPES`, and a line in 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.barriers.shape import Array, PlanarJet, Shape
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers.shape import PlanarJet, Shape
 from hcbf_gym.barriers.shapes import capsule, convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.barriers.shapes.capsule import Capsule
 from hcbf_gym.barriers.shapes.convex_polygon import ConvexPolygon

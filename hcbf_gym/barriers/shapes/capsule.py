@@ -6,10 +6,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Pair
 from hcbf_gym.barriers.shape import (
-    Array,
     Compiled,
     Planar,
     PlanarJet,

@@ -93,7 +93,6 @@ def calibrate(
     episodes: int,
     share: float,
     first_seed: int,
-    constants: Sequence[str] = CONSTANTS,
     v_max: float = np.inf,
 ) -> Calibrated:
     """Return margins with which neither fresh episodes nor searched attackers enter.
@@ -107,7 +106,6 @@ def calibrate(
         episodes: in each round.
         share: of episodes that may need more, p.
         first_seed: the seeds follow it.
-        constants: which margins are set.
         v_max: the lowest cap on the speed [m/s].
 
     Raises:
@@ -120,13 +118,13 @@ def calibrate(
         rounds.append(told("round", margins, seed, seen))
         seed += episodes
         _check_standing(seen)
-        settled = number > 0 or all(getattr(margins, name) == 0.0 for name in constants)
+        settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CONSTANTS)
         if settled and not rounds[-1].entered and attack is not None:
             tried = search(margins, attack, seed)
             rounds.append(told("search", margins, seed, tried))
             seed += GENERATIONS
             seen = [*seen, *tried]
-        wanted = needed(margins, seen, share, constants)
+        wanted = needed(margins, seen, share)
         if settled:
             wanted = {name: max(getattr(margins, name), need) for name, need in wanted.items()}
         margins = margins._replace(**wanted)
@@ -141,16 +139,13 @@ def calibrate(
     )
 
 
-def needed(
-    margins: Uncertainty, seen: Iterable[Seen], share: float, constants: Sequence[str] = CONSTANTS
-) -> dict[str, float]:
+def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str, float]:
     """Return what all but a share of such episodes need, by constant.
 
     Args:
         margins: that rows reserved meanwhile.
         seen: what the episodes showed.
         share: p.
-        constants: which.
     """
     outcomes = list(seen)
     needs = {
@@ -158,7 +153,7 @@ def needed(
         "speed": [margins.speed - s.least_speed_h for s in outcomes],
     }
     found = {}
-    for name in constants:
+    for name in CONSTANTS:
         finite = np.array([need for need in needs[name] if np.isfinite(need)])
         if finite.size:
             found[name] = quantile(finite, share)

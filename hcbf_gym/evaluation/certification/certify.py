@@ -93,7 +93,6 @@ def calibrated(
     episodes: int,
     share: float,
     seed: int,
-    constants: Sequence[str] = calibration.CONSTANTS,
 ) -> calibration.Calibrated:
     """Return margins for a family's plant, from episodes of it and from a search.
 
@@ -104,7 +103,6 @@ def calibrated(
         episodes: of each round.
         share: of episodes that may need more than is reserved.
         seed: decides the seeds, which no certificate of the same seed draws.
-        constants: which margins are set.
 
     Raises:
         RefusedError: if no margins do.
@@ -128,7 +126,6 @@ def calibrated(
         episodes,
         share,
         SEEDS * seed,
-        constants,
         v_max=np.inf if caps is None else caps[0],
     )
 

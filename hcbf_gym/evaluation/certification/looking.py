@@ -4,11 +4,9 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-
-Array = NDArray[np.float64]
 
 INSTANTS: Array = np.arange(1, 21) * np.float64(CONTROL_DT / 20)
 """(20,) of one control step, a millisecond apart [s]."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import wrappers
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation import stakes
@@ -27,8 +28,6 @@ from hcbf_gym.evaluation.attacks import STREAM
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-
-Array = NDArray[np.float64]
 
 CORNERS = 64
 """The most corners of U that an attacker looks at."""

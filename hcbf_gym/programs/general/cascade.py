@@ -1,62 +1,21 @@
 """What a plan does stage by stage, for any number of inputs.
 
-It is written in terms of :class:`Inputs`, the inputs that the stages so far leave.
+It is written in terms of `polyhedron.SolverInputs`, the inputs that the stages so far leave.
 `planar.cascade` is the same for two inputs, compiled; the tests hold them together.
 """
 
 from collections.abc import Iterator
 from itertools import takewhile
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.arrays import Array
+from hcbf_gym.programs.general.polyhedron import SolverInputs as Inputs
+from hcbf_gym.programs.general.stage_rows import StageRows
 from hcbf_gym.programs.plans import Plan
-from hcbf_gym.programs.prices import Prices
-
-if TYPE_CHECKING:
-    from hcbf_gym.programs.general.polyhedron import SolverInputs as Inputs
-
-Array = NDArray[np.float64]
 
 
-class StageRows(NamedTuple):
-    """Rows as the stages read them.
-
-    Attributes:
-        a: (s, n_u) gradients.
-        b: (s,) bounds.
-        stage: (s,) from 1.
-        strict: (s,) whether its stage meets the row, instead of paying for it.
-        weight: (s,) λ_δ(h); 1 for a strict row.
-        least: (s,) δ_min.
-        target: (s,) a·û of a row that is drawn to it; b of the others.
-    """
-
-    a: Array
-    b: Array
-    stage: NDArray[np.int64]
-    strict: NDArray[np.bool_]
-    weight: Array
-    least: Array
-    target: Array
-
-    def only(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "StageRows":
-        """Return the chosen (s,) rows."""
-        return self._make(field[chosen] for field in self)
-
-
-def stage_rows(plan: Plan, prices: Prices, rows: CbfRows) -> StageRows:
-    """Return the rows of one state as the stages of a plan read them."""
-    weight = prices.weights.of(rows.priority, rows.h)
-    strict = (rows.priority == 1) | np.isinf(weight)
-    stage = rows.priority if plan.order == "by level" else np.where(strict, 1, 2)
-    weight = np.where(strict, 1.0, weight)
-    return StageRows(rows.a, rows.b, stage, strict, weight, prices.least_slack(rows), rows.b)
-
-
-def decide(plan: Plan, inputs: "Inputs", rows: StageRows, lambda_u: float) -> tuple[Array, Array]:
+def decide(plan: Plan, inputs: Inputs, rows: StageRows, lambda_u: float) -> tuple[Array, Array]:
     """Return u, and the targets (m,) that the rows were drawn to.
 
     Args:
@@ -92,7 +51,7 @@ def _stages(rows: StageRows) -> Iterator[StageRows]:
         yield rows.only(rows.stage == stage)
 
 
-def _targets(inputs: "Inputs", rows: StageRows) -> Array:
+def _targets(inputs: Inputs, rows: StageRows) -> Array:
     """Return ``a_k û_k`` (m,) of the rows that are not strict, and b_k of the others."""
     target = rows.b.copy()
     nominal = inputs.nearest()
@@ -103,7 +62,7 @@ def _targets(inputs: "Inputs", rows: StageRows) -> Array:
     return target
 
 
-def _meet_in_turn(inputs: "Inputs", stages: list[StageRows]) -> "Inputs":
+def _meet_in_turn(inputs: Inputs, stages: list[StageRows]) -> Inputs:
     """Meet the strict stages that come first, each as well as those before it allow.
 
     As many as can be met together are met in one step, and the next one is violated least.

@@ -1,16 +1,14 @@
 """The stages of a cascade for any number of inputs: each is a projection on what remains."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.programs.general.cascade import StageRows
+from hcbf_gym.arrays import Array
 from hcbf_gym.programs.general.dense import lock, pin
 from hcbf_gym.programs.general.rational import SoftRows
 from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.general.soft import least_cost, trade
+from hcbf_gym.programs.general.stage_rows import StageRows
 from hcbf_gym.programs.tolerances import ZERO_GRADIENT
-
-Array = NDArray[np.float64]
 
 
 class SolverInputs(Remaining):

@@ -1,20 +1,20 @@
 """The programs for any number of inputs, or with a solver asked for by name."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError, finite_array
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.general.cascade import StageRows, decide, stage_rows
+from hcbf_gym.programs.general.cascade import decide
 from hcbf_gym.programs.general.polyhedron import SolverInputs
 from hcbf_gym.programs.general.qp import Solver, check_solver
+from hcbf_gym.programs.general.stage_rows import StageRows, stage_rows
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_rows
 from hcbf_gym.programs.result import FilterResult, FilterStatus, classify, violation
-
-Array = NDArray[np.float64]
 
 
 class GeneralProgram(Program):

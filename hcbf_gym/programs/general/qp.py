@@ -20,12 +20,11 @@ from clarabel import (
 )
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SolverError, choose
 from hcbf_gym.programs.general import rational
 from hcbf_gym.programs.general.dense import meets
 from hcbf_gym.programs.tolerances import PRIMAL
-
-Array = NDArray[np.float64]
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
 # of 1e5 leave no digits for its usual tolerance.

@@ -8,14 +8,12 @@ equality, so that no later stage can be infeasible through rounding.
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.general.dense import level_rows, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, ZERO_GRADIENT
-
-Array = NDArray[np.float64]
 
 
 class Remaining(NamedTuple):

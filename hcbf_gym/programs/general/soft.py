@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.programs.general import rational
 from hcbf_gym.programs.general.dense import (
     back_substitute,
@@ -19,8 +19,6 @@ from hcbf_gym.programs.general.rational import SoftRows
 from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.planar import least_cost as planar
 from hcbf_gym.programs.tolerances import DEPENDENT, GRADED_FOR_SOLVERS, PULL, SETTLED, ZERO_GRADIENT
-
-Array = NDArray[np.float64]
 
 
 def trade(inputs: Remaining, soft: SoftRows) -> Array:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.programs.planar import stages
@@ -22,7 +22,6 @@ from hcbf_gym.programs.planar.records import (
     FEASIBLE,
     PIN,
     RELAXED,
-    Array,
     Cost,
     Point,
     Settings,
@@ -31,8 +30,6 @@ from hcbf_gym.programs.planar.records import (
 )
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 from hcbf_gym.programs.tolerances import NOMINAL, SLACK
-
-Integers = NDArray[np.int64]
 
 _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.programs.planar.records import Array, Cost, Line, Point
+from hcbf_gym.arrays import Array
+from hcbf_gym.programs.planar.records import Cost, Line, Point
 from hcbf_gym.programs.tolerances import OUTWARD, SURELY_MET, THIN
 
 # What is known of a row on the cell: nothing yet, that it is paid for, that it is not.

@@ -3,9 +3,10 @@
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import cut
-from hcbf_gym.programs.planar.records import FEASIBLE, Array, Cost, Line, Workspace, make_workspace
+from hcbf_gym.programs.planar.records import FEASIBLE, Cost, Line, Workspace, make_workspace
 from hcbf_gym.programs.planar.soft import keep_least
 
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.programs.planar.records import COPY, Array, Line, Point, Workspace
+from hcbf_gym.arrays import Array
+from hcbf_gym.programs.planar.records import COPY, Line, Point, Workspace
 from hcbf_gym.programs.tolerances import RANK_ONE, SAME_CORNER, THIN, ZERO_GRADIENT
 
 

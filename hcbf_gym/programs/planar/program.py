@@ -11,11 +11,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.planar.cascade import filter_batch
-from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Array, Settings
+from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Settings
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_shapes, explain, well_formed

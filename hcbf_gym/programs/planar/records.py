@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import LOWEST_RANK
 
-Array = NDArray[np.float64]
 Rows = NDArray[Any]
 Point = tuple[float, float]
 

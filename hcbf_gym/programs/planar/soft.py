@@ -9,6 +9,7 @@ minimum of the whole lies (`kink`): the polygon is cut down, kink by kink, to on
 import numpy as np
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.programs.planar.kink import MET, OPEN, PAID, settle
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
@@ -20,16 +21,7 @@ from hcbf_gym.programs.planar.polygon import (
     slice_at,
     span,
 )
-from hcbf_gym.programs.planar.records import (
-    CELL,
-    Array,
-    Cost,
-    Line,
-    Point,
-    Rows,
-    Workspace,
-    row_line,
-)
+from hcbf_gym.programs.planar.records import CELL, Cost, Line, Point, Rows, Workspace, row_line
 from hcbf_gym.programs.tolerances import (
     GRADED,
     NEGLIGIBLE,

@@ -8,6 +8,7 @@ from typing import Any
 
 from numba import njit
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
     add_row,
@@ -22,7 +23,6 @@ from hcbf_gym.programs.planar.polygon import (
 from hcbf_gym.programs.planar.records import (
     FEASIBLE,
     TRIAL,
-    Array,
     Cost,
     Line,
     Point,

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hcbf_gym.arrays import Array
 
 FOLDER = Path(__file__).parent
 """Where the carts' contracts and files are."""

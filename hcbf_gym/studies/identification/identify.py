@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.robots.response_monitor import SHARE
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_response import Response
-from hcbf_gym.studies.identification.model import Fit, fit
+from hcbf_gym.robots.walker_response import LASTING, Response
+from hcbf_gym.studies.identification.model import Fit, fit, late, respond
 from hcbf_gym.studies.identification.record import RUN, STOPS, Record, Runner
-
-Array = NDArray[np.float64]
 
 QUANTILES = (50.0, 95.0, 99.9)
 """Of the residual [%]."""
@@ -57,22 +57,42 @@ def identify(walker: Walker, seconds: float, seed: int) -> Identified:
     )
     slowest = max(_moving(walker, fits), key=lambda one: one.time_constant + one.delay)
     follows = slowest.time_constant + slowest.delay
-    left = walker.command.in_plane(record.done - np.column_stack([one.predicted for one in fits]))
+    left = walker.command.in_plane(record.done) - _predicted(walker, fits, record)
+    creeping = [runner.creep(command) for command in _runs(walker)[::2]]
+    lasting = max(_lasting(walker, fits, one) for one in (record, *creeping))
     told = walker.command.in_plane(record.command * np.array([one.gain for one in fits]))
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
         residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
-        sway=round(_sway(left, follows), 4),
+        sway=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
         overshoot=round(_overshoot(walker, told, record), 4),
         rise=round(float(np.median([_rise(_speed(walker, one.done)) for one in stops])), 3),
         stopping=round(max(one.distance for one in braked), 3),
         braking=round(braking, 2),
-        falls=record.falls + sum(one.falls for one in stops),
+        falls=record.falls + sum(one.falls for one in (*stops, *creeping)),
         seconds=seconds,
+        lasting=round(lasting, 4),
     )
     return Identified(response, record, fits)
+
+
+def _predicted(walker: Walker, fits: tuple[Fit, ...], record: Record) -> Array:
+    """Return (n, 2) the velocity that the response makes of commands [m/s]."""
+    entries = [
+        one.gain * respond(late(told, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
+        for one, told in zip(fits, record.command.T, strict=True)
+    ]
+    return walker.command.in_plane(np.column_stack(entries))
+
+
+def _lasting(walker: Walker, fits: tuple[Fit, ...], record: Record) -> float:
+    """Return what lasts of the residual beyond a share of the motion, in 99.9 % of it [m/s]."""
+    predicted = _predicted(walker, fits, record)
+    left = walker.command.in_plane(record.done) - predicted
+    excess = _strays(left, LASTING) - SHARE * _moved(predicted, LASTING)
+    return max(0.0, float(np.percentile(excess, QUANTILES[-1]))) / LASTING
 
 
 def _rates(walker: Walker, braking: float) -> Array:
@@ -134,12 +154,18 @@ def _first(holds: NDArray[np.bool_]) -> int:
     return int(holds.argmax()) if holds.any() else len(holds)
 
 
-def _sway(left: Array, seconds: float) -> float:
-    """Return how far position strays from the model's within so many seconds, 99.9 % of it [m]."""
+def _strays(left: Array, seconds: float) -> Array:
+    """Return (n,) how far position strays from the model's within so many seconds [m]."""
     steps = max(1, round(seconds / CONTROL_DT))
     path = np.concatenate([np.zeros((1, 2)), left.cumsum(axis=0)]) * CONTROL_DT
-    strays = path[steps:] - path[:-steps]
-    return float(np.percentile(np.hypot(strays[:, 0], strays[:, 1]), QUANTILES[-1]))
+    return np.hypot(*(path[steps:] - path[:-steps]).T)
+
+
+def _moved(velocity: Array, seconds: float) -> Array:
+    """Return (n,) how long the way is within so many seconds [m]."""
+    steps = max(1, round(seconds / CONTROL_DT))
+    way = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
+    return way[steps:] - way[:-steps]
 
 
 def _overshoot(walker: Walker, told: Array, record: Record) -> float:

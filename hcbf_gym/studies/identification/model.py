@@ -10,10 +10,9 @@ v does not bend it, as nothing measured is fed back.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from hcbf_gym.arrays import Array
 
 TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)
 """Those that are tried [s]."""

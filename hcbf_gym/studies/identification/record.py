@@ -4,16 +4,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
-
-Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 0.4, 2.0
 """How long a random command is held [s]."""
@@ -25,6 +23,10 @@ STOPS = 8
 """Stops from the greatest speed, in as many directions."""
 RUN, STAND = 2.5, 2.0
 """How long such a run and the stop after it last [s]."""
+
+SLOW, CREEP = 0.3, 30.0
+"""Share of the greatest speed up to which a command creeps, and within which time [s]: many a robot
+stands where it is told to go slowly."""
 
 
 class Record(NamedTuple):
@@ -118,6 +120,13 @@ class Runner:
         """Run at a command (k,), then stop; the stop begins after `RUN`."""
         self._start()
         return joined([self.tell(command, RUN), self.tell(0.0 * command, STAND)])
+
+    def creep(self, command: Array) -> Record:
+        """Tell a command (k,) that grows from zero to `SLOW` of it within `CREEP`."""
+        self._start()
+        steps = round(CREEP / CONTROL_DT)
+        shares = SLOW * np.arange(1, steps + 1) / steps
+        return joined([self.tell(share * command, CONTROL_DT) for share in shares])
 
 
 class _Direct(Adapter):

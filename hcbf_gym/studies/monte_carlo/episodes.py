@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels
 from hcbf_gym.barriers.shapes import disc
 from hcbf_gym.errors import choose
@@ -19,8 +20,6 @@ from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 DT = 0.02
 LOOKS = 20

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
@@ -28,8 +28,6 @@ from hcbf_gym.studies.tuning import (
 )
 from hcbf_gym.studies.tuning.cost_map import inside
 
-Array = NDArray[np.float64]
-
 SCENE = "paper-simulation"
 R_WEIGHT = 0.05
 """γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
@@ -45,7 +43,7 @@ that move with the tracking error would be a second cost beside that of the weig
 
 _H3, _H4 = 2, 3
 _GRID = ((0.05, *np.linspace(0.5, 5.0, 10).tolist()), np.linspace(0.0, 2.5, 6).tolist())
-_BANDS = np.linspace(0.0, WINDOW[1], 6)
+_BANDS = np.linspace(0.0, WINDOW["delta_gamma"], 6)
 _INNER = (1.0, 4.75)
 """Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
 
@@ -116,7 +114,7 @@ def _draws(count: int) -> Array:
     while len(draws) < count:
         draw = normal.draw(0, number)
         number += 1
-        if draw.gamma0 <= WINDOW[0] and draw.delta_gamma <= WINDOW[1]:
+        if draw.gamma0 <= WINDOW["gamma0"] and draw.delta_gamma <= WINDOW["delta_gamma"]:
             draws.append((draw.gamma0, draw.delta_gamma))
     return np.array(draws)
 

@@ -11,6 +11,7 @@ from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
 from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.episode_plot import new_figure
@@ -18,8 +19,6 @@ from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.studies.reproduction.trajectories import Trajectories
 from hcbf_gym.studies.tuning import Samples, WeightRollouts
 from hcbf_gym.studies.tuning.cost_map import draw_cost_map
-
-Array = NDArray[np.float64]
 
 R, H = PROGRAM_COLORS["r-cbf-qp"], PROGRAM_COLORS["h-cbf-qp"]
 _SHADES = LinearSegmentedColormap.from_list("h-cbf-qp", ["#a6d8f0", H, "#00253b"])

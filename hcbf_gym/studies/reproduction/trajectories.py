@@ -5,10 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.studies.tuning import WeightRollouts
-
-Array = NDArray[np.float64]
 
 
 class Trajectories(NamedTuple):

@@ -1,20 +1,17 @@
 """Choose the weights (γ₀, Δγ) by sampling: draws, the cost of each, the cheapest pair, the map.
 
 Without arguments it is the paper's section III-C on the reduced-order model: draws from
-N((3, 1.5), I), negative ones rejected. Run it again to resume it, or with more samples to go on;
-run it twice at once and the two share the work.
+N((3, 1.5), I), negative ones rejected. Run it again to resume it, or with more samples to go on.
 """
 
-import os
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import optuna
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
@@ -24,7 +21,6 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
-from hcbf_gym.studies.tuning.journal import journal
 
 
 @dataclass(frozen=True)
@@ -54,28 +50,20 @@ class Args:
     seed: int = 0
     """Decides the samples and the episodes."""
     storage: str | None = None
-    """URL of a database that machines share [default: a journal in the output folder]."""
+    """URL of a database [default: a log in the output folder]."""
     workers: Workers = None
     """Episodes that run at once, in full physics."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/tune")
     """Folder for the study, tuning.json and the maps."""
-    compare: int = 0
-    """Run so many samples again in a loop over qpsolvers with OSQP, and print the ratio."""
 
 
 def main(args: Args) -> None:
     """Sample, and write what came out."""
-    if args.samples < 1 or args.compare < 0:
-        raise InvalidInputError(
-            f"got samples {args.samples} and compare {args.compare}, expected >= 1 and >= 0"
-        )
+    if args.samples < 1:
+        raise InvalidInputError(f"samples: got {args.samples}, expected at least 1")
     open_pool(args.backend, args.workers).close()
-    if args.compare:
-        require("--compare", "benchmark", "osqp")
-        if args.env != "HCBF-Regions-v0":
-            raise InvalidInputError(f"compare: got {args.env}, expected HCBF-Regions-v0")
     if "cmaes" in args.sampler:
         require("--sampler cmaes", "studies", "cmaes")
     cost = Cost(args.w_i, args.w_f, args.w_delta)
@@ -84,7 +72,9 @@ def main(args: Args) -> None:
     settings = {"study": "tuning", "problem": problem.settings(), "seed": args.seed}
     settings |= {"mean": args.mean, "covariance": args.covariance, "samplers": args.sampler}
     open_folder(args.output, settings)
-    storage: Any = args.storage or journal(args.output / "study.journal")
+    storage: Any = args.storage or JournalStorage(
+        JournalFileBackend(str(args.output / "study.log"))
+    )
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     studies, seconds = {}, {}
@@ -108,8 +98,6 @@ def main(args: Args) -> None:
     console.print(_table(args, studies))
     for name, value in seconds.items():
         console.print(f"{name}: {args.samples} samples in {value:.1f} s")
-    if args.compare:
-        _compare(problem, studies[args.sampler[0]][1], args.compare, console)
     console.print(f"written to {args.output}")
 
 
@@ -166,41 +154,3 @@ def _table(args: Args, studies: dict[str, tuple[TuningStudy, Samples]]) -> Table
             f"{study.rejected(args.samples)}" if name == "normal" else "-",
         )
     return table
-
-
-def _compare(problem: Problem, samples: Samples, count: int, console: Console) -> None:
-    """Time the batch against a loop over single programs with OSQP, per sample, in one run."""
-    start = time.perf_counter()
-    dict(problem.costs(samples.gamma0, samples.delta_gamma))
-    batch = (time.perf_counter() - start) / len(samples.cost)
-    loop = Problem(
-        problem.env,
-        problem.scenario,
-        problem.program,
-        {"solver": "osqp"},
-        problem.seed,
-        problem.cost,
-    )
-    start = time.perf_counter()
-    with _silent():
-        for k in range(min(count, len(samples.cost))):
-            loop.case(float(samples.gamma0[k]), float(samples.delta_gamma[k])).run(problem.seed)
-    single = (time.perf_counter() - start) / min(count, len(samples.cost))
-    console.print(
-        f"a sample takes {1e3 * batch:.2f} ms in a batch of {len(samples.cost)} and "
-        f"{1e3 * single:.0f} ms in a loop over qpsolvers with OSQP: {single / batch:.0f} times"
-    )
-
-
-@contextmanager
-def _silent() -> Iterator[None]:
-    """Keep the process's standard output quiet: OSQP's polishing reports whatever it is told."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)

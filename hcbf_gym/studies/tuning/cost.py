@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_float
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ _SAMPLER_STYLES = {"normal": ("#000000", "o"), "tpe": ("#0072b2", "s"), "cmaes":
 
 def inside(samples: Samples) -> Samples:
     """Return the samples that the paper shows, γ₀ ≤ 5 and Δγ ≤ 2.5, with a finite cost."""
-    shown = (samples.gamma0 <= WINDOW[0]) & (samples.delta_gamma <= WINDOW[1])
+    shown = (samples.gamma0 <= WINDOW["gamma0"]) & (samples.delta_gamma <= WINDOW["delta_gamma"])
     shown &= np.isfinite(samples.cost)
     return Samples(*(values[shown] for values in samples))
 
@@ -44,7 +44,7 @@ def draw_cost_map(axes: Axes, samples: Samples) -> None:
     figure = axes.get_figure()
     assert figure is not None
     figure.colorbar(colors, ax=axes, label="$r_o = r - \\min r$ [-]")
-    axes.set(xlim=(0.0, WINDOW[0]), ylim=(0.0, WINDOW[1]))
+    axes.set(xlim=(0.0, WINDOW["gamma0"]), ylim=(0.0, WINDOW["delta_gamma"]))
     axes.set(xlabel="$\\gamma_0$ [-]", ylabel="$\\Delta\\gamma$ [1/m]")
     axes.legend(loc="upper left", fontsize=8)
 

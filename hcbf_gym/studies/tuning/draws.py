@@ -4,14 +4,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.errors import InvalidInputError, finite_array
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
-
-_DEVIATIONS = 6.0
 _MAX_REJECTED = 10_000
 
 
@@ -61,13 +57,6 @@ class Normal:
         object.__setattr__(self, "covariance", tuple(map(tuple, covariance.tolist())))
         object.__setattr__(self, "_root", vectors * np.sqrt(np.maximum(eigenvalues, 0.0)))
 
-    @property
-    def upper(self) -> Pair:
-        """(2,) µ + 6σ, beyond which draws are rejected too (two in 10⁹)."""
-        upper = np.array(self.mean) + _DEVIATIONS * np.sqrt(np.diag(self.covariance))
-        gamma0, delta_gamma = np.maximum(upper, 0.0).tolist()
-        return gamma0, delta_gamma
-
     def draw(self, seed: int, number: int) -> Draw:
         """Return the draw that belongs to (seed, number), whatever was drawn before.
 
@@ -75,11 +64,10 @@ class Normal:
             InvalidInputError: if 10,000 draws in a row are negative.
         """
         rng = np.random.default_rng([seed, number])
-        upper = np.array(self.upper) + 1e-9
         for rejected in range(_MAX_REJECTED):
             pair = np.array(self.mean) + self._root @ rng.standard_normal(2)
-            if (pair >= 0.0).all() and (pair <= upper).all():
-                gamma0, delta_gamma = np.minimum(pair, self.upper).tolist()
+            if (pair >= 0.0).all():
+                gamma0, delta_gamma = pair.tolist()
                 return Draw(gamma0, delta_gamma, rejected)
         raise InvalidInputError(
             f"distribution: got mean {self.mean} and covariance {self.covariance}, "

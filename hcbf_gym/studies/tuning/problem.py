@@ -5,17 +5,16 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hcbf_gym import programs, scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.rollouts import ENVIRONMENTS, Case, Episode
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning.cost import Cost, relaxation
 from hcbf_gym.studies.tuning.simulate import check_weights, simulate
-
-Array = NDArray[np.float64]
 
 _CHUNK = 500
 """Trajectories held in memory at a time."""

@@ -5,14 +5,13 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hcbf_gym import policies, wrappers
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.studies.tuning.cost import relaxation
-
-Array = NDArray[np.float64]
 
 
 class WeightRollouts(NamedTuple):
