@@ -12,10 +12,11 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.barriers import Disc
+from hcbf_gym.filtering import planar_step
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers import SafetyFilter, fused, safety_filter
+from hcbf_gym.wrappers import SafetyFilter, safety_filter
 
 PERIOD, ROUNDS, CALLS = 0.02, 200, 20
 
@@ -61,7 +62,7 @@ def shares() -> list[dict[str, Any]]:
     def call(told: Any) -> None:
         intake.time[0] += PERIOD
         scene = core._scene
-        fused.filter_plants(
+        planar_step.filter_plants(
             core._constants,
             core._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),

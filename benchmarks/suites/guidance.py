@@ -21,12 +21,12 @@ from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.filtering.core import FilterSettings
+from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-from hcbf_gym.wrappers.filter_core import FilterSettings
-from hcbf_gym.wrappers.planar_core import PlanarCore
 
 Array = NDArray[np.float64]
 

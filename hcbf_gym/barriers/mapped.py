@@ -184,7 +184,7 @@ def is_mapped(kind: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def at_hand(
+def nearby(
     settings: Any,
     rows: Array,
     radius: float,

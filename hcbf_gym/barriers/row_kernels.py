@@ -41,7 +41,7 @@ def rows(
 ) -> None:
     """Write the rows ``a·u ≥ b`` of N states; a user's own barriers are passed over.
 
-    Classes of maps have no row, see `mapped.at_hand`: NaN stands there.
+    Classes of maps have no row, see `mapped.nearby`: NaN stands there.
 
     Args:
         kind: (N, m) as `BarrierSet` holds it.

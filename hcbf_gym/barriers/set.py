@@ -290,7 +290,7 @@ class BarrierSet:
         out[margins.MARGIN] += self.own_margin
         return out
 
-    def at_hand(
+    def nearby(
         self,
         settings: RowSettings,
         uncertainty: Uncertainty,
@@ -318,7 +318,7 @@ class BarrierSet:
         )
         numbers = Uncertainty(*map(float, uncertainty))
         state = x, model, lag, covariance, growth
-        found = mapped.at_hand(numbers, settings.packed, radius, whole, self.atlas.numbers, *state)
+        found = mapped.nearby(numbers, settings.packed, radius, whole, self.atlas.numbers, *state)
         part = BarrierSet([()])
         for name in ("kind", "parameters", "priority", "own_margin"):
             setattr(part, name, getattr(found, name)[None])

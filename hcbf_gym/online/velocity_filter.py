@@ -15,6 +15,9 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
+from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.core import FilterSettings
+from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
@@ -25,9 +28,6 @@ from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import UNKNOWN, Response, braked, uncertainty
-from hcbf_gym.wrappers.belief import real_numbers
-from hcbf_gym.wrappers.filter_core import FilterSettings
-from hcbf_gym.wrappers.planar_core import PlanarCore
 
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""

@@ -11,11 +11,11 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.filtering.alarms import SAYS
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.scenarios import Scenario
-from hcbf_gym.wrappers.alarms import SAYS
 
 UNFILTERED = "UNFILTERED"
 
@@ -137,7 +137,7 @@ def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names:
     mapped = barriers.kind[0] == MAPPED
     if barriers.atlas:
         exact = x, np.zeros(4), np.zeros((4, 4))
-        barriers, whose = barriers.at_hand(
+        barriers, whose = barriers.nearby(
             settings, inner.plant.uncertainty, limits.radius, x, *exact
         )
     batch = barriers.rows(x[None], np.array([t]), settings, margin[None, whose])

@@ -18,14 +18,14 @@ from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, as_array
+from hcbf_gym.filtering.certified import certified
+from hcbf_gym.filtering.core import FilterCore, FilterSettings, plain_options
+from hcbf_gym.filtering.general_core import GeneralCore
+from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers.certified import certified
-from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, plain_options
-from hcbf_gym.wrappers.general_core import GeneralCore
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
-from hcbf_gym.wrappers.planar_core import PlanarCore
 from hcbf_gym.wrappers.readers import Readers
 
 
@@ -33,7 +33,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
-    ``info["safety_filter"]`` holds the fields of `hcbf_gym.wrappers.report`: u* and u, each row's
+    ``info["safety_filter"]`` holds the fields of `hcbf_gym.filtering.report`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
     `hcbf_gym.models.plant.Reason`, 0 where there is none), `covered` (a
     `hcbf_gym.models.plant.Coverage`), and what is measured on the way, such as `intervention`

@@ -14,10 +14,10 @@ from hcbf_gym import models, scenarios
 from hcbf_gym.envs import coverage
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers.filter_core import FilterSettings
 
 pytestmark = pytest.mark.usefixtures("fresh")
 

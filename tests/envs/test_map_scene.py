@@ -230,13 +230,13 @@ def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():
         velocity = rng.normal(size=2)
         x = np.array([*point, *velocity])
         nothing = np.zeros((4, 4))
-        hand, _ = whole.at_hand(settings, Uncertainty(body=BODY), 7.1, x, x, np.zeros(4), nothing)
+        hand, _ = whole.nearby(settings, Uncertainty(body=BODY), 7.1, x, x, np.zeros(4), nothing)
         taken = {tuple(block.round(12)) for block in hand.parameters[0]}
         for angle in np.linspace(0.0, 2.0 * np.pi, 9):
             u = 7.1 * np.array([np.cos(angle), np.sin(angle)])
             later = np.array([*(point + 0.02 * velocity + 0.0002 * u), *(velocity + 0.02 * u)])
             everything = np.zeros((4, 4))
-            all_of_it, _ = whole.at_hand(
+            all_of_it, _ = whole.nearby(
                 settings, Uncertainty(distance=50.0), 7.1, x, x, np.zeros(4), everything
             )
             rest = [b for b in all_of_it.parameters[0] if tuple(b.round(12)) not in taken]

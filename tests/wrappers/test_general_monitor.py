@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hcbf_gym.filtering.monitor import Monitor
 from hcbf_gym.models import (
     Box,
     ControlAffine,
@@ -14,7 +15,6 @@ from hcbf_gym.models import (
     Unicycle,
 )
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.wrappers.monitor import Monitor
 
 T = 0.02
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hcbf_gym.filtering import planar_belief
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.wrappers import senses
 
 PERIOD, LIMIT = 0.02, 5.0
 RADIUS = LIMIT * np.sqrt(2.0)
@@ -14,11 +14,11 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    plant = np.zeros(1, dtype=senses.PLANT)[0]
+    plant = np.zeros(1, dtype=planar_belief.PLANT)[0]
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        assert senses.look(plant, PERIOD) == 0
-        senses.watch(plant, PERIOD, RADIUS, 3.0, 0.0)
+        assert planar_belief.look(plant, PERIOD) == 0
+        planar_belief.watch(plant, PERIOD, RADIUS, 3.0, 0.0)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really

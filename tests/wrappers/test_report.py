@@ -1,4 +1,4 @@
-"""What info["safety_filter"] holds: the fields of `wrappers.report`, from every core."""
+"""What info["safety_filter"] holds: the fields of `filtering.report`, from every core."""
 
 import os
 import subprocess
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import hcbf_gym  # noqa: F401 - registers the environments
-from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter, report
+from hcbf_gym.filtering import report
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 U = np.array([1.0, 0.5])
 NATIVE = """

@@ -1,7 +1,7 @@
 """What is handed to the filter of N planar double integrators, as one record a plant.
 
 Whatever is misshaped, too old or no number on the way from the plant is a fault of that plant, and
-`senses.look` does not believe it.
+`planar_belief.look` does not believe it.
 """
 
 from typing import Any
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.filtering.belief import KNOWN_FAULTS, real_numbers
+from hcbf_gym.filtering.planar_belief import PLANT
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
-from hcbf_gym.wrappers.belief import KNOWN_FAULTS, real_numbers
-from hcbf_gym.wrappers.senses import PLANT
 
 _FLOAT = np.dtype(np.float64)
 
 
-class Intake:
+class Samples:
     """The records of N plants.
 
     Args:
@@ -25,7 +25,7 @@ class Intake:
         count: N.
 
     Attributes:
-        plants: (N,) `senses.PLANT`.
+        plants: (N,) `planar_belief.PLANT`.
         x: (N, 4) of them, positions [m] and velocities [m/s].
         time: (N,) of them [s].
     """

@@ -8,13 +8,13 @@ import numpy as np
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import check_options, choose
+from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
-from hcbf_gym.wrappers.intake import Intake
 
 
-class Way:
+class Guide:
     """Where guidance leads N plants, if anything guides them.
 
     Args:
@@ -31,7 +31,7 @@ class Way:
     """
 
     def __init__(self, choice: Any, count: int):
-        self._guide: Geodesic | Local | None = None
+        self._guidance: Geodesic | Local | None = None
         self.guides = choice is not None
         self.through = 0
         if choice is not None:
@@ -42,7 +42,7 @@ class Way:
                 "geodesic": lambda: Geodesic(count, through=self.through),
                 "local": lambda: Local(count),
             }
-            self._guide = choose("guidance", options.get("kind", "geodesic"), kinds)()
+            self._guidance = choose("guidance", options.get("kind", "geodesic"), kinds)()
 
     def begin(
         self, scenes: BarrierSet, x: Array, clearance: float, world: tuple[Any, Any], mask: Mask
@@ -56,23 +56,23 @@ class Way:
             world: the goal and the extent, as the plant gives them [m].
             mask: (N,) which scenes begin.
         """
-        if isinstance(self._guide, Local):
-            self._guide.reset(scenes, mask=mask)
-        elif self._guide is not None:
+        if isinstance(self._guidance, Local):
+            self._guidance.reset(scenes, mask=mask)
+        elif self._guidance is not None:
             start = np.where(np.isfinite(x[:, :2]), x[:, :2], 0.0)
             goal, extent = world
-            self._guide.reset(scenes, goal, extent, clearance, start=start, mask=mask)
+            self._guidance.reset(scenes, goal, extent, clearance, start=start, mask=mask)
 
-    def lead(self, scenes: BarrierSet, intake: Intake, u_nominal: Array) -> None:
+    def lead(self, scenes: BarrierSet, samples: Samples, u_nominal: Array) -> None:
         """Write where guidance leads the plants now into their records."""
-        guide, plants = self._guide, intake.plants
+        guide, plants = self._guidance, samples.plants
         if isinstance(guide, Local):
             guide.barriers = scenes
-            a, b = guide.rows(intake.x, intake.time, u_nominal)
+            a, b = guide.rows(samples.x, samples.time, u_nominal)
             plants["way"][:, :2], plants["way"][:, 2] = a, b
         elif guide is not None:
-            guide.follow(scenes, intake.time)
-            guide.update(intake.time)
+            guide.follow(scenes, samples.time)
+            guide.update(samples.time)
             fields = guide.field, guide.through, guide.zone, guide.geometry, guide.goal
             told = plants["way"], plants["reachable"], plants["zone"]
-            guidance_row.lead(*fields, intake.x, guide.pull, *told)
+            guidance_row.lead(*fields, samples.x, guide.pull, *told)

@@ -6,8 +6,8 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
+from hcbf_gym.filtering.planar_records import Work
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
-from hcbf_gym.wrappers.plants import Work
 
 
 def answer(program: Program, work: Work) -> bool:

@@ -8,12 +8,12 @@ the model stands.
 import numpy as np
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.wrappers.belief import real_numbers
 
 
-class Backup:
+class Brake:
     """The braking inputs of one plant.
 
     Args:

@@ -61,7 +61,7 @@ def of_one(u: dict[str, Array], rows: dict[str, Array], told: dict[str, Any]) ->
     return report | {name: kind.type(told.get(name, 0)) for name, kind in scalars.items()}
 
 
-class Sheet:
+class ReportBuffer:
     """Where compiled code writes what is said of the plants that it filters.
 
     Args:

@@ -12,6 +12,20 @@ from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
+from hcbf_gym.filtering import map_rows, verdict
+from hcbf_gym.filtering.monitor import APART
+from hcbf_gym.filtering.planar_belief import look, watch
+from hcbf_gym.filtering.planar_records import (
+    OWN_ROW,
+    Plants,
+    Work,
+    fits,
+    make_work,
+    program_of,
+    some,
+)
+from hcbf_gym.filtering.report import ROW
+from hcbf_gym.filtering.verdict import BACKUP
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.plant import Reason
@@ -19,12 +33,6 @@ from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import Settings
 from hcbf_gym.programs.tolerances import NOMINAL
-from hcbf_gym.wrappers import at_hand, verdict
-from hcbf_gym.wrappers.monitor import APART
-from hcbf_gym.wrappers.plants import OWN_ROW, Plants, Work, fits, make_work, program_of, some
-from hcbf_gym.wrappers.report import ROW
-from hcbf_gym.wrappers.senses import look, watch
-from hcbf_gym.wrappers.verdict import BACKUP
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a call says of itself."""
@@ -103,19 +111,19 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
 @njit(cache=True)
 def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     """Filter plant `i` with what is at hand of its map, and tell whether there is one to speak."""
-    part, source = _at_hand(c, p, i)
+    part, source = _nearby(c, p, i)
     count, total = part.kind.shape[1], part.rows.shape[1]
     asks = _filter(c, settings, part, make_work(settings, 1, count, total))
-    at_hand.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
+    map_rows.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
     return asks
 
 
 @njit(cache=True)
-def _at_hand(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
+def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
     """Return plant `i` with what is at hand of its map, and which condition each row stands for."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
-    hand = at_hand.of_plant(c, scene, p.atlas, p.sensed[i])
+    hand = map_rows.of_plant(c, scene, p.atlas, p.sensed[i])
     count = hand.kind.size
     own = p.own[:0]
     if p.own.size > 0:
@@ -158,7 +166,7 @@ def pose(
     plants = Plants(*scene, sensed, own, told, rows)
     said = _begin(c, plants)
     settings = program_of(c, borrowed(program), 0, 1)
-    part, source = _at_hand(c, plants, 0) if said == DONE else (plants, plants.kind[0])
+    part, source = _nearby(c, plants, 0) if said == DONE else (plants, plants.kind[0])
     work = make_work(settings, 1, part.kind.shape[1], part.rows.shape[1])
     if said == DONE:
         _make_rows(c, part, work)
@@ -195,7 +203,7 @@ def close(
         work.u[0, 0], work.u[0, 1] = _braking_input(settings, plant, c.period)
     _conclude(c, part, work, 0)
     m = rows.shape[1] - part.rows.shape[1] + part.kind.shape[1]
-    at_hand.tell(source, part.rows[0], rows[0, :m])
+    map_rows.tell(source, part.rows[0], rows[0, :m])
     return ASKS if told.reason != 0 else DONE
 
 

@@ -18,17 +18,17 @@ from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, finite_array
+from hcbf_gym.filtering import report, solvers, verdict
+from hcbf_gym.filtering.belief import Belief, alarm_of, examine
+from hcbf_gym.filtering.brake import Brake
+from hcbf_gym.filtering.core import FilterCore, FilterSettings, check_hold
+from hcbf_gym.filtering.monitor import Monitor
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.programs.program import check_rows
 from hcbf_gym.programs.tolerances import NOMINAL
-from hcbf_gym.wrappers import report, solvers, verdict
-from hcbf_gym.wrappers.backup import Backup
-from hcbf_gym.wrappers.belief import Belief, alarm_of, examine
-from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings, check_hold
-from hcbf_gym.wrappers.monitor import Monitor
 
 _MEMORY = np.dtype((np.record, verdict.MEMORY))
 
@@ -61,7 +61,7 @@ class GeneralCore(FilterCore):
     """The filter of one plant of a model that is not compiled: usual rows from jets, any inputs.
 
     Whatever is not finite, misshaped or too old on the way from the plant to the rows makes it
-    brake, see `Backup`, for as long as that lasts; an alarm, if the plant or the user asks for
+    brake, see `Brake`, for as long as that lasts; an alarm, if the plant or the user asks for
     that, until the next reset.
 
     Args:
@@ -91,7 +91,7 @@ class GeneralCore(FilterCore):
         self._allows_late, self._said_late = settings.allow_late_inputs, False
         self._said_concave = False
         self._monitor = Monitor(plant.model, plant.period, input_set)
-        self._backup = Backup(plant, input_set)
+        self._braking = Brake(plant, input_set)
         self._last_time, self._alarm = -np.inf, Reason.NONE
         self._memory: Any = np.zeros(1, dtype=_MEMORY)
         self._follows = False  # whether the last state was believed
@@ -109,7 +109,7 @@ class GeneralCore(FilterCore):
         self._memory[:] = 0
         self._follows = False
         self._monitor.forget()
-        self._backup.forget()
+        self._braking.forget()
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first state of a new episode, and return what the infos of a reset say.
@@ -120,7 +120,7 @@ class GeneralCore(FilterCore):
         reason, sensed = self._sense(estimate)
         found = None
         if sensed is not None:
-            self._backup.know(sensed.model)
+            self._braking.know(sensed.model)
             found = self._conditions(barriers, sensed, beginning=True)
         self._fresh[:] = False
         zeros = np.zeros(self.input_set.n_u)
@@ -148,19 +148,19 @@ class GeneralCore(FilterCore):
         wanted = finite_array("action", u_nominal, (self.input_set.n_u,))
         reason, sensed = self._sense(estimate)
         if sensed is None:
-            self._backup.carry_on()
+            self._braking.carry_on()
             self._monitor.skip()
             self._follows = False
         else:
             self._memory["news"] |= not self._follows
             self._follows = True
             self._last_time = self._last_time if sensed.time is None else sensed.time
-            self._backup.know(sensed.model)
+            self._braking.know(sensed.model)
             self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
         told = self._filter(wanted, barriers, sensed, reason)
         self._steps += 1.0
         u = told["u_safe"].copy()
-        self._backup.apply(u)
+        self._braking.apply(u)
         if sensed is not None:
             self._monitor.expect(sensed.body, sensed.model, u)
         return u, told
@@ -170,15 +170,15 @@ class GeneralCore(FilterCore):
     ) -> dict[str, Any]:
         """Return the report of one step: the program's answer, or the brake."""
         if sensed is None:
-            return self._brake(wanted, self._backup.input(), reason)
+            return self._brake(wanted, self._braking.input(), reason)
         found = self._conditions(barriers, sensed, beginning=False)
         if found is None:
-            return self._brake(wanted, self._backup.input(), Reason.BARRIERS)
+            return self._brake(wanted, self._braking.input(), Reason.BARRIERS)
         if self._alarm and self.brakes_on_alarm:
             return self._stop(wanted, found)
         result = solvers.solve(self.program, wanted, found.rows)
         if result is None:
-            return self._brake(wanted, self._backup.input(), Reason.SOLVER)
+            return self._brake(wanted, self._braking.input(), Reason.SOLVER)
         return self._report(wanted, result, found, self._alarm, self._stands(sensed.x, wanted))
 
     def _stop(self, wanted: Array, found: Conditions) -> dict[str, Any]:
@@ -188,7 +188,7 @@ class GeneralCore(FilterCore):
         region, and the program's answer to the braking input keeps it away. Where the position
         itself is in doubt, or the user says how the plant brakes, that input is applied as it is.
         """
-        braking = self._backup.input()
+        braking = self._braking.input()
         result = None
         if self._alarm not in (Reason.MOTION, Reason.RESPONSE) and self.plant.brake is None:
             result = solvers.solve(self.program, braking, found.rows)
@@ -210,7 +210,7 @@ class GeneralCore(FilterCore):
         """Latch the first alarm of an episode."""
         if alarm and not self._alarm:
             self._alarm = alarm
-            self._announcer.say(alarm)
+            self._warnings.warn(alarm)
 
     def _conditions(self, barriers: Any, sensed: Belief, beginning: bool) -> Conditions | None:
         """Return the rows of the present state; None where there are none to rely on.
@@ -314,7 +314,7 @@ class GeneralCore(FilterCore):
 
     def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
         """Return the report of a step in which the filter brakes, and say so once."""
-        self._announcer.say(reason)
+        self._warnings.warn(reason)
         nothing = np.zeros(len(self._barriers))
         result = FilterResult(u, nothing, nothing, FilterStatus.BACKUP, 0)
         told = {"status": FilterStatus.BACKUP}
@@ -361,7 +361,7 @@ class GeneralCore(FilterCore):
         told: dict[str, Any],
         rows: dict[str, Array],
     ) -> dict[str, Any]:
-        """Return the fields of `wrappers.report`: those of any step, and those that were told."""
+        """Return the fields of `filtering.report`: those of any step, and those that were told."""
         result = result._replace(u=result.u.astype(self.told_as).astype(np.float64))
         change = result.u - u_nominal
         rows = {"slack": result.slack, "delta": result.delta} | rows

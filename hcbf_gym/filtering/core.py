@@ -22,11 +22,11 @@ from hcbf_gym.errors import (
     choose,
     finite_float,
 )
+from hcbf_gym.filtering.alarms import ReasonWarnings
+from hcbf_gym.filtering.certified import Earned
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers.alarms import Announcer
-from hcbf_gym.wrappers.certified import Earned
 
 ROW_OPTIONS = ("alpha1", "alpha2")
 
@@ -129,7 +129,7 @@ class FilterCore(ABC):
         self._steps: Array = np.zeros(count)
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
-        self._announcer = Announcer(self.brakes_on_alarm)
+        self._warnings = ReasonWarnings(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._fresh: Mask = np.ones(count, dtype=np.bool_)
 

@@ -76,7 +76,7 @@ class Plants(NamedTuple):
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
         atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
-        sensed: (N,) `senses.PLANT`, written to.
+        sensed: (N,) `planar_belief.PLANT`, written to.
         own: (N, m) `OWN_ROW` where users' own rows were made beforehand, else (0, 0).
         told: (N,) `report.PLANT`, with u*; the rest is written.
         rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.

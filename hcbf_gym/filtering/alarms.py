@@ -25,7 +25,7 @@ SAYS = {
 """Each reason in words."""
 
 
-class Announcer:
+class ReasonWarnings:
     """Warns of each reason once, and of a reason that comes back no more.
 
     Args:
@@ -36,7 +36,7 @@ class Announcer:
         self._brakes = brakes_on_alarm
         self._said: set[int] = set()
 
-    def say(self, reason: int, count: int = 1) -> None:
+    def warn(self, reason: int, count: int = 1) -> None:
         """Warn of a `Reason` that was not warned of yet.
 
         Args:

@@ -19,11 +19,11 @@ import numpy as np
 from numba import njit
 
 from hcbf_gym.barriers import margins
+from hcbf_gym.filtering import verdict
+from hcbf_gym.filtering.belief import are_near, is_covariance
+from hcbf_gym.filtering.monitor import ACCOUNT, WINDOW, account, breaks_off
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
-from hcbf_gym.wrappers import verdict
-from hcbf_gym.wrappers.belief import are_near, is_covariance
-from hcbf_gym.wrappers.monitor import ACCOUNT, WINDOW, account, breaks_off
 
 DRIFT = 0.01
 """What position and velocity may drift apart in any case [m]: rounding of a plant's own steps."""

@@ -17,10 +17,10 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
         c: `plants.CONSTANTS`.
         scene: the plant's conditions.
         atlas: where the pieces stand.
-        plant: `senses.PLANT`, looked at.
+        plant: `planar_belief.PLANT`, looked at.
     """
     state = plant.x, plant.model, plant.lag, plant.covariance, plant.growth
-    return mapped.at_hand(c, c.rows, c.radius, scene, atlas, *state)
+    return mapped.nearby(c, c.rows, c.radius, scene, atlas, *state)
 
 
 @njit(cache=True)

@@ -16,15 +16,15 @@ from hcbf_gym.barriers.margins import LEANING, MARGIN
 from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
+from hcbf_gym.filtering import planar_belief, planar_step, solvers
+from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.core import FilterCore, FilterSettings
+from hcbf_gym.filtering.guide import Guide
+from hcbf_gym.filtering.planar_records import OWN_ROW, constants
+from hcbf_gym.filtering.report import ReportBuffer
+from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
-from hcbf_gym.wrappers import fused, senses, solvers
-from hcbf_gym.wrappers.belief import real_numbers
-from hcbf_gym.wrappers.filter_core import FilterCore, FilterSettings
-from hcbf_gym.wrappers.intake import Intake
-from hcbf_gym.wrappers.plants import OWN_ROW, constants
-from hcbf_gym.wrappers.report import Sheet
-from hcbf_gym.wrappers.way import Way
 
 
 class PlanarCore(FilterCore):
@@ -61,17 +61,17 @@ class PlanarCore(FilterCore):
                 **self.program_options,
             )  # fmt: skip
         self._period = 0.0 if plant.period is None else float(plant.period)
-        self._way = Way(settings.guidance, count)
+        self._guide = Guide(settings.guidance, count)
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": self._period}
-        numbers |= {"has_way": self._way.guides, "through": self._way.through}
+        numbers |= {"has_way": self._guide.guides, "through": self._guide.through}
         numbers |= {"brakes": self.brakes_on_alarm, "dip": self.dip}
         numbers |= {"sway": self.sway, "settles": self.settles}
         self._constants, self._program = constants(program, numbers)
-        self._guides_by_row = program.guided and self._way.guides
-        self._intake = Intake(plant, count)
-        self._sheet = Sheet(batch)
-        self._sheet.plants["alpha1_scale"] = self.alpha1_scale
+        self._guides_by_row = program.guided and self._guide.guides
+        self._samples = Samples(plant, count)
+        self._buffer = ReportBuffer(batch)
+        self._buffer.plants["alpha1_scale"] = self.alpha1_scale
         self._m = 0
         self._no_rows = self._own_rows = np.zeros((0, 0), dtype=OWN_ROW)
         self._scene = BarrierSet([()] * count)
@@ -94,7 +94,7 @@ class PlanarCore(FilterCore):
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
-        self._intake.plants[mask] = 0
+        self._samples.plants[mask] = 0
         self._steps[mask] = 0.0
         self._fresh |= mask
 
@@ -105,18 +105,18 @@ class PlanarCore(FilterCore):
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""
-        intake, kept_clear = self._intake, self.uncertainty.distance + self.uncertainty.body
+        samples, kept_clear = self._samples, self.uncertainty.distance + self.uncertainty.body
         self._take(barriers, estimate)
         with contextlib.suppress(UnreachableError):  # its rows brake
             self._check_inputs()
         self._doubt(self.check_scene(self._scene.of(self._fresh)))
-        self._way.begin(self._scene, intake.x, kept_clear, (goal, extent), self._fresh)
+        self._guide.begin(self._scene, samples.x, kept_clear, (goal, extent), self._fresh)
         self._fresh[:] = False
-        self._sheet.plants["covered"] = self._coverage
-        remembered, counted = intake.plants.copy(), self._steps.copy()
+        self._buffer.plants["covered"] = self._coverage
+        remembered, counted = samples.plants.copy(), self._steps.copy()
         nothing = np.zeros(2 if self._alone else (self.count, 2))
         u, report = self.step(nothing, barriers, estimate)
-        intake.plants[:] = remembered
+        samples.plants[:] = remembered
         self._steps[:] = counted
         told = report["status"] >= programs.FilterStatus.UNSAFE
         report["status"] = report["status"] * told
@@ -129,38 +129,38 @@ class PlanarCore(FilterCore):
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (2,) or (N, 2), and return u with the report of it."""
-        intake, sheet, way = self._intake, self._sheet, self._way
+        samples, buffer, guide = self._samples, self._buffer, self._guide
         self._take(barriers, estimate)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._make_room(scene.kind.shape[1])
-        sheet.renew()
-        sheet.plants["u_nominal"] = u_nominal
+        buffer.renew()
+        buffer.plants["u_nominal"] = u_nominal
         if scene.own and np.isfinite(u_nominal).all():
             self._make_rows(scene)
-        if way.guides:
-            way.lead(scene, intake, sheet.plants["u_nominal"])
+        if guide.guides:
+            guide.lead(scene, samples, buffer.plants["u_nominal"])
         said = self._filter(
             self._constants,
             self._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
-            intake.plants,
+            samples.plants,
             self._own_rows if scene.own else self._no_rows,
-            sheet.plants,
-            sheet.rows,
+            buffer.plants,
+            buffer.rows,
         )
-        if said == fused.NOT_FINITE:
+        if said == planar_step.NOT_FINITE:
             raise InvalidInputError(f"action: got {u_nominal.tolist()}, expected finite numbers")
-        if said == fused.MISSHAPED:
+        if said == planar_step.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
                 f"expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
         if estimate.time is None:
             self._steps += 1.0
-        if said == fused.ASKS:
+        if said == planar_step.ASKS:
             self._finish()
-        report = sheet.report()
+        report = buffer.report()
         return report["u_safe"], report
 
     def _check_inputs(self) -> None:
@@ -178,37 +178,37 @@ class PlanarCore(FilterCore):
 
     def _finish(self) -> None:
         """Brake as the user asks, and warn."""
-        told, rows = self._sheet.plants, self._sheet.rows
+        told, rows = self._buffer.plants, self._buffer.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(told["status"] == programs.FilterStatus.BACKUP):
                 u = self._users_brake(int(i)).astype(self.told_as)
-                told["u_safe"][i] = self._intake.plants["input"][i] = u
+                told["u_safe"][i] = self._samples.plants["input"][i] = u
                 told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons, counts = np.unique(told["reason"], return_counts=True)
         for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
-            self._announcer.say(reason, count)
+            self._warnings.warn(reason, count)
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
         asked: Any = self.plant.brake
         if callable(asked):
-            known = self._intake.plants["known"][i]
-            asked = asked(self._intake.x[i].copy()) if known else None
+            known = self._samples.plants["known"][i]
+            asked = asked(self._samples.x[i].copy()) if known else None
         wanted = real_numbers(asked, (2,))
         return self.input_set.project(np.zeros(2) if wanted is None else wanted)
 
     def _filter(self, *arrays: Any) -> int:
-        """Filter what stands in the arrays of `fused.filter_plants`, and return what that says."""
-        compiled: Any = fused
+        """Filter what the arrays of `planar_step.filter_plants` hold; return what that says."""
+        compiled: Any = planar_step
         if self._solver is None:
             return compiled.filter_plants(*arrays)
         said, part, work, source = compiled.pose(*arrays)
-        if said != fused.DONE:
+        if said != planar_step.DONE:
             return said
         constants, program, *_, rows = arrays
         answered = solvers.answer(self._solver, work)
-        return fused.close(constants, program, answered, part, work, source, rows)
+        return planar_step.close(constants, program, answered, part, work, source, rows)
 
     def _take(self, barriers: Any, estimate: Estimate) -> None:
         """Note the states, and the barriers as they are now.
@@ -216,8 +216,8 @@ class PlanarCore(FilterCore):
         What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
         Where barriers move, and neither the estimate nor the period tells the time, nor are they.
         """
-        intake = self._intake
-        intake.take(estimate, None if estimate.time is not None else self._time(estimate))
+        samples = self._samples
+        samples.take(estimate, None if estimate.time is not None else self._time(estimate))
         try:
             scene = self._read_barriers(barriers)
         except InvalidInputError:
@@ -226,9 +226,9 @@ class PlanarCore(FilterCore):
         else:
             self._note_news(scene)
         if self._refused:
-            intake.doubt(Reason.BARRIERS)
+            samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
-            intake.doubt(Reason.CLOCK)
+            samples.doubt(Reason.CLOCK)
 
     def _note_news(self, scene: BarrierSet) -> None:
         """Take a scene for the present one; what is news in it is looked at."""
@@ -237,11 +237,11 @@ class PlanarCore(FilterCore):
         news = np.ones(self.count, dtype=np.bool_)
         if scene is self._scene:
             news = scene.version != self._version
-        self._intake.plants["news"][news] = 1
+        self._samples.plants["news"][news] = 1
         self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
         changed = news & ~self._fresh & (self._coverage == Coverage.COVERED)
         self._coverage[changed] = Coverage.SCENE  # it was covered with the scene that it began in
-        self._sheet.plants["covered"] = self._coverage
+        self._buffer.plants["covered"] = self._coverage
         self._needs_time = self.plant.period is None and bool(scene.moves.any())
         self._refused = False
         try:
@@ -267,14 +267,14 @@ class PlanarCore(FilterCore):
     def _make_room(self, m: int) -> None:
         """Make room for m rows, and for one of guidance under a program that has a last rank."""
         self._m = m
-        self._sheet.widen(m, m + self._guides_by_row)
+        self._buffer.widen(m, m + self._guides_by_row)
         self._own_rows = np.zeros((self.count, m), dtype=OWN_ROW)
 
     def _make_rows(self, scene: BarrierSet) -> None:
         """Look at the states, and make the rows of users' own barriers."""
-        plants, out = self._intake.plants, self._own_rows
+        plants, out = self._samples.plants, self._own_rows
         for i in range(self.count):
-            self._sheet.plants["reason"][i] = senses.look(plants[i], self._period)
+            self._buffer.plants["reason"][i] = planar_belief.look(plants[i], self._period)
         names = "x", "time", "model", "lag", "covariance", "growth"
         state = [plants[name] for name in names]
         reserved = scene.reserved(self.uncertainty, *state, period=self._period)
