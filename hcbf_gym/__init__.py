@@ -10,11 +10,13 @@ prefer_egl()  # before anything imports MuJoCo
 
 from hcbf_gym import policies, programs, robots, scenarios, wrappers  # noqa: E402
 from hcbf_gym.errors import HcbfError  # noqa: E402
+from hcbf_gym.filtering.batch_filter import BatchFilter  # noqa: E402
 from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
 from hcbf_gym.online import VelocityFilter  # noqa: E402
 
 __version__ = "0.2.0"
 __all__ = [
+    "BatchFilter",
     "Estimate",
     "HcbfError",
     "Plant",

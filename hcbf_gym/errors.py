@@ -50,6 +50,9 @@ class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
 
 
+LONGEST = 400
+"""Characters of a value that a message shows."""
+
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 """What reading an answer of a user's own code raises where it is none."""
 
@@ -116,6 +119,12 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
         )
 
 
+def shown(value: Any) -> str:
+    """Return what a message shows of a value: its beginning and its end, where it is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} … {text[-50:]}"
+
+
 def finite_array(
     name: str, value: ArrayLike, shape: tuple[int | None, ...], *, largest: float = np.inf
 ) -> NDArray[np.float64]:
@@ -132,11 +141,11 @@ def finite_array(
             infinity or larger entries.
     """
     if not _is_real(value):
-        raise InvalidInputError(f"{name}: got {value!r}, expected real numbers")
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected real numbers")
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{name}: got {value!r}, expected numbers") from error
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected numbers") from error
     expected = tuple("any" if n is None else n for n in shape)
     matches = len(array.shape) == len(shape) and all(
         n is None or n == got for n, got in zip(shape, array.shape, strict=True)
@@ -144,10 +153,11 @@ def finite_array(
     if not matches:
         raise InvalidInputError(f"{name}: got shape {array.shape}, expected {expected}")
     if not np.isfinite(array).all():
-        raise InvalidInputError(f"{name}: got {array.tolist()}, expected finite numbers")
+        raise InvalidInputError(f"{name}: got {shown(array.tolist())}, expected finite numbers")
     if largest < np.inf and (np.abs(array) > largest).any():
         raise InvalidInputError(
-            f"{name}: got {array.tolist()}, expected numbers between {-largest} and {largest}"
+            f"{name}: got {shown(array.tolist())}, expected numbers between {-largest} and "
+            f"{largest}"
         )
     return array
 
@@ -165,7 +175,7 @@ def as_array(name: str, value: Any) -> NDArray[Any]:
     try:
         return np.asarray(value)
     except Exception as error:  # whatever a foreign object raises when it is asked for its entries
-        raise InvalidInputError(f"{name}: got {value!r}, expected an array") from error
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected an array") from error
 
 
 def _is_real(value: Any) -> bool:

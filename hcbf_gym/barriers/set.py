@@ -1,6 +1,7 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,20 @@ from hcbf_gym.models.plant import Uncertainty
 
 Entry = Barrier | Shapes | Several
 
+_ARRAYS = ("kind", "parameters", "priority", "keeps_margin", "own_margin")
 _BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
+
+
+class Condition(NamedTuple):
+    """What a row of a report stands for.
+
+    Attributes:
+        name: of the barrier.
+        rank: its priority; 1 is the highest and strict.
+    """
+
+    name: str
+    rank: int
 
 
 class BarrierSet:
@@ -47,6 +61,7 @@ class BarrierSet:
         version: (N,) how often each scene was set: a filter sees by it what is news.
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
+        entries: N sequences, what the scenes were set from; () where that were arrays.
         atlas: where the pieces of maps stand.
     """
 
@@ -66,6 +81,7 @@ class BarrierSet:
         self.edits = 0
         self.own: dict[tuple[int, int], Barrier] = {}
         self.atlas = Atlas()
+        self.entries: list[Sequence[Entry]] = [()] * len(scenes)
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
@@ -82,6 +98,7 @@ class BarrierSet:
             )
         self.version[i] += 1
         self.edits += 1
+        self.entries[i] = scene
         k = 0
         for barrier in _each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
@@ -160,14 +177,37 @@ class BarrierSet:
                 "which an input reaches within one period: sample faster or allow smaller inputs"
             )
 
+    def conditions(self, i: int = 0) -> list[Condition]:
+        """Return name and rank of the barriers of scene `i`, in the order of the report's rows."""
+        names = [
+            barrier.name
+            for barrier in _each(self.entries[i])
+            for _ in range(len(barrier) if isinstance(barrier, Shapes) else 1)
+        ]
+        ranks = self.priority[i].tolist()
+        names = names or [f"condition {k}" for k in range(1, len(ranks) + 1)]
+        return [Condition(*pair) for pair in zip(names, ranks, strict=True)]
+
+    def repeated(self, count: int) -> "BarrierSet":
+        """Return `count` scenes like scene 0."""
+        chosen = BarrierSet([()] * count)
+        for name in _ARRAYS:
+            setattr(chosen, name, np.repeat(getattr(self, name)[:1], count, axis=0))
+        everywhere = range(count)
+        chosen.entries = [self.entries[0]] * count
+        chosen.own = {(i, k): own for i in everywhere for (_, k), own in self.own.items()}
+        chosen.atlas = self.atlas.repeated(count)
+        return chosen
+
     def of(self, mask: NDArray[np.bool_]) -> "BarrierSet":
         """Return the masked scenes (N,), as a set of their own; this one where all are."""
         if mask.all():
             return self
         chosen = BarrierSet([()] * int(mask.sum()))
-        for name in ("kind", "parameters", "priority", "keeps_margin", "own_margin", "version"):
+        for name in (*_ARRAYS, "version"):
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
+        chosen.entries = [self.entries[i] for i in places]
         chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}
         chosen.atlas = self.atlas.of(places)
         return chosen

@@ -65,6 +65,9 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
         age = real_number(estimate.age)
         if age is None or age < 0.0 or (max_age is not None and age > max_age):
             return Reason.AGE
+    elapsed = None if estimate.elapsed is None else real_number(estimate.elapsed)
+    if estimate.elapsed is not None and (elapsed is None or elapsed <= 0.0):
+        return Reason.STATE
     time = None if estimate.time is None else real_number(estimate.time)
     if estimate.time is not None and (time is None or time <= last_time):
         return Reason.CLOCK

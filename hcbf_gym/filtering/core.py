@@ -210,7 +210,7 @@ class FilterCore(ABC):
                 pass it from rest within one period.
         """
         margin = self.plant.uncertainty.speed
-        scenes.check(self._hold, margin)
+        self.check_limits(scenes)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
         for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
             if not one.promised:
@@ -219,6 +219,15 @@ class FilterCore(ABC):
                 self._said.add(one.what)
                 warnings.warn(f"safety filter: {one.says}", CoverageWarning, stacklevel=5)
         return covered
+
+    def check_limits(self, scenes: BarrierSet) -> None:
+        """Refuse speed limits that no input can satisfy.
+
+        Raises:
+            InvalidInputError: if the margin leaves nothing of one, or a held input can pass it from
+                rest within one period.
+        """
+        scenes.check(self._hold, self.plant.uncertainty.speed)
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:

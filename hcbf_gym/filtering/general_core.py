@@ -318,7 +318,8 @@ class GeneralCore(FilterCore):
         nothing = np.zeros(len(self._barriers))
         result = FilterResult(u, nothing, nothing, FilterStatus.BACKUP, 0)
         told = {"status": FilterStatus.BACKUP}
-        rows = {"margin": nothing, "conditioning": nothing}
+        unknown = np.full(nothing.size, np.nan)
+        rows = {"margin": nothing, "h": unknown, "psi": unknown, "conditioning": nothing}
         return self._told(u_nominal, result, reason, told, rows)
 
     def _report(
@@ -350,7 +351,8 @@ class GeneralCore(FilterCore):
             "deadlock": stands,
             "proved": not lacks.any,
         }
-        of_rows = {"margin": found.margin, "conditioning": found.conditioning}
+        of_rows = {"margin": found.margin, "h": rows.h, "psi": psi}
+        of_rows["conditioning"] = found.conditioning
         return self._told(u_nominal, result, reason, told, of_rows)
 
     def _told(

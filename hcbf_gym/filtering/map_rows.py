@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Records
@@ -27,8 +28,8 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
 def tell(source: Integers, part: Records, rows: Records) -> None:
     """Write what is said of the pieces at hand into the rows of their classes.
 
-    A class is told the most that one of its pieces pays, and what the one reserves that reserves
-    most; a class of which nothing is at hand pays and reserves nothing.
+    A class is told the most that one of its pieces pays and reserves, and the least h and ψ of
+    them; a class of which nothing is near pays and reserves nothing, and its h and ψ are infinite.
 
     Args:
         source: (M,) which condition each row stands for.
@@ -36,9 +37,13 @@ def tell(source: Integers, part: Records, rows: Records) -> None:
         rows: (m,) `report.ROW`, written to.
     """
     slack, delta, margin = rows["slack"], rows["delta"], rows["margin"]
-    slack[:], delta[:], margin[:] = 0.0, 0.0, 0.0
+    h, psi, conditioning = rows["h"], rows["psi"], rows["conditioning"]
+    slack[:], delta[:], margin[:], conditioning[:] = 0.0, 0.0, 0.0, 0.0
+    h[:], psi[:] = np.inf, np.inf
     for r in range(source.size):
         k = source[r]
         slack[k] = max(slack[k], part["slack"][r])
         delta[k] = max(delta[k], part["delta"][r])
         margin[k] = max(margin[k], part["margin"][r])
+        h[k], psi[k] = min(part["h"][r], h[k]), min(part["psi"][r], psi[k])
+        conditioning[k] = max(conditioning[k], part["conditioning"][r])

@@ -43,6 +43,7 @@ PLANT = np.dtype(
             ("model", "f8", 4),
             ("lag", "f8", 4),
             ("covariance", "f8", (4, 4)),
+            ("elapsed", "f8"),  # since the sample before [s]; 0 where that is not known
             ("fault", "i8"),  # a `Reason` that was found on the way here; 0 for none
             ("has_model", "i8"),  # whether the model has a state of its own; x is that if not
             # where guidance leads
@@ -72,14 +73,13 @@ PLANT = np.dtype(
 
 
 @njit(cache=True, error_model="numpy")
-def look(plant: Any, period: float) -> int:
+def look(plant: Any) -> int:
     """Return why a plant is not believed, 0 if it is; where it is not, write what the model says.
 
     Args:
         plant: a `PLANT` record, written to.
-        period: T [s]; 0 where it is not known.
     """
-    x, t = plant.x, plant.time
+    x, t, elapsed = plant.x, plant.time, plant.elapsed
     if plant.has_model == 0:
         plant.model[:] = x
     reason = plant.fault if plant.fault < INPUT else 0
@@ -87,7 +87,7 @@ def look(plant: Any, period: float) -> int:
         reason = STATE
     if reason == 0 and not np.isfinite(t):
         reason = CLOCK
-    if reason == 0 and plant.known and t <= plant.believed_at and (period > 0.0 or t != 0.0):
+    if reason == 0 and plant.known and t <= plant.believed_at and (elapsed > 0.0 or t != 0.0):
         reason = CLOCK
     state = plant.believed
     if reason == 0:
@@ -97,9 +97,9 @@ def look(plant: Any, period: float) -> int:
         plant.known = 1
         return 0
     plant.follows = 0
-    if plant.known and period > 0.0:
+    if plant.known and elapsed > 0.0:
         state[0], state[1], state[2], state[3] = double_integrator_step(
-            state, plant.input, period, np.inf
+            state, plant.input, elapsed, np.inf
         )
     x[:] = state
     plant.model[:] = state
@@ -135,18 +135,17 @@ def _is_sound(plant: Any) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def watch(plant: Any, period: float, radius: float, confidence: float, apart: float) -> float:
+def watch(plant: Any, radius: float, confidence: float, apart: float) -> float:
     """Compare a believed sample with the one before, raise what alarms there are, return √E.
 
     Args:
         plant: a `PLANT` record, written to.
-        period: T [s]; 0 where it is not known.
         radius: the largest norm of an input [m/s²].
         confidence: κ.
         apart: by how much of T ‖v' − v‖ the way may bend between two samples; 0 of a plant that is
             its model, whose trapezoids are exact.
     """
-    model, lag = plant.model, plant.lag
+    model, lag, period = plant.model, plant.lag, plant.elapsed
     if plant.alarm == 0 and plant.fault >= INPUT:
         plant.alarm = plant.fault
     if plant.follows and period > 0.0:

@@ -2,7 +2,6 @@
 
 import contextlib
 import operator
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,15 +13,17 @@ from hcbf_gym.barriers.late_inputs import check_inputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import LEANING, MARGIN
 from hcbf_gym.barriers.own_rows import own_row
+from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError, shown
 from hcbf_gym.filtering import planar_belief, planar_step, solvers
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.core import FilterCore, FilterSettings
 from hcbf_gym.filtering.guide import Guide
-from hcbf_gym.filtering.planar_records import OWN_ROW, constants
+from hcbf_gym.filtering.planar_records import OWN_ROW, constants, divided
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
+from hcbf_gym.filtering.threads import Threads
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 
@@ -38,6 +39,7 @@ class PlanarCore(FilterCore):
         input_set: U, planar.
         settings: what the user asked.
         batch: N of a batch; None for one plant, whose arrays have no leading N.
+        threads: how many cores filter parts of a batch at once.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -46,7 +48,12 @@ class PlanarCore(FilterCore):
     """
 
     def __init__(
-        self, plant: Plant, input_set: InputSet, settings: FilterSettings, batch: int | None = None
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        batch: int | None = None,
+        threads: int = 1,
     ):
         count = 1 if batch is None else batch
         super().__init__(plant, input_set, settings, count)
@@ -60,14 +67,15 @@ class PlanarCore(FilterCore):
                 settings.program, input_set=input_set, solver=settings.solver,
                 **self.program_options,
             )  # fmt: skip
-        self._period = 0.0 if plant.period is None else float(plant.period)
         self._guide = Guide(settings.guidance, count)
         numbers = self.uncertainty._asdict()
-        numbers |= {"rows": self.row_settings.packed, "period": self._period}
+        numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"has_way": self._guide.guides, "through": self._guide.through}
         numbers |= {"brakes": self.brakes_on_alarm, "dip": self.dip}
         numbers |= {"sway": self.sway, "settles": self.settles}
         self._constants, self._program = constants(program, numbers)
+        self._parts = divided(program, count, threads)
+        self._threads = Threads(len(self._parts))
         self._guides_by_row = program.guided and self._guide.guides
         self._samples = Samples(plant, count)
         self._buffer = ReportBuffer(batch)
@@ -81,27 +89,27 @@ class PlanarCore(FilterCore):
         self._checked: tuple[Any, ...] = ()
         if not callable(plant.barriers):
             scene = self._read_barriers(plant.barriers)
-            scene.check(self._hold, plant.uncertainty.speed)
+            self.check_limits(scene)
             self._note_news(scene)
             self._check_inputs()
 
     def applied_as(self, dtype: Any) -> None:
         """Note the type of the environment's actions; strict rows reserve what rounding takes."""
         super().applied_as(dtype)
-        if self.told_as == np.float32:
-            rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
-            self._constants["rounding"] = rounding
+        rounds = self.told_as == np.float32
+        rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
+        self._constants["rounding"] = rounding if rounds else 0.0
+
+    @property
+    def guides(self) -> bool:
+        """Whether guidance leads the plants, so that they need a goal."""
+        return self._guide.guides
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
-        self._samples.plants[mask] = 0
+        self._samples.forget(mask)
         self._steps[mask] = 0.0
         self._fresh |= mask
-
-    def since(self, seconds: float) -> None:
-        """Take the next sample to come so many seconds after the last one [s]: periods jitter."""
-        self._period = seconds
-        self._constants["period"] = seconds
 
     def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
         """Look at the first states of new episodes, and return what the infos of a reset say."""
@@ -150,7 +158,13 @@ class PlanarCore(FilterCore):
             buffer.rows,
         )
         if said == planar_step.NOT_FINITE:
-            raise InvalidInputError(f"action: got {u_nominal.tolist()}, expected finite numbers")
+            bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
+            raise InvalidInputError(
+                f"action: got {shown(np.atleast_2d(u_nominal)[bad].tolist())} for the plants "
+                f"{shown(np.flatnonzero(bad).tolist())}, expected finite numbers"
+                if self.count > 1
+                else f"action: got {u_nominal.tolist()}, expected finite numbers"
+            )
         if said == planar_step.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
@@ -201,14 +215,33 @@ class PlanarCore(FilterCore):
     def _filter(self, *arrays: Any) -> int:
         """Filter what the arrays of `planar_step.filter_plants` hold; return what that says."""
         compiled: Any = planar_step
-        if self._solver is None:
+        if self._solver is None and len(self._parts) == 1:
             return compiled.filter_plants(*arrays)
+        if self._solver is None:
+            return self._filter_parts(*arrays)
         said, part, work, source = compiled.pose(*arrays)
         if said != planar_step.DONE:
             return said
         constants, program, *_, rows = arrays
         answered = solvers.answer(self._solver, work)
         return planar_step.close(constants, program, answered, part, work, source, rows)
+
+    def _filter_parts(
+        self, constants: Any, _: Any, scene: Any, sensed: Any, own: Any, told: Any, rows: Any
+    ) -> int:
+        """Filter parts of the plants at once, as `_filter` does all of them."""
+        compiled: Any = planar_step
+        if not np.isfinite(told["u_nominal"]).all():
+            return planar_step.NOT_FINITE
+        *of_plants, atlas = scene
+
+        def filter_part(part: tuple[slice, Array]) -> int:
+            these, program = part
+            scenes = *(array[these] for array in of_plants), atlas
+            each = sensed[these], own[these], told[these], rows[these]
+            return compiled.filter_plants(constants, program, scenes, *each)
+
+        return max(self._threads.run(filter_part, self._parts))
 
     def _take(self, barriers: Any, estimate: Estimate) -> None:
         """Note the states, and the barriers as they are now.
@@ -245,7 +278,7 @@ class PlanarCore(FilterCore):
         self._needs_time = self.plant.period is None and bool(scene.moves.any())
         self._refused = False
         try:
-            scene.check(self._hold, self.plant.uncertainty.speed)
+            self.check_limits(scene)
         except InvalidInputError:
             self._refused = True
 
@@ -259,9 +292,8 @@ class PlanarCore(FilterCore):
             return barriers
         if _same(barriers, self._listed):
             return self._scene
-        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
-            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        scene, self._listed = BarrierSet([tuple(barriers)]), tuple(barriers)
+        scene = scenes_of(barriers, self.count)
+        self._listed = () if isinstance(barriers, BarrierSet) else tuple(barriers)
         return scene
 
     def _make_room(self, m: int) -> None:
@@ -274,10 +306,10 @@ class PlanarCore(FilterCore):
         """Look at the states, and make the rows of users' own barriers."""
         plants, out = self._samples.plants, self._own_rows
         for i in range(self.count):
-            self._buffer.plants["reason"][i] = planar_belief.look(plants[i], self._period)
+            self._buffer.plants["reason"][i] = planar_belief.look(plants[i])
         names = "x", "time", "model", "lag", "covariance", "growth"
         state = [plants[name] for name in names]
-        reserved = scene.reserved(self.uncertainty, *state, period=self._period)
+        reserved = scene.reserved(self.uncertainty, *state, period=self.plant.period or 0.0)
         out["margin"] = reserved[MARGIN]
         x, time = plants["x"], plants["time"]
         for (i, k), barrier in scene.own.items():

@@ -1,5 +1,6 @@
 """What a compiled filter reads and writes: constants, plants, and room for the rows of a few."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,10 @@ CONSTANTS = np.dtype(
 """What a filter never changes."""
 
 
+LEAST_PLANTS = 64
+"""Below so many plants a thread takes longer to begin than to filter."""
+
+
 def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Array]:
     """Return (1,) `CONSTANTS`, and the corners of U with the program's weights behind them.
 
@@ -59,7 +64,29 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
     sizes = {"corners": len(vertices), "weights": weights.shape[1]}
     for name, number in (own | sizes | others).items():
         record[name] = number
-    return record, np.concatenate([vertices.ravel(), weights.ravel()])
+    return record, _numbers(vertices, weights)
+
+
+def divided(settings: Settings, count: int, threads: int) -> list[tuple[slice, Array]]:
+    """Return parts of N plants for so many threads, each with what `constants` returns second.
+
+    Args:
+        settings: of the program.
+        count: N.
+        threads: of which each gets at least `LEAST_PLANTS`.
+    """
+    parts = max(1, min(threads, count // LEAST_PLANTS))
+    ends = np.linspace(0, count, parts + 1).astype(int).tolist()
+    found: list[tuple[slice, Array]] = []
+    for part in (slice(*pair) for pair in pairwise(ends)):
+        own = settings.weights[part] if len(settings.weights) > 1 else settings.weights
+        found.append((part, _numbers(settings.vertices, own)))
+    return found
+
+
+def _numbers(vertices: Array, weights: Array) -> Array:
+    """Return the corners of U with the program's weights behind them."""
+    return np.concatenate([vertices.ravel(), weights.ravel()])
 
 
 _OWN = "a_x", "a_y", "b", "h", "alpha2_psi", "psi", "margin", "dip"

@@ -44,7 +44,7 @@ BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.
 RESPONSE = int(Reason.RESPONSE)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def filter_plants(
     constants: Records,
     program: Array,
@@ -218,7 +218,7 @@ def _begin(c: Any, plants: Plants) -> int:
         return MISSHAPED
     if plants.own.size == 0:
         for i in range(plants.told.size):
-            plants.told[i].reason = look(plants.sensed[i], c.period)
+            plants.told[i].reason = look(plants.sensed[i])
     return DONE
 
 
@@ -283,7 +283,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if told.reason == 0:
         plant.news |= plant.follows == 0
         apart = APART if c.settles > 0.0 else 0.0
-        told.model_error = watch(plant, c.period, c.radius, c.confidence, apart)
+        told.model_error = watch(plant, c.radius, c.confidence, apart)
         told.reason = plant.alarm
     else:
         plant.follows = 0
@@ -379,11 +379,12 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)
     told.proved = 0
     violated = False
-    if told.reason == 0 or told.reason == plant.alarm:  # the state is believed
+    believed = told.reason == 0 or told.reason == plant.alarm
+    if believed:
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
         of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[LEANING, i], w.rows[PSI, i, :m]
         lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
-        violated = verdict.is_violated(plant, lacks, c.period, c.settles)
+        violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
         told.proved = 0 if lacks.any else 1
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(dx * dx + dy * dy)
@@ -399,6 +400,10 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         row.slack = slack[k]
         row.delta = delta[k]
         row.margin = w.margin[0, i, k]
+        row.h = w.rows[H, i, k] if believed else np.nan
+        row.psi = w.rows[PSI, i, k] if believed else np.nan
+        steers = w.a[i, k, 0] != 0.0 or w.a[i, k, 1] != 0.0
+        row.conditioning = 1.0 if believed and steers else 0.0
         if p.own.size > 0 and p.kind[i, k] == layout.CUSTOM:
             row.margin += p.own[i, k].dip
 

@@ -1,7 +1,6 @@
 """What ``info["safety_filter"]`` says: its layout stands here, once; a line here is a field of it.
 
-Plants other than the planar double integrator add `conditioning` (m,): 0 where no input matters to
-a row, less than 1 near a kink of its function. A field that a filter does not write is 0.
+The keys are the same whoever answered. A field that a filter does not write is 0.
 """
 
 from typing import Any
@@ -38,10 +37,16 @@ ROW = np.dtype(
             ("slack", "f8"),  # the row's violation
             ("delta", "f8"),  # the program's own relaxation
             ("margin", "f8"),  # what the row keeps between h and zero
+            (
+                "h",
+                "f8",
+            ),  # NaN where no state is believed, ∞ where no piece of a map is near
+            ("psi", "f8"),  # the last ψ, which the row keeps from falling below zero; as h
+            ("conditioning", "f8"),  # 0 where no input matters to the row, less than 1 near a kink
         ],
     )
 )
-"""What is said of each row (m,)."""
+"""What is said of each row (m,), in the order of the barriers."""
 
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, real_numbers
 from hcbf_gym.filtering.planar_belief import PLANT
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
@@ -32,8 +32,11 @@ class Samples:
 
     def __init__(self, plant: Plant, count: int):
         self._max_age = np.inf if plant.max_age is None else plant.max_age
-        self._faulty, self._told = False, False  # whether there is anything to take back
+        self._period = 0.0 if plant.period is None else float(plant.period)
+        # whether there is anything to take back
+        self._faulty, self._told, self._varies = False, False, False
         self._name_parts(np.zeros(count, dtype=PLANT))
+        self.forget(np.ones(count, dtype=np.bool_))
 
     def _name_parts(self, plants: NDArray[Any]) -> None:
         """Name parts of the records, which look into their memory."""
@@ -46,9 +49,14 @@ class Samples:
             _bare(plants[name]) for name in ("x", "time", "model", "lag", "covariance")
         )
 
+    def forget(self, mask: Mask) -> None:
+        """Know nothing of the masked plants (N,)."""
+        self.plants[mask] = 0
+        self.plants["elapsed"][mask] = self._period
+
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it names the parts of its own records."""
-        kept = ("plants", "_max_age", "_faulty", "_told")
+        kept = ("plants", "_max_age", "_period", "_faulty", "_told", "_varies")
         return {name: value for name, value in vars(self).items() if name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -70,6 +78,9 @@ class Samples:
             self.time[:] = now
         elif not self._note(self._times, estimate.time):
             self.time[:] = -np.inf  # what is no time does not go on
+        if estimate.elapsed is not None or self._varies:
+            self._varies = estimate.elapsed is not None
+            sound &= self._take_elapsed(estimate.elapsed)
         told = not (estimate.covariance is estimate.model is estimate.lag is None)
         if told or self._told:
             self._told = told
@@ -78,6 +89,18 @@ class Samples:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
+
+    def _take_elapsed(self, elapsed: Any) -> bool:
+        """Note how long ago the samples before were [s], and return whether that is a time."""
+        since = self.plants["elapsed"]
+        since[:] = self._period
+        if elapsed is None:
+            return True
+        numbers = np.full(len(since), -1.0)
+        known = self._note(_bare(numbers), elapsed) and bool((numbers > 0.0).all())
+        if known:
+            since[:] = numbers
+        return known
 
     def blame(self, reason: Any, mask: Any = ...) -> None:
         """Note why the masked plants are not believed."""

@@ -69,7 +69,8 @@ class Estimate(NamedTuple):
         model: (n,) the reduced-order model's own state; None where x is that.
         lag: (n,) the body's state minus the reduced-order model's; None where they are one.
         heading: of the body [rad]; None where it has none.
-        age: how long ago this was true [s]; None where it is so now.
+        age: how long ago this was true [s]; None where it is so now, infinite where it is missing.
+        elapsed: since the sample before [s]; None takes the plant's period.
         fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; None or 0 for none.
     """
 
@@ -81,6 +82,7 @@ class Estimate(NamedTuple):
     heading: Any = None
     age: Any = None
     fault: Any = None
+    elapsed: Any = None
 
 
 class Uncertainty(NamedTuple):

@@ -217,7 +217,7 @@ class VelocityFilter:
                 warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
                 barriers = None
         if self._time is not None and stamp > self._time:
-            self._core.since(stamp - self._time)
+            estimate = estimate._replace(elapsed=stamp - self._time)
         asked = self._asked(wanted, place[2], velocity)
         u, report = self._core.step(asked, barriers, estimate)
         if report["status"] == FilterStatus.BACKUP:

@@ -76,6 +76,7 @@ estimates = st.one_of(
         st.none(),
         st.one_of(st.none(), values),
         st.one_of(st.none(), st.integers(-3, 20), values),
+        st.one_of(st.none(), st.just(0.02), values),
     ),
 )
 
@@ -183,6 +184,7 @@ def is_sound(told) -> bool:
         (estimate.lag, ((4,), (1, 4))),
         (estimate.age, ((), (1,))),
         (estimate.fault, ((), (1,))),
+        (estimate.elapsed, ((), (1,))),
     )
     sound = fits(estimate.x, (4,), (1, 4))
     return sound and all(value is None or fits(value, *allowed) for value, allowed in optional)

@@ -15,10 +15,11 @@ RADIUS = LIMIT * np.sqrt(2.0)
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
     plant = np.zeros(1, dtype=planar_belief.PLANT)[0]
+    plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        assert planar_belief.look(plant, PERIOD) == 0
-        planar_belief.watch(plant, PERIOD, RADIUS, 3.0, 0.0)
+        assert planar_belief.look(plant) == 0
+        planar_belief.watch(plant, RADIUS, 3.0, 0.0)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really

@@ -1,0 +1,174 @@
+"""The scenes of N plants as users hand them over: one list for all, a list each, or arrays."""
+
+from collections.abc import Sequence
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.many import Several, Shapes
+from hcbf_gym.barriers.set import BarrierSet, Entry
+from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon, HalfPlane
+from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
+from hcbf_gym.models.constants import FARTHEST
+
+SPEED_LIMIT = "speed-limit"
+
+
+def scenes_of(barriers: Any, count: int) -> BarrierSet:
+    """Return the scenes of N plants.
+
+    Args:
+        barriers: a sequence of barriers, which all plants share; N such sequences, where shorter
+            ones get conditions that always hold; or a `BarrierSet` of N scenes.
+        count: N.
+
+    Raises:
+        InvalidInputError: if it is none of them.
+    """
+    if isinstance(barriers, BarrierSet):
+        if len(barriers.kind) != count:
+            raise InvalidInputError(
+                f"barriers: got a set of {len(barriers.kind)} scenes, expected {count}"
+            )
+        return barriers
+    if not isinstance(barriers, Sequence) or isinstance(barriers, str):
+        raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+    if any(isinstance(entry, Barrier | Shapes | Several) for entry in barriers) or not barriers:
+        one = BarrierSet([tuple(barriers)])
+        return one if count == 1 else one.repeated(count)
+    if len(barriers) != count or not all(_is_list(scene) for scene in barriers):
+        raise InvalidInputError(
+            f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
+            f"barriers for all plants, or {count} lists, one for each"
+        )
+    most = max(map(_length, barriers))
+    return BarrierSet([_filled(tuple(scene), most) for scene in barriers])
+
+
+def scenes_of_arrays(
+    kinds: ArrayLike, numbers: ArrayLike, ranks: ArrayLike, velocities: ArrayLike, count: int
+) -> BarrierSet:
+    """Return the scenes of N plants from arrays, without an object for a barrier.
+
+    Args:
+        kinds: (m,) or (N, m) names of shapes as JSON has them, such as "disc", or "speed-limit".
+        numbers: (m, w) or (N, m, w); each kind reads as many from the left as it has fields, in
+            the order of `Shapes`; a polygon reads all of them as corners; a speed limit reads v_max
+            [m/s].
+        ranks: (m,) or (N, m), 1 is the highest and strict.
+        velocities: (2,), (m, 2) or (N, m, 2) of the shapes' frames [m/s].
+        count: N.
+
+    Raises:
+        UnknownNameError: if there is no such kind; the message lists the choices.
+        InvalidInputError: if a number is not finite or out of range, or an array of another shape.
+    """
+    named, given = as_array("kinds", kinds), as_array("numbers", numbers)
+    m, width = _last(named, 1, "kinds")[0], _last(given, 2, "numbers")[1]
+    codes = np.broadcast_to(named, _shape(named, (count, m), "kinds"))
+    values = np.broadcast_to(given, _shape(given, (count, m, width), "numbers"))
+    levels = as_array("ranks", ranks)
+    levels = np.broadcast_to(levels, _shape(levels, (count, m), "ranks"))
+    if levels.dtype.kind not in "iu" or not ((levels >= 1) & (levels <= layout.LOWEST_RANK)).all():
+        raise InvalidInputError(f"ranks: expected whole numbers from 1 to {layout.LOWEST_RANK}")
+    moving = as_array("velocities", velocities)
+    moving = finite_array("velocities", moving, moving.shape, largest=FARTHEST)
+    moving = np.broadcast_to(moving, _shape(moving, (count, m, 2), "velocities"))
+
+    scenes = BarrierSet([()] * count)
+    scenes.kind = np.zeros((count, m), dtype=np.int64)
+    scenes.parameters = np.zeros((count, m, layout.WIDTH))
+    choices: dict[str, Any] = {one.kind: one for one in SHAPES} | {SPEED_LIMIT: SpeedLimit}
+    for name in np.unique(codes).tolist():
+        chosen, cls = codes == name, choose("kind", name, choices)
+        scenes.kind[chosen] = layout.SPEED_LIMIT if cls is SpeedLimit else cls.compiled.code
+        scenes.parameters[chosen] = _blocks(cls, values[chosen])
+        if cls is not SpeedLimit:
+            scenes.parameters[chosen, : layout.VELOCITY_Y + 1] = moving[chosen]
+    scenes.priority = levels.astype(np.int64)
+    scenes.keeps_margin = ((scenes.kind != layout.SPEED_LIMIT) & (levels == 1)).astype(np.float64)
+    scenes.own_margin = np.zeros((count, m))
+    return scenes
+
+
+def _blocks(cls: Any, values: Array) -> Array:
+    """Return (k, WIDTH) the blocks of k barriers of one class.
+
+    Raises:
+        InvalidInputError: if a number is not finite or out of range.
+    """
+    if cls is SpeedLimit:
+        limits = finite_array("numbers of speed limits", values[:, 0], (None,), largest=FARTHEST)
+        if (limits <= 0.0).any():
+            raise InvalidInputError(f"v_max: got {limits.min():g} m/s, expected > 0")
+        blocks = np.zeros((len(limits), layout.WIDTH))
+        blocks[:, layout.V_MAX] = limits
+        return blocks
+    own = values.reshape(len(values), -1, 2) if cls is ConvexPolygon else values[:, : _fields(cls)]
+    return cls.pack(f"numbers of the kind {cls.kind!r}", own)
+
+
+def _fields(cls: type[Shape]) -> int:
+    """Return how many numbers a shape has beside its velocity."""
+    defaults: dict[str, Any] = {field.name: field.default for field in fields(cls)}
+    own = [d for name, d in defaults.items() if d is not MISSING and name != "velocity"]
+    return sum(map(np.size, own))
+
+
+def _last(array: Any, count: int, name: str) -> tuple[int, ...]:
+    """Return the last so many entries of an array's shape.
+
+    Raises:
+        InvalidInputError: if it has fewer.
+    """
+    if array.ndim < count:
+        raise InvalidInputError(f"{name}: got shape {array.shape}, expected {count} axes or more")
+    return array.shape[-count:]
+
+
+def _shape(array: Any, wanted: tuple[int, ...], name: str) -> tuple[int, ...]:
+    """Return the wanted shape, which an array of all plants or of each fits.
+
+    Raises:
+        InvalidInputError: if it does not fit.
+    """
+    least = array.ndim
+    if array.shape != wanted[len(wanted) - least :]:
+        raise InvalidInputError(
+            f"{name}: got shape {array.shape}, expected {wanted} or {wanted[1:]} for all plants"
+        )
+    return wanted
+
+
+def _is_list(scene: Any) -> bool:
+    return isinstance(scene, Sequence) and not isinstance(scene, str)
+
+
+def _length(scene: Sequence[Entry]) -> int:
+    """Return how many barriers a scene has; what is none counts as one."""
+    lengths = [
+        len(entry)
+        if isinstance(entry, Shapes)
+        else len(entry.conditions)
+        if isinstance(entry, Several)
+        else 1
+        for entry in scene
+    ]
+    return sum(lengths)
+
+
+def _filled(scene: tuple[Any, ...], most: int) -> tuple[Any, ...]:
+    """Return a scene with conditions that always hold behind it, so that it has `most`."""
+    missing = most - _length(scene)
+    if not missing:
+        return scene
+    ranks = [c.priority for e in scene for c in (e.conditions if isinstance(e, Several) else (e,))]
+    nothing = HalfPlane("nothing", max(ranks, default=1), normal=(1.0, 0.0), offset=-FARTHEST)
+    return (*scene, *[nothing] * missing)

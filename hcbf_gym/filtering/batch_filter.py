@@ -1,0 +1,244 @@
+"""The compiled filter by its front door: for N planar double integrators of any simulator."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import programs
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
+from hcbf_gym.barriers.set import BarrierSet, Condition
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.filtering.array_kinds import like, numpy_of
+from hcbf_gym.filtering.core import FilterSettings
+from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+Scene = Sequence[Barrier]
+
+
+class BatchFilter:
+    """Filters the inputs of N planar double integrators, each with a ranked scene of its own.
+
+    ``ẋ = (v, u)``; u is held for one period. A plant whose state is not finite, of no sample or of
+    a time that does not go on is brought to rest alone: its `status` is BACKUP and its `reason`
+    says why.
+
+    Args:
+        input_set: U of each plant [m/s²].
+        period: T, how long an input is held [s].
+        num_envs: N; None for one plant, whose arrays have no leading N.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
+        guidance: as `wrappers.SafetyFilter` takes it.
+        uncertainty: how far a plant may be from its model; the default is an exact model.
+        extent: ((x_min, y_min), (x_max, y_max)) of the world [m], for guidance; None takes it from
+            barriers, states and goals.
+        on_alarm: "warn" or "brake", where a plant is not the one that was declared.
+        threads: how many cores work at once; what comes out is the same.
+        **options: as `wrappers.SafetyFilter` takes them, and `rows`.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, or U is not planar.
+
+    Examples:
+        >>> import numpy as np
+        >>> import hcbf_gym
+        >>> from hcbf_gym.barriers import Disc
+        >>> from hcbf_gym.models.input_sets import Box
+        >>> filt = hcbf_gym.BatchFilter(Box.symmetric(5.0), 0.02, num_envs=1000)
+        >>> filt.set_scene([Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+        >>> x = np.zeros((1000, 4))
+        >>> report = filt.reset(x=x)
+        >>> u, report = filt(np.ones((1000, 2)), x)
+        >>> u.shape, report["h"].shape
+        ((1000, 2), (1000, 1))
+    """
+
+    def __init__(
+        self,
+        input_set: InputSet,
+        period: float,
+        num_envs: int | None = None,
+        program: programs.Named = "lex-cbf-qp",
+        guidance: Any = None,
+        uncertainty: Uncertainty = EXACT,
+        extent: ArrayLike | None = None,
+        on_alarm: str = "warn",
+        threads: int = 1,
+        **options: Any,
+    ):
+        if not isinstance(input_set, InputSet) or input_set.n_u != 2:
+            raise InvalidInputError(f"input_set: got {input_set!r}, expected one of two inputs")
+        self.num_envs = None if num_envs is None else _count("num_envs", num_envs)
+        self._count = 1 if num_envs is None else int(num_envs)
+        finite_float("period", period, minimum=0.0, exclusive=True)
+        rows = options.pop("rows", "held")
+        plant = Plant(
+            DoubleIntegrator(), _nothing, _nothing, input_set, period=period, goal=None,
+            extent=extent, uncertainty=uncertainty,
+        )  # fmt: skip
+        settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
+        self._core = PlanarCore(plant, input_set, settings, num_envs, _count("threads", threads))
+        self._barriers: BarrierSet | None = None
+        self._goal: Array | None = None
+        self._extent = extent
+        self._begun: Mask = np.zeros(self._count, dtype=np.bool_)
+
+    def conditions(self, i: int = 0) -> list[Condition]:
+        """Return name and rank of each row in the report of plant `i`."""
+        return [] if self._barriers is None else self._barriers.conditions(i)
+
+    def set_scene(
+        self,
+        barriers: Any,
+        numbers: ArrayLike | None = None,
+        ranks: ArrayLike | None = None,
+        velocities: ArrayLike = (0.0, 0.0),
+    ) -> None:
+        """Set the scenes; a filter whose scene was refused brings all plants to rest.
+
+        Args:
+            barriers: a list of barriers for all plants; N such lists; a `BarrierSet` of N scenes,
+                which may be changed in place; or, with the other arguments, (m,) or (N, m) names of
+                kinds, see `barriers.scenes.scenes_of_arrays`.
+            numbers: (m, w) or (N, m, w) of the kinds.
+            ranks: (m,) or (N, m), 1 is the highest and strict.
+            velocities: (2,), (m, 2) or (N, m, 2) of the shapes' frames [m/s].
+
+        Raises:
+            UnknownNameError: if there is no such kind; the message lists the choices.
+            InvalidInputError: if they are no scenes, or a speed limit cannot be satisfied.
+        """
+        self._barriers = None
+        if (numbers is None) != (ranks is None):
+            raise InvalidInputError(
+                "set_scene: one of numbers and ranks is missing, expected both or none"
+            )
+        if numbers is None or ranks is None:
+            scenes = scenes_of(barriers, self._count)
+        else:
+            given = numpy_of("numbers", numbers), numpy_of("ranks", ranks)
+            moving = numpy_of("velocities", velocities)
+            scenes = scenes_of_arrays(barriers, *given, moving, self._count)
+        self._core.check_limits(scenes)
+        self._barriers = scenes
+
+    def reset(self, mask: Any = None, x: Any = None, goal: Any = None) -> dict[str, Any]:
+        """Begin new episodes, and return the report of their first states.
+
+        Args:
+            mask: (N,) which plants begin; None for all.
+            x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
+            goal: (2,) or (N, 2) where guidance leads [m]; None leaves it as it is.
+
+        Raises:
+            InvalidInputError: if there is no scene or no state, guidance has no goal, or an array
+                is of another shape.
+        """
+        if self._barriers is None:
+            raise InvalidInputError("reset: there is no scene, expected set_scene(…) before")
+        if x is None:
+            raise InvalidInputError("reset: got no x, expected the states (N, 4) of all plants")
+        chosen = np.ones(self._count, dtype=np.bool_)
+        if mask is not None:
+            chosen = numpy_of("mask", mask)
+            if chosen.dtype != np.bool_ or chosen.shape != (self._count,):
+                raise InvalidInputError(
+                    f"mask: got {chosen.dtype} {chosen.shape}, expected bool ({self._count},)"
+                )
+        if goal is not None:
+            goals = np.array(numpy_of("goal", goal), dtype=np.float64)
+            if goals.shape not in ((2,), (self._count, 2)):
+                raise InvalidInputError(
+                    f"goal: got shape {goals.shape}, expected (2,) or ({self._count}, 2)"
+                )
+            kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
+            self._goal = np.where(chosen[:, None], goals, kept)
+        if self._core.guides and (self._goal is None or not np.isfinite(self._goal[chosen]).all()):
+            raise InvalidInputError("goal: got none for a plant that begins, expected (x, y) [m]")
+        self._core.restart(chosen)
+        self._core.cover(Coverage.OUTSIDE)
+        report = self._core.begin(
+            self._barriers, self._estimate(x, None, None, None), self._goal, self._extent
+        )
+        self._begun |= chosen
+        back = like(x.x if isinstance(x, Estimate) else x)
+        return {key: back(value) for key, value in report.items()}
+
+    def __call__(
+        self,
+        u_nominal: Any,
+        x: Any,
+        time: Any = None,
+        *,
+        elapsed: Any = None,
+        missing: Any = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return u and the report, arrays of the kind that u* is.
+
+        Args:
+            u_nominal: u* (N, 2) [m/s²]; u has its type, 32 or 64 bits.
+            x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
+            time: () or (N,) of the states [s]; None counts periods since the reset.
+            elapsed: () or (N,) since the samples before [s], where periods vary; None is one.
+            missing: (N,) of which plants there is no sample now; None for none.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
+        if not self._begun.all():
+            raise InvalidInputError(
+                f"batch filter: got a step before a reset of {int((~self._begun).sum())} of "
+                f"{self._count} plants, expected reset(x=…) first"
+            )
+        wanted = numpy_of("u_nominal", u_nominal)
+        shape = (2,) if self.num_envs is None else (self._count, 2)
+        if wanted.shape != shape or wanted.dtype.kind not in "fiu":
+            raise InvalidInputError(
+                f"u_nominal: got {wanted.dtype} {wanted.shape}, expected real numbers {shape}"
+            )
+        back = like(u_nominal)
+        self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
+        estimate = self._estimate(x, time, elapsed, missing)
+        u, report = self._core.step(wanted.astype(np.float64), self._barriers, estimate)
+        return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
+
+    def _estimate(self, x: Any, time: Any, elapsed: Any, missing: Any) -> Estimate:
+        """Return what is known of the plants."""
+        estimate = x if isinstance(x, Estimate) else Estimate(numpy_of("x", x))
+        if time is not None:
+            estimate = estimate._replace(time=self._of_all("time", time))
+        if elapsed is not None:
+            estimate = estimate._replace(elapsed=self._of_all("elapsed", elapsed))
+        if missing is not None:
+            absent = np.broadcast_to(numpy_of("missing", missing), self._count)
+            estimate = estimate._replace(age=np.where(absent, math.inf, 0.0))
+        return estimate
+
+    def _of_all(self, name: str, value: Any) -> Any:
+        """Return a number of each plant, of which one may be given for all."""
+        given = numpy_of(name, value)
+        return np.broadcast_to(given, self._count) if given.ndim == 0 else given
+
+
+def _count(name: str, value: Any) -> int:
+    """Return a whole number from 1 on.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InvalidInputError(f"{name}: got {value!r}, expected a whole number >= 1")
+    return int(value)
+
+
+def _nothing(*_: Any) -> Any:
+    """Stand for readers that this filter does not use: it is handed everything."""
+    return ()

@@ -1,0 +1,365 @@
+"""The compiled filter by its front door: N plants are N single ones, whatever hands them over."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from needs import needs
+
+import hcbf_gym
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
+from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.programs import FilterStatus
+
+PERIOD, U = 0.02, Box.symmetric(5.0)
+KINDS = ["disc", "disc", "half-plane", "speed-limit"]
+RANKS = [1, 2, 3, 1]
+
+
+def drawn(seed, count):
+    """States (N, 4) and the numbers (N, 4, 3) of a scene of each, of `KINDS`."""
+    rng = np.random.default_rng(seed)
+    x = np.concatenate([rng.uniform(-4, 4, (count, 2)), rng.uniform(-1, 1, (count, 2))], axis=1)
+    numbers = np.zeros((count, 4, 3))
+    numbers[:, :2, :2] = x[:, None, :2] + rng.uniform(-3, 3, (count, 2, 2))
+    numbers[:, :2, 2] = rng.uniform(0.2, 0.8, (count, 2))
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    numbers[:, 2, 0], numbers[:, 2, 1] = np.cos(angle), np.sin(angle)
+    numbers[:, 2, 2] = -rng.uniform(0.0, 5.0, count)
+    numbers[:, 3, 0] = rng.uniform(1.5, 2.5, count)
+    return x, numbers
+
+
+def listed(numbers):
+    """The scenes of `drawn` as lists of barriers."""
+    return [
+        [
+            Disc("a", 1, center=tuple(one[0, :2]), radius=one[0, 2]),
+            Disc("b", 2, center=tuple(one[1, :2]), radius=one[1, 2]),
+            HalfPlane("wall", 3, normal=tuple(one[2, :2]), offset=one[2, 2]),
+            SpeedLimit("cap", 1, one[3, 0]),
+        ]
+        for one in numbers
+    ]
+
+
+def moved(x, u):
+    after = x.copy()
+    after[:, :2] += PERIOD * x[:, 2:] + 0.5 * PERIOD**2 * u
+    after[:, 2:] += PERIOD * u
+    return after
+
+
+def same(report, other):
+    assert report.keys() == other.keys()
+    for key, value in report.items():
+        np.testing.assert_array_equal(value, other[key], err_msg=key)
+
+
+@pytest.mark.parametrize(
+    "program", ["lex-cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp"]
+)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_batch_is_as_many_single_filters(program, threads):
+    count = 150
+    x, numbers = drawn(0, count)
+    scenes = listed(numbers)
+    batch = hcbf_gym.BatchFilter(U, PERIOD, count, program, threads=threads)
+    batch.set_scene(KINDS, numbers, RANKS)
+    singles = [hcbf_gym.BatchFilter(U, PERIOD, None, program) for _ in range(count)]
+    begun = batch.reset(x=x)
+    for i, one in enumerate(singles):
+        one.set_scene(scenes[i])
+        same(one.reset(x=x[i]), {key: value[i] for key, value in begun.items()})
+    rng = np.random.default_rng(1)
+    statuses = set()
+    for _ in range(12):
+        wanted = rng.uniform(-6.0, 6.0, (count, 2))
+        u, report = batch(wanted, x)
+        statuses |= set(report["status"].tolist())
+        for i, one in enumerate(singles):
+            own, said = one(wanted[i], x[i])
+            np.testing.assert_array_equal(own, u[i])
+            same(said, {key: value[i] for key, value in report.items()})
+        x = moved(x, u)
+    assert len(statuses) >= 3  # neither all idle nor all in conflict
+
+
+def test_scenes_are_the_same_however_they_are_handed_over():
+    x, numbers = drawn(2, 40)
+    lists = listed(numbers)
+    ways = {
+        "arrays": (KINDS, numbers, RANKS),
+        "arrays of each": (np.tile(KINDS, (40, 1)), numbers, np.tile(RANKS, (40, 1))),
+        "lists": (lists,),
+        "set": (BarrierSet(lists),),
+    }
+    said = {}
+    for way, scene in ways.items():
+        filt = hcbf_gym.BatchFilter(U, PERIOD, 40)
+        filt.set_scene(*scene)
+        filt.reset(x=x)
+        said[way] = filt(np.full((40, 2), 4.0), x)[1]
+    for way in ways:
+        same(said[way], said["lists"])
+    assert [c.rank for c in filt.conditions(3)] == RANKS
+    assert [c.name for c in filt.conditions(3)] == ["a", "b", "wall", "cap"]
+
+
+def test_one_list_is_for_all_and_short_lists_are_filled():
+    near = Disc("near", 1, center=(0.8, 0.0), radius=0.5)
+    far = HalfPlane("far", 2, normal=(0.0, 1.0), offset=-9.0)
+    x = np.zeros((3, 4))
+    for_all = hcbf_gym.BatchFilter(U, PERIOD, 3)
+    for_all.set_scene([near])
+    ragged = hcbf_gym.BatchFilter(U, PERIOD, 3)
+    ragged.set_scene([[near], [near, far], []])
+    for filt in (for_all, ragged):
+        filt.reset(x=x)
+    wanted = np.tile([5.0, 0.0], (3, 1))
+    (u, _), (other, report) = for_all(wanted, x), ragged(wanted, x)
+    assert (u[0] == u).all()
+    np.testing.assert_array_equal(u[:2], other[:2])
+    np.testing.assert_array_equal(other[2], wanted[2])  # an empty scene forbids nothing
+    assert report["status"][2] == FilterStatus.NOMINAL
+    assert ragged.conditions(2)[0].name == "nothing"
+
+
+def test_a_bad_state_brakes_alone():
+    count, bad = 1000, 371
+    x, numbers = drawn(3, count)
+    x[bad, 2:] = 0.4, 0.0
+    good, hurt = (hcbf_gym.BatchFilter(U, PERIOD, count) for _ in range(2))
+    for filt in (good, hurt):
+        filt.set_scene(KINDS, numbers, RANKS)
+        filt.reset(x=x)
+    wanted = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 2))
+    for filt in (good, hurt):
+        u, _ = filt(wanted, x)
+    x = moved(x, u)
+    broken = x.copy()
+    broken[bad, 1] = np.nan
+    u, report = good(wanted, x)
+    with pytest.warns(SafetyWarning, match="not finite"):
+        other, hurts = hurt(wanted, broken)
+    others = np.arange(count) != bad
+    np.testing.assert_array_equal(u[others], other[others])
+    assert (hurts["status"] == FilterStatus.BACKUP).nonzero()[0].tolist() == [bad]
+    assert hurts["reason"][bad] == Reason.STATE
+    assert np.isnan(hurts["h"][bad]).all()
+    same(
+        {key: value[others] for key, value in report.items()},
+        {key: value[others] for key, value in hurts.items()},
+    )
+
+
+def test_a_missing_sample_brakes_and_a_varying_period_is_no_alarm():
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 2)
+    filt.set_scene([Disc("far", 1, center=(50.0, 0.0), radius=1.0)])
+    x, time = np.zeros((2, 4)), 0.0
+    filt.reset(x=x)
+    rng = np.random.default_rng(0)
+    u, _ = filt(np.ones((2, 2)), x, time)
+    for _ in range(60):
+        elapsed = rng.uniform(0.2, 1.0) * PERIOD
+        x, time = x.copy(), time + elapsed
+        x[:, :2] += elapsed * x[:, 2:] + 0.5 * elapsed**2 * u
+        x[:, 2:] += elapsed * u
+        u, report = filt(rng.uniform(-1.0, 1.0, (2, 2)), x, time, elapsed=elapsed)
+        assert (report["reason"] == Reason.NONE).all()
+    with pytest.warns(SafetyWarning, match="older"):
+        u, report = filt(np.ones((2, 2)), x, time + PERIOD, missing=[False, True])
+    assert report["reason"].tolist() == [Reason.NONE, Reason.AGE]
+    with pytest.warns(SafetyWarning, match="not finite"):
+        _, report = filt(np.ones((2, 2)), x, time + 2.0 * PERIOD, elapsed=-1.0)
+    assert (report["reason"] == Reason.STATE).all()
+
+
+def test_some_begin_anew_while_the_others_go_on():
+    x, numbers = drawn(4, 6)
+    one, other = (hcbf_gym.BatchFilter(U, PERIOD, 6) for _ in range(2))
+    for filt in (one, other):
+        filt.set_scene(KINDS, numbers, RANKS)
+        filt.reset(x=x)
+    wanted = np.full((6, 2), 2.0)
+    for _ in range(5):
+        u, _ = one(wanted, x)
+        other(wanted, x)
+        x = moved(x, u)
+    mask = np.arange(6) == 2
+    x[2] = 0.0, 0.0, 0.0, 0.0
+    one.reset(mask, x)
+    other.reset(x=x)
+    u, report = one(wanted, x)
+    _, begun = other(wanted, x)
+    assert (report["reason"] == Reason.NONE).all()
+    same({k: v[2] for k, v in report.items()}, {k: v[2] for k, v in begun.items()})
+
+
+def test_guidance_leads_each_plant_to_its_goal():
+    x = np.tile([-3.0, 0.1, 0.0, 0.0], (2, 1))
+    goals = np.array([[3.0, 0.0], [3.0, 2.0]])
+    filt = hcbf_gym.BatchFilter(U, 0.05, 2, guidance="geodesic")
+    block = ConvexPolygon("block", 1, vertices=((-0.5, -2.0), (0.5, -2.0), (0.5, 2.0), (-0.5, 2.0)))
+    filt.set_scene([block, SpeedLimit("cap", 1, 1.5)])
+    with pytest.raises(InvalidInputError, match="goal"):
+        filt.reset(x=x)
+    filt.reset(x=x, goal=goals)
+    for _ in range(400):
+        u, report = filt(2.0 * (goals - x[:, :2]) - 2.0 * x[:, 2:], x)
+        x[:, :2] += 0.05 * x[:, 2:] + 0.5 * 0.05**2 * u
+        x[:, 2:] += 0.05 * u
+        assert (report["h"][:, 0] >= -1e-9).all()
+    assert (np.linalg.norm(x[:, :2] - goals, axis=1) < 0.1).all()
+
+
+def test_a_refused_scene_stops_all_until_a_good_one_is_set():
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 2)
+    good = [Disc("far", 1, center=(9.0, 0.0), radius=1.0)]
+    filt.set_scene(good)
+    x = np.zeros((2, 4))
+    filt.reset(x=x)
+    with pytest.raises(InvalidInputError, match="finite"):
+        filt.set_scene(["disc"], [[np.nan, 0.0, 1.0]], [1])
+    with pytest.warns(SafetyWarning, match="barriers"):
+        _, report = filt(np.ones((2, 2)), x)
+    assert (report["reason"] == Reason.BARRIERS).all()
+    filt.set_scene(good)
+    _, report = filt(np.ones((2, 2)), x)
+    assert (report["reason"] == Reason.NONE).all()
+
+
+DISC = (["disc"], [[1.0, 0.0, 0.5]], [1])
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (("disc",), "sequence"),
+        ((7,), "sequence"),
+        (([[], [], []],), "2 lists"),
+        (([[1], [2]],), "expected an object of a class derived"),
+        ((*DISC[:2], None), "one of numbers and ranks"),
+        ((["disk"], *DISC[1:]), "'disc'"),
+        ((["disc"], [[1.0, 0.0, -0.5]], [1]), "radius"),
+        ((["disc"], [[1.0, 0.0]], [1]), "shape"),
+        ((["disc"], [1.0, 0.0, 0.5], [1]), "axes"),
+        ((["disc"], np.zeros((3, 1, 3)), [1]), "shape"),
+        ((*DISC[:2], [0]), "ranks"),
+        ((*DISC[:2], [1.5]), "ranks"),
+        ((*DISC[:2], [1, 2]), "ranks"),
+        ((["speed-limit"], [[0.01]], [1]), "speed limit"),
+        ((["speed-limit"], [[0.0]], [1]), "v_max"),
+        ((*DISC, [[np.inf, 0.0]]), "velocities"),
+    ],
+)
+def test_a_bad_scene_is_refused_in_words(scene, message):
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 2)
+    with pytest.raises((InvalidInputError, UnknownNameError), match=message) as refused:
+        filt.set_scene(*scene)
+    assert len(str(refused.value)) < 1000
+
+
+def test_bad_arguments_are_refused_in_words():
+    for options, message in (
+        ({"num_envs": 0}, "num_envs"),
+        ({"threads": 0}, "threads"),
+        ({"period": -1.0}, "period"),
+        ({"program": "lex"}, "lex-cbf-qp"),
+        ({"guidance": "star"}, "geodesic"),
+        ({"gain": 1.0}, "gain"),
+        ({"on_alarm": "shout"}, "warn"),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            hcbf_gym.BatchFilter(**({"input_set": U, "period": PERIOD, "num_envs": 2} | options))
+    with pytest.raises(InvalidInputError, match="two inputs"):
+        hcbf_gym.BatchFilter(Box.symmetric(1.0, 3), PERIOD, 2)
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 5000)
+    x = np.zeros((5000, 4))
+    with pytest.raises(InvalidInputError, match="set_scene"):
+        filt.reset(x=x)
+    filt.set_scene(*DISC)
+    with pytest.raises(InvalidInputError, match="no x"):
+        filt.reset()
+    with pytest.raises(InvalidInputError, match="mask"):
+        filt.reset([1, 2], x)
+    with pytest.raises(InvalidInputError, match="5000 of 5000"):
+        filt(np.zeros((5000, 2)), x)
+    filt.reset(x=x)
+    with pytest.raises(InvalidInputError, match="u_nominal"):
+        filt(np.zeros((2, 5000)), x)
+    wanted = np.zeros((5000, 2))
+    wanted[4711] = np.nan
+    with pytest.raises(InvalidInputError, match="4711") as refused:
+        filt(wanted, x)
+    assert len(str(refused.value)) < 300
+
+
+def test_a_copy_goes_on_by_itself():
+    x, numbers = drawn(6, 200)
+    filt = hcbf_gym.BatchFilter(Ball(4.0), PERIOD, 200, threads=2)
+    filt.set_scene(KINDS, numbers, RANKS)
+    filt.reset(x=x)
+    wanted = np.full((200, 2), 3.0)
+    u, _ = filt(wanted, x)
+    x = moved(x, u)
+    for twin in (copy.deepcopy(filt), pickle.loads(pickle.dumps(filt))):
+        mine, theirs = copy.deepcopy(filt)(wanted, x), twin(wanted, x)
+        np.testing.assert_array_equal(mine[0], theirs[0])
+        same(mine[1], theirs[1])
+
+
+@needs("torch")
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_torch_goes_in_without_a_copy_and_comes_out(dtype):
+
+    import torch
+
+    x, numbers = drawn(5, 30)
+    kind = getattr(torch, dtype)
+    filt, other = (hcbf_gym.BatchFilter(U, PERIOD, 30) for _ in range(2))
+    for each in (filt, other):
+        each.set_scene(KINDS, numbers, RANKS)
+    states, wanted = torch.tensor(x, dtype=kind), torch.full((30, 2), 3.0, dtype=kind)
+    filt.reset(x=states)
+    other.reset(x=states.numpy())
+    u, report = filt(wanted, states)
+    theirs, _ = other(wanted.numpy(), states.numpy())
+    assert isinstance(u, torch.Tensor)
+    assert isinstance(report["h"], torch.Tensor)
+    assert u.dtype == kind
+    np.testing.assert_array_equal(u.numpy(), theirs)
+    with pytest.raises(InvalidInputError, match="detach"):
+        filt(wanted.requires_grad_(), states)
+
+
+@needs("jax")
+def test_jax_goes_in_and_comes_out():
+
+    import jax
+
+    x, numbers = drawn(5, 30)
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 30)
+    filt.set_scene(KINDS, numbers, RANKS)
+    states = jax.numpy.asarray(x)
+    filt.reset(x=states)
+    u, report = filt(jax.numpy.full((30, 2), 3.0), states)
+    assert isinstance(u, jax.Array)
+    assert isinstance(report["status"], jax.Array)
+    with pytest.raises(InvalidInputError, match="pure_callback"):
+        jax.jit(lambda wanted: filt(wanted, states)[0])(jax.numpy.ones((30, 2)))
+
+
+def test_an_estimate_may_take_the_place_of_a_state():
+    filt, other = (hcbf_gym.BatchFilter(U, PERIOD, 3) for _ in range(2))
+    x = np.zeros((3, 4))
+    for each in (filt, other):
+        each.set_scene(*DISC)
+        each.reset(x=x)
+    covariance = np.tile(1e-3 * np.eye(4), (3, 1, 1))
+    _, told = filt(np.ones((3, 2)), Estimate(x, covariance=covariance))
+    _, plain = other(np.ones((3, 2)), x)
+    assert (told["margin"] > plain["margin"]).all()
