@@ -59,7 +59,7 @@ OUTSIDE = {
 @pytest.mark.parametrize("argument", OUTSIDE)
 def test_an_argument_outside_its_bound_is_named_once_with_the_bound(argument):
     env, said = made(**OUTSIDE[argument])
-    assert env.judged.covered == Coverage.OUTSIDE
+    assert (env.judged.covered, env.judged.covered_by) == (Coverage.OUTSIDE, CoveredBy.ARGUMENT)
     assert len(said) == 1
     assert re.search(rf"(: |; ){argument.strip()} ", said[0])
     assert "(tested: " in said[0]
