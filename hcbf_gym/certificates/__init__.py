@@ -2,16 +2,19 @@
 
 from hcbf_gym.certificates.certificate import Certificate, first_seed
 from hcbf_gym.certificates.declared import declared, robot_of
+from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
     Nearest,
     at_least,
+    covered_table,
     load,
     nearest,
     shipped,
+    speak,
     stale,
-    stale_shipped,
     stale_since,
     table,
+    tested,
 )
 from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum
 
@@ -19,18 +22,22 @@ __all__ = [
     "BLOCK",
     "Block",
     "Certificate",
+    "Judged",
     "Nearest",
     "Shown",
     "Stratum",
     "at_least",
+    "covered_table",
     "declared",
     "first_seed",
+    "judge",
     "load",
     "nearest",
     "robot_of",
     "shipped",
+    "speak",
     "stale",
-    "stale_shipped",
     "stale_since",
     "table",
+    "tested",
 ]

@@ -1,4 +1,4 @@
-"""The record of a certificate: what was frozen, what came out, and what it says of a plant.
+"""The record of a certificate: what was frozen, what came out, and of which plant.
 
 >>> block = Block(0, BLOCK, 900, 0, 0, 0.012, None)
 >>> certificate = Certificate(
@@ -9,14 +9,14 @@
 ...     shown=Shown(82, 0.05, 90), strata=(Stratum("nearest", "random", 82, 0, 0.012),),
 ...     blocks=(*[block] * 8, block._replace(pressed=2)),
 ... )  # fmt: skip
->>> certificate.differs({"period": 0.05})
-['period 0.05 (certified: 0.02)']
+>>> certificate.says
+'boat: 0 of 82 episodes entered rank 1; P(enter) ≤ 0.1 with 99.9% confidence'
 """
 
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from hcbf_gym.certificates.parts import (
     vacuous,
 )
 from hcbf_gym.errors import InvalidInputError, finite_float
-from hcbf_gym.models.plant import Coverage, Uncertainty
+from hcbf_gym.models.plant import Uncertainty
 
 SEEDS = 100_000_000
 """Of each `--seed`; the second half belongs to its certificates."""
@@ -53,8 +53,8 @@ class Certificate:
 
     Args:
         name: what it is called, as its file is.
-        plant: what a plant must declare to be this one: a value, ``{"any of": […]}``, or
-            ``{"from": a, "to": b}``, by name; "scene" is the family of its scenes.
+        plant: what a plant must declare to be this one, ranges by name as `judge.judge`
+            reads them; "scene" is the family of its scenes.
         family: what the episodes were drawn from, as `evaluation.certification` reads it.
         words: the same in sentences.
         margins: what rows reserved; None where the plant's own law says it for each episode.
@@ -225,30 +225,6 @@ class Certificate:
             f"P(enter) ≤ {self.bound:.3g} with {self.confidence:.1%} confidence"
         )
 
-    def differs(self, declared: Mapping[str, Any]) -> list[str]:
-        """Return in what a plant is not the certified one, a phrase for each; empty if in nothing.
-
-        Args:
-            declared: what the plant declares, as `certificates.declared` reads it.
-        """
-        return [
-            f"{name} {declared.get(name)!r} (certified: {_told(expected)})"
-            for name, expected in self.plant.items()
-            if name != "scene" and not _is_of(declared.get(name), expected)
-        ]
-
-    def covers(self, declared: Mapping[str, Any]) -> Coverage:
-        """Return whether it speaks of a plant, and of the family of its scenes.
-
-        Args:
-            declared: as `differs` takes it.
-        """
-        if self.differs(declared):
-            return Coverage.OUTSIDE
-        asked = self.plant.get("scene")
-        inside = _is_of(declared.get("scene"), asked)
-        return Coverage.COVERED if inside else Coverage.SCENE
-
     def to_dict(self) -> dict[str, Any]:
         """Return it in JSON's terms, what matters first."""
         data = self._said()
@@ -346,23 +322,3 @@ def first_seed(seed: int, attempt: int) -> int:
         attempt: which try.
     """
     return SEEDS * seed + SEEDS // 2 + TRY_SEEDS * attempt
-
-
-def _is_of(got: Any, expected: Any) -> bool:
-    """Tell whether a declared value is the certified one, among several, or in a range."""
-    got = records.plain(got)
-    if isinstance(expected, Mapping) and set(expected) == {"any of"}:
-        return got in expected["any of"]
-    if isinstance(expected, Mapping) and set(expected) == {"from", "to"}:
-        number = isinstance(got, int | float) and not isinstance(got, bool)
-        return number and bool(expected["from"] <= got <= expected["to"])
-    return bool(got == records.plain(expected))
-
-
-def _told(expected: Any) -> str:
-    if isinstance(expected, Mapping) and set(expected) == {"any of"}:
-        values: Sequence[Any] = expected["any of"]
-        return ", ".join(map(str, values))
-    if isinstance(expected, Mapping) and set(expected) == {"from", "to"}:
-        return f"{expected['from']:g} to {expected['to']:g}"
-    return repr(expected)

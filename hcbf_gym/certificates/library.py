@@ -9,13 +9,25 @@ from typing import Any, NamedTuple
 
 from hcbf_gym.certificates import sources
 from hcbf_gym.certificates.certificate import Certificate
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.certificates.judge import Judged, judge, words
+from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
 """Where they lie, one JSON file each; its name is the certificate's."""
 
 STALE = Path(__file__).with_name("stale.json")
 """Names of certificates that no longer repeat → the commit that made them so."""
+
+
+TESTED = Path(__file__).with_name("tested.json")
+"""Ranges that were tested without a number of their own: of the filter's arguments, of its plant,
+and of an environment's arguments of which one alone may be left for a wider range."""
+
+
+@cache
+def tested() -> Mapping[str, Any]:
+    """Return what `TESTED` holds."""
+    return MappingProxyType(json.loads(TESTED.read_text(encoding="utf-8")))
 
 
 @cache
@@ -49,16 +61,6 @@ def shipped() -> Mapping[str, Certificate]:
     return MappingProxyType({file.stem: Certificate.load(file) for file in files})
 
 
-def stale_shipped(environment: str) -> str:
-    """Return why no shipped certificate speaks of an environment today; "" where one does.
-
-    Args:
-        environment: its id.
-    """
-    found = [stale(one) for one in shipped().values() if one.plant["environment"] == environment]
-    return "" if not found or "" in found else found[0]
-
-
 def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
     """Return a certificate.
 
@@ -76,27 +78,45 @@ def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
     return Certificate.load(source) if known is None else known
 
 
+def speak(
+    certificate: Certificate, declared: Mapping[str, Any], alone: Mapping[str, Any] | None = None
+) -> Judged:
+    """Return what a certificate says of a plant, as the program is today.
+
+    Args:
+        certificate: any.
+        declared: what the plant declares, as `certificates.declared` reads it.
+        alone: what was tested besides, see `judge`.
+    """
+    return judge(declared, certificate.plant, alone, stale=stale(certificate))
+
+
 class Nearest(NamedTuple):
     """The shipped certificate that differs least from what a plant declares.
 
     Attributes:
-        certificate: None where none is of such an environment.
-        others: in what the plant is not the certified one, a phrase for each.
+        certificate: None where none is of such an environment and robot.
+        judged: what it says of the plant.
     """
 
     certificate: Certificate | None
-    others: list[str]
+    judged: Judged
 
-    @property
-    def differs(self) -> list[str]:
-        """Why it does not speak of the plant as it is today, a phrase for each."""
-        why = "" if self.certificate is None else stale(self.certificate)
-        return [*self.others, why] if why else self.others
+    def again(self, declared: Mapping[str, Any]) -> Judged:
+        """Return what it says of the plant in other scenes.
+
+        Args:
+            declared: what it declared, but for "scene".
+        """
+        if self.judged.outside or self.certificate is None:
+            return self.judged
+        return judge({"scene": declared["scene"]}, {"scene": self.certificate.plant["scene"]})
 
     @property
     def margins(self) -> Uncertainty | None:
         """What rows reserve by it; None where it speaks of another plant, or leaves it to a law."""
-        return None if self.certificate is None or self.others else self.certificate.margins
+        other = self.judged.covered_by in (CoveredBy.ARGUMENT, CoveredBy.UNKNOWN)
+        return None if self.certificate is None or other else self.certificate.margins
 
 
 def nearest(declared: Mapping[str, Any]) -> Nearest:
@@ -105,12 +125,19 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
     Args:
         declared: what the plant declares; "environment" and "robot" must be the certified ones.
     """
+    alone = tested()["alone"].get(declared["environment"])
     alike = [
-        Nearest(one, one.differs(declared))
+        Nearest(one, speak(one, declared, alone))
         for one in shipped().values()
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
-    return min(alike, key=lambda found: len(found.others), default=Nearest(None, []))
+    name = str(declared.get("robot")).rpartition(" ")[0]
+    said = (
+        f"robot {name!r}, of which no certificate is shipped: hcbf certify makes one",
+        *(f"{departure} (tested: none)" for departure in declared.get("departures", ())),
+    )
+    none = Nearest(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
+    return min(alike, key=lambda found: len(found.judged.says), default=none)
 
 
 def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
@@ -149,3 +176,19 @@ def table(certificates: Iterable[Certificate] | None = None) -> str:
         for one in (shipped().values() if certificates is None else certificates)
     ]
     return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))
+
+
+def covered_table(name: str) -> str:
+    """Return what a shipped certificate covers as pages show it, a table in Markdown.
+
+    Args:
+        name: of the certificate.
+    """
+    plant = shipped()[name].plant
+    alone = tested()["alone"].get(plant["environment"], {"ranges": {}, "words": "none"})
+    rows = [
+        f"| {argument} | {words(expected)} |"
+        for argument, expected in (dict(plant) | alone["ranges"]).items()
+        if argument not in ("environment", "scene")
+    ]
+    return "\n".join(("| argument | tested |", "|---|---|", *rows, f"| alone | {alone['words']} |"))

@@ -1,23 +1,25 @@
 """HCBF-A1Regions-v0: a Unitree A1 with full physics in the ranked regions."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
 
+from hcbf_gym import certificates, records
 from hcbf_gym.barriers import braking
-from hcbf_gym.envs import a1_plant, coverage, task
+from hcbf_gym.certificates import robot_of
+from hcbf_gym.envs import a1_plant, task
 from hcbf_gym.envs.a1_walker import Walk, Walker
 from hcbf_gym.envs.body import Footprint
-from hcbf_gym.envs.coverage import Declared
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.envs.plants import plant_of
-from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.envs.randomization import Conditions, Randomization
 from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
 from hcbf_gym.errors import choose
-from hcbf_gym.estimation import Estimator
+from hcbf_gym.estimation import Estimator, sensors
 from hcbf_gym.locomotion.controller import LocomotionController, check_friction
 from hcbf_gym.locomotion.watch import Watch
 from hcbf_gym.models.plant import Plant
@@ -125,30 +127,25 @@ class A1RegionsEnv(WalkedRegionsEnv):
         believed = derived if friction is None else check_friction(friction)
         self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
         self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
-        told = Declared(
-            own_robot=xml_file is None,
-            feedback=feedback,
-            timestep=timestep,
-            gait=gait,
-            friction=friction,
-            believed=derived,
-            terrain=terrain,
-            randomization=declared,
-            disturbances=disturbances,
-            estimation=estimation,
-            body=body,
-            boxes=len(self.scenario.obstacles),
-            able=braking.weakest(self._carried),
-            v_max=self._v_max,
-        )
-        self._outside = coverage.a1(told)
-        self._declared = {
+        self._declared = records.plain({
             "environment": "HCBF-A1Regions-v0",
-            "outside": self._outside,
-            "departures": told.departures,
-            "alone": told.alone,
+            "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
+            "feedback": feedback,
+            "timestep": timestep,
+            "gait": gait,
+            "friction": None if friction is None else round(friction, 9),
+            "friction_derived": round(derived, 9),
+            "terrain": terrain,
+            **{name: getattr(declared, name) for name in Conditions._fields},
+            "payload_position": declared.payload_position if declared.payload[1] > 0.0 else None,
+            "disturbances": disturbances,
+            "estimation": None if estimation is None else asdict(sensors.make(estimation)),
+            "body": body,
+            "obstacles": len(self.scenario.obstacles),
+            "input_set": round(braking.weakest(self._carried), 9),
             "v_max": self._v_max,
-        }
+        })  # fmt: skip
+        self._found = certificates.nearest(self._declared)
         choose("body", body, dict.fromkeys(a1_plant.BODIES))
         footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
         radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)

@@ -1,11 +1,14 @@
 """What a safety filter must know of this package's environments, as `Plant` records."""
 
+import warnings
 from typing import Any
 
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.certificates import Judged
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import EXACT, Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import EXACT, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
@@ -32,7 +35,7 @@ def plant_of(
         goal=_goal,
         uncertainty=uncertainty,
         on_alarm=on_alarm,
-        covered=_covered,
+        covered=_judged,
         declared=_declared,
     )
 
@@ -45,8 +48,26 @@ def _estimate(env: Any, observation: Any, info: dict[str, Any]) -> Estimate:
     return env.estimate
 
 
-def _covered(env: Any, observation: Any, info: dict[str, Any]) -> Any:
-    return env.covered
+def warn_of(name: str, judged: Judged) -> None:
+    """Warn where an environment's arguments are not covered, whatever its scenes are.
+
+    Args:
+        name: of the environment.
+        judged: what the certificate says that fits it best.
+    """
+    if not judged.outside:
+        return
+    if judged.covered_by == CoveredBy.STALE:
+        why = f": nothing was tested on {judged.says[0]}"
+    else:
+        why = f", as the arguments leave what was tested: {'; '.join(judged.says)}"
+    warnings.warn(
+        f"{name}: rank 1 is not promised (covered = 0){why}", CoverageWarning, stacklevel=5
+    )
+
+
+def _judged(env: Any, observation: Any, info: dict[str, Any]) -> Judged:
+    return env.judged
 
 
 def _declared(env: Any, observation: Any, info: dict[str, Any]) -> Any:

@@ -10,17 +10,19 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.certificates import Judged
 from hcbf_gym.drawing.top_down import TopDownView
-from hcbf_gym.envs import coverage, task
+from hcbf_gym.envs import task
 from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import plant_of
+from hcbf_gym.envs.plants import plant_of, warn_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Coverage, Estimate, Plant
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario
 
 PATH_POINTS = 3000
@@ -105,9 +107,9 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
-        self._known = coverage.regions()
-        self._covered = coverage.of_scene(scenario, {})
         self._family = self._scenes.family({})
+        self._found = certificates.nearest(self.declared)
+        warn_of("HCBF-Regions-v0", self._found.judged)
         self._started = False
 
     @property
@@ -126,9 +128,9 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         return plant_of(self)
 
     @property
-    def covered(self) -> Coverage:
-        """Whether the promise was tested in this episode's family of scenes."""
-        return self._covered if self._known else Coverage.OUTSIDE
+    def judged(self) -> Judged:
+        """Whether the promise was tested in this episode's family of scenes, and why not."""
+        return self._found.again(self.declared)
 
     @property
     def declared(self) -> dict[str, Any]:
@@ -180,7 +182,6 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             self.scenario = scene
             self._batch.set_scene(0, scene)
         self._batch.restart(np.ones(1, dtype=np.bool_))
-        self._covered = coverage.of_scene(self._scenes.source, given)
         self._family = self._scenes.family(given)
         self._path.clear()
         self._path.append(self.rom_state[:2])
@@ -196,7 +197,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         """
         self._scenes.check({"scenario": scenario})
         self.scenario = scenario
-        self._covered, self._family = Coverage.SCENE, None
+        self._family = None
         self._batch.set_scene(0, scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -11,13 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hcbf_gym import scenarios
+from hcbf_gym import certificates, scenarios
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import coverage, task
+from hcbf_gym.certificates import Judged
 from hcbf_gym.envs import infos as vector_infos
+from hcbf_gym.envs import task
 from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import plant_of
+from hcbf_gym.envs.plants import plant_of, warn_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -84,9 +85,9 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._scenes: list[Layout | Route | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
         self._given = np.zeros(num_envs, dtype=np.bool_)
-        self._known = coverage.regions()
-        self._covered = np.full(num_envs, coverage.of_scene(scenario, {}), dtype=np.int64)
         self._families = [self._source.family({})] * num_envs
+        self._found = certificates.nearest(self.declared)
+        warn_of("HCBF-Regions-v0", self._found.judged)
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self._started = False
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
@@ -115,9 +116,9 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         return plant_of(self)
 
     @property
-    def covered(self) -> NDArray[np.int64]:
-        """(N,) whether the promise was tested in the families of scenes of these episodes."""
-        return self._covered * self._known
+    def judged(self) -> Judged:
+        """Whether the promise was tested in the families of scenes of these episodes, and why."""
+        return self._found.again(self.declared)
 
     @property
     def declared(self) -> dict[str, Any]:
@@ -261,7 +262,6 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
 
     def _draw_scenes(self, mask: Mask, given: Mapping[str, Any]) -> None:
         """Put the next scenes into the masked environments: those asked for, or their own."""
-        self._covered[mask] = coverage.of_scene(self._source.source, given)
         family = self._source.family(given)
         self._families = [family if m else k for m, k in zip(mask, self._families, strict=True)]
         if given and not self._source.random and not self._given.any():

@@ -1,7 +1,6 @@
 """What the environments with a simulated robot share: episodes, scenes, steps and pictures."""
 
 import math
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,16 +15,18 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.certificates import Judged, Nearest
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.drawing.scene_artist import SceneArtist
-from hcbf_gym.envs import coverage, task
+from hcbf_gym.envs import task
 from hcbf_gym.envs.a1_walker import Walk
 from hcbf_gym.envs.plain_spec import PlainSpec
+from hcbf_gym.envs.plants import warn_of
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.tally import Tally
-from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.models.plant import Coverage, Estimate
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario
 
 
@@ -62,8 +63,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
 
     * `walker`: a `Moving`.
     * `_v_max`: the strict cap on the speed [m/s].
-    * `_outside`: which of its arguments were not tested, a phrase for each.
     * `_declared`: its arguments, as certificates compare them.
+    * `_found`: the certificate that fits them best.
     """
 
     metadata = {  # noqa: RUF012 - Gymnasium's form
@@ -73,8 +74,8 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
 
     walker: Any
     _v_max: float
-    _outside: list[str]
     _declared: dict[str, Any]
+    _found: Nearest
 
     def _begin(
         self, scenario: str | Path | Mapping[str, Any] | Scenario, render_mode: str | None
@@ -105,16 +106,9 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
-        self._scene_covered = coverage.of_scene(self._scenes.source, {})
         self._family = self._scenes.family({})
         self._take_scene(self.scenario)
-        if self._outside:
-            warnings.warn(
-                f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was "
-                f"tested: {'; '.join(self._outside)}",
-                CoverageWarning,
-                stacklevel=4,
-            )
+        warn_of(name, self._found.judged)
 
     @property
     def simulation(self) -> Any:
@@ -142,9 +136,9 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         return task.barriers_of(self.scenario, self._v_max)
 
     @property
-    def covered(self) -> Coverage:
+    def judged(self) -> Judged:
         """Whether the promise was tested for these arguments and this episode's scenes."""
-        return Coverage.OUTSIDE if self._outside else self._scene_covered
+        return self._found.again(self.declared)
 
     @property
     def declared(self) -> dict[str, Any]:
@@ -188,7 +182,6 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         scene = self._scenes.next(self.np_random, given)
         if scene is not self.scenario:
             self._take_scene(scene)
-        self._scene_covered = coverage.of_scene(self._scenes.source, given)
         self._family = self._scenes.family(given)
         self._steps, self._started = 0, True
         start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
@@ -207,7 +200,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
             InvalidInputError: if the scene is of another kind than the environment's.
         """
         self._scenes.check({"scenario": scenario})
-        self._scene_covered, self._family = Coverage.SCENE, None
+        self._family = None
         self._set_scene(scenario)
         self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
 

@@ -62,20 +62,6 @@ class Declared(NamedTuple):
         return [name for name, differs in told.items() if differs]
 
 
-def outside(found: certificates.Nearest, walker: Walker, declared: Declared) -> list[str]:
-    """Return why no certificate that is shipped speaks of a plant; empty where one does.
-
-    Args:
-        found: the certificate that fits best.
-        walker: the robot.
-        declared: what else is declared.
-    """
-    if found.certificate is not None:
-        return found.differs
-    said = [f"robot {walker.name!r}, of which no certificate is shipped: hcbf certify makes one"]
-    return said + [f"{departure} (certified: none)" for departure in declared.departures]
-
-
 def widened(declared: Declared) -> float:
     """Return by how much a robot may do otherwise than it was measured: what is declared does."""
     return WIDENED if declared.departures else 1.0

@@ -117,8 +117,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
             heading, terrain, randomization, disturbances, len(boxes), body, self._v_max
         )
         self._declared = declared.told(walker)
-        found = certificates.nearest(self._declared)
-        self._outside = walker_plant.outside(found, walker, declared)
+        self._found = certificates.nearest(self._declared)
         response = UNKNOWN if walker.response is None else walker.response
         self._braked = braked(self.scenario.input_set, response)
         adapter = Adapter(walker.command, walker.response, heading)
@@ -128,7 +127,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
             at_home = footprint.radius(simulation.parts.home)
             reach = (walker.body.reach or at_home) + adapter.look_ahead
         self._uncertainty = walker_plant.uncertainty_of(
-            found, walker, task.CONTROL_DT, declared, reach
+            self._found, walker, task.CONTROL_DT, declared, reach
         )
         self.walker: WalkerDrive = WalkerDrive(
             simulation, adapter, footprint, walker_plant.widened(declared)

@@ -1,15 +1,17 @@
 """A plant under a certificate: its margins are what rows reserve, and `covered` follows it."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hcbf_gym import certificates
-from hcbf_gym.certificates import Certificate
+from hcbf_gym import certificates, programs, records
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import LogClassK
+from hcbf_gym.certificates import Certificate, Judged, judge
 from hcbf_gym.errors import CoverageWarning
-from hcbf_gym.models.plant import Coverage, Plant, read
+from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
 class Earned(NamedTuple):
@@ -23,14 +25,10 @@ class Earned(NamedTuple):
     certificate: Certificate
     plant: Plant
 
-    def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> Any:
-        """Return a `Coverage`, or (N,) of a vector environment."""
-        said = dict(read(self.plant.declared, env, observation, info))
-        scenes = said.get("scene")
-        if not isinstance(scenes, list):
-            return self.certificate.covers(said)
-        known = {scene: self.certificate.covers(said | {"scene": scene}) for scene in set(scenes)}
-        return np.array([known[scene] for scene in scenes])
+    def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> Judged:
+        """Return what the certificate says of the plant now."""
+        said = certificates.declared(self.plant, env, observation, info)
+        return judge(said, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
 def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
@@ -47,18 +45,78 @@ def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
     if plant.declared is None or not callable(plant.declared):
         said = certificates.declared(plant, env, None, {})
         plant = replace(plant, declared=said)  # once: files are read for it
-    differs = certificate.differs(certificates.declared(plant, env, None, {}))
-    stale = certificates.stale(certificate)
-    if differs or stale:
-        of = f"is of another plant: {'; '.join(differs)}" if differs else f"does not know {stale}"
+    judged = certificates.speak(certificate, certificates.declared(plant, env, None, {}))
+    of_another = judged.outside and judged.covered_by == CoveredBy.ARGUMENT
+    if judged.outside:
+        of = "is of another plant:" if of_another else "does not know"
         warnings.warn(
-            f"safety filter: the certificate {certificate.name!r} {of}: covered is 0",
+            f"safety filter: the certificate {certificate.name!r} {of} {'; '.join(judged.says)}: "
+            "covered is 0",
             CoverageWarning,
             stacklevel=4,
         )
-    if differs:
-        return replace(plant, covered=Coverage.OUTSIDE)
+    outside = judged._replace(covered_by=CoveredBy.CERTIFICATE)
+    if of_another:
+        return replace(plant, covered=outside)
     reserved = plant.uncertainty if certificate.margins is None else certificate.margins
     reserved = reserved._replace(body=plant.uncertainty.body)
-    covered = Coverage.OUTSIDE if stale else Earned(certificate, plant)
+    covered = outside if judged.outside else Earned(certificate, plant)
     return replace(plant, uncertainty=reserved, covered=covered)
+
+
+def limits(
+    asked: Mapping[str, Any], plant: Plant, other: list[str], certificate: Certificate | None
+) -> Judged | None:
+    """Warn of a filter's plant and arguments where they were not tested; None where they were.
+
+    On a double integrator that is its model any margin and any α whose row U can brake are as good.
+    Nothing is said of plants that are not covered whatever the filter is.
+
+    Args:
+        asked: the filter's arguments by their names, see `core.FilterSettings`.
+        plant: that the filter has.
+        other: in what it is not the one that the environment brings, see `differs`.
+        certificate: that was asked for; None for none.
+    """
+    known = plant.covered
+    known = known.covered if isinstance(known, Judged) else known
+    if isinstance(known, int) and known == Coverage.OUTSIDE:
+        return None
+    tested = certificates.tested()
+    exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
+    ranges = dict(tested["filter" if exact else "filter of a plant that is not its model"])
+    if certificate is not None and certificate.family.get("program") is not None:
+        ranges["program"] = certificate.family["program"]
+    alphas = {
+        "alpha1": class_k.make(asked["options"].get("alpha1", LogClassK())),
+        "alpha2": class_k.make(asked["options"].get("alpha2", 2.0)),
+    }
+    told = {name: records.to_dict(alpha, class_k.KINDS) for name, alpha in alphas.items()}
+    program = {"program": programs.plain(asked["program"])}
+    both = (
+        judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
+        judge({**asked, **told, **program}, ranges, reason=CoveredBy.FILTER),
+    )
+    outside = [one for one in both if one.outside]
+    if not outside:
+        return None
+    says = tuple(phrase for one in outside for phrase in one.says)
+    warnings.warn(
+        f"safety filter: the promise was not tested with {', '.join(says)}: covered is 0",
+        CoverageWarning,
+        stacklevel=3,
+    )
+    return outside[0]._replace(says=says)
+
+
+def differs(plant: Plant, own: Plant) -> list[str]:
+    """Return in what a filter's plant is not its environment's own, a phrase for each."""
+    said = [
+        f"another {name.replace('_', ' ')} than the environment's"
+        for name in ("model", "input_set", "period", "state", "barriers", "to_action")
+        if records.plain(getattr(plant, name)) != records.plain(getattr(own, name))
+    ]
+    reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
+    if any(less < needed for less, needed in reserved):
+        said.append("a lower uncertainty than the environment's")
+    return said

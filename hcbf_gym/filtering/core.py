@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import programs, records
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Integers, Mask, Records
 from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.certificates import Judged
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -25,7 +26,7 @@ from hcbf_gym.errors import (
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.certified import Earned
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import ON_ALARM, Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import ON_ALARM, Coverage, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 ROW_OPTIONS = ("alpha1", "alpha2")
@@ -35,6 +36,9 @@ USUAL_ROWS_MARGIN = 0.01
 
 MOST_CORNERS = 64
 """Of U, that are looked at for the dip."""
+
+BY_ITSELF = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
+"""Why, of a `Coverage` that says no more."""
 
 
 class FilterSettings(NamedTuple):
@@ -131,23 +135,33 @@ class FilterCore(ABC):
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._warnings = ReasonWarnings(self.brakes_on_alarm)
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
+        self._covered_by: Integers = np.zeros(count, dtype=np.int64)
         self._fresh: Mask = np.ones(count, dtype=np.bool_)
 
     def applied_as(self, dtype: Any) -> None:
         """Note the type of the environment's actions: what the filter tells is what arrives."""
         self.told_as = np.dtype(dtype)
 
-    def cover(self, coverage: Any) -> None:
-        """Note whether the promise was tested for the episodes that begin: a `Coverage`, or (N,).
+    def cover(self, said: Any) -> None:
+        """Note whether the promise was tested for the episodes that begin.
+
+        Args:
+            said: a `Judged`, or a `Coverage` or (N,) of them by itself.
 
         Raises:
             InvalidInputError: if it is none.
         """
-        given = as_array("covered", coverage)
+        given = as_array("covered", said.covered if isinstance(said, Judged) else said)
         known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
         if not known or given.shape not in ((), (self.count,)):
-            raise InvalidInputError(f"covered: got {coverage!r}, expected one of {list(Coverage)}")
-        self._coverage[self._fresh] = np.broadcast_to(given, self.count)[self._fresh]
+            raise InvalidInputError(f"covered: got {said!r}, expected one of {list(Coverage)}")
+        why = said.covered_by if isinstance(said, Judged) else BY_ITSELF[given]
+        for kept, news in ((self._coverage, given), (self._covered_by, why)):
+            kept[self._fresh] = np.broadcast_to(news, self.count)[self._fresh]
+
+    def tell_coverage(self, plants: Records) -> None:
+        """Write what is covered and why into (N,) reports."""
+        plants["covered"], plants["covered_by"] = self._coverage, self._covered_by
 
     def _doubt(self, scenes: Integers) -> None:
         """Cover no episode that begins in a scene where rank 1 cannot be promised.
@@ -159,8 +173,10 @@ class FilterCore(ABC):
         """
         known = self._coverage[self._fresh]
         shown = isinstance(self.plant.covered, Earned) & (known == Coverage.COVERED)
-        doubted = (scenes == Coverage.OUTSIDE) & ~shown
+        doubted = (scenes == Coverage.OUTSIDE) & ~shown & (known != Coverage.OUTSIDE)
         self._coverage[self._fresh] = np.where(doubted, scenes, known)
+        why = self._covered_by[self._fresh]
+        self._covered_by[self._fresh] = np.where(doubted, CoveredBy.INPUTS, why)
 
     def _fit_alpha1(self) -> float:
         """Scale α₁ down to what U can brake, and return the factor, which reports repeat.

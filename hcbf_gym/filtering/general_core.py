@@ -374,6 +374,7 @@ class GeneralCore(FilterCore):
             "alpha1_scale": self.alpha1_scale,
             "reason": reason,
             "covered": self._coverage[0],
+            "covered_by": self._covered_by[0],
         }
         return report.of_one({"u_nominal": u_nominal, "u_safe": result.u}, rows, told)
 

@@ -25,7 +25,7 @@ from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.threads import Threads
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Reason
 
 
 class PlanarCore(FilterCore):
@@ -120,7 +120,7 @@ class PlanarCore(FilterCore):
         self._doubt(self.check_scene(self._scene.of(self._fresh)))
         self._guide.begin(self._scene, samples.x, kept_clear, (goal, extent), self._fresh)
         self._fresh[:] = False
-        self._buffer.plants["covered"] = self._coverage
+        self.tell_coverage(self._buffer.plants)
         remembered, counted = samples.plants.copy(), self._steps.copy()
         nothing = np.zeros(2 if self._alone else (self.count, 2))
         u, report = self.step(nothing, barriers, estimate)
@@ -274,7 +274,8 @@ class PlanarCore(FilterCore):
         self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
         changed = news & ~self._fresh & (self._coverage == Coverage.COVERED)
         self._coverage[changed] = Coverage.SCENE  # it was covered with the scene that it began in
-        self._buffer.plants["covered"] = self._coverage
+        self._covered_by[changed] = CoveredBy.CHANGED
+        self.tell_coverage(self._buffer.plants)
         self._needs_time = self.plant.period is None and bool(scene.moves.any())
         self._refused = False
         try:

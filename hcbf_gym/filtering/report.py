@@ -24,6 +24,7 @@ PLANT = np.dtype(
             ("status", "i8"),  # a `programs.FilterStatus`
             ("reason", "i8"),  # a `models.plant.Reason`
             ("covered", "i8"),  # a `models.plant.Coverage`
+            ("covered_by", "i8"),  # why it is not 1, a `models.plant.CoveredBy`
             ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
         ],
     )

@@ -59,6 +59,29 @@ class Coverage(IntEnum):
     SCENE = 2
 
 
+class CoveredBy(IntEnum):
+    """Why `covered` is not 1; 0 where it is.
+
+    UNKNOWN: no certificate speaks of the plant. ARGUMENT: an argument of the environment leaves
+    what was tested. STALE: it was tested on other sources than today's. CERTIFICATE: the
+    certificate that the filter was given is of another plant, or stale. PLANT: the filter's plant
+    is not the environment's. FILTER: an argument of the filter leaves what was tested. INPUTS: U
+    cannot do what rows, regions and the speed limit ask for. SCENE: the family of the scene was not
+    tested. CHANGED: the scene changed within the episode.
+    """
+
+    NONE = 0
+    UNKNOWN = 1
+    ARGUMENT = 2
+    STALE = 3
+    CERTIFICATE = 4
+    PLANT = 5
+    FILTER = 6
+    INPUTS = 7
+    SCENE = 8
+    CHANGED = 9
+
+
 class Estimate(NamedTuple):
     """What is known of the plant at one instant; of N plants with a leading axis.
 
@@ -144,7 +167,7 @@ class Plant:
             it where it knows nothing, and after an alarm that makes it brake.
         max_age: the greatest age of a state that is believed [s]; None believes any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
-        covered: a `Coverage`, or a reader of it.
+        covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either.
         declared: a mapping, or a reader of it, that tells this plant from others of its kind;
             certificates compare it. None compares what every plant has.
 

@@ -1,6 +1,5 @@
 """The wrappers that put a program between a policy and an environment."""
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -14,16 +13,15 @@ from numpy.typing import NDArray
 from hcbf_gym import certificates, programs, records
 from hcbf_gym.arrays import Array
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.envs import coverage
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, as_array
-from hcbf_gym.filtering.certified import certified
+from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.filtering.certified import certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore, FilterSettings, plain_options
 from hcbf_gym.filtering.general_core import GeneralCore
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.models.input_sets import Box, InputSet
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
+from hcbf_gym.models.plant import Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.readers import Readers
@@ -36,9 +34,9 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
     ``info["safety_filter"]`` holds the fields of `hcbf_gym.filtering.report`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
     `hcbf_gym.models.plant.Reason`, 0 where there is none), `covered` (a
-    `hcbf_gym.models.plant.Coverage`), and what is measured on the way, such as `intervention`
-    ‖u − u*‖ and `deadlock`, 1 where the plant stands (‖v‖ < 0.05 m/s) though u* asks it to move
-    (‖u*‖ > 0.3 m/s²).
+    `hcbf_gym.models.plant.Coverage`), `covered_by` (why, a `hcbf_gym.models.plant.CoveredBy`), and
+    what is measured on the way, such as `intervention` ‖u − u*‖ and `deadlock`, 1 where the plant
+    stands (‖v‖ < 0.05 m/s) though u* asks it to move (‖u*‖ > 0.3 m/s²).
     `reset` reports the same keys.
 
     Args:
@@ -117,7 +115,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         plant = _plant_of(inner) if plant is None else plant
         one = None if certificate is None else certificates.load(certificate)
         self.plant = _under(plant, one, inner)
-        other = coverage.of_plant(plant, brought) if isinstance(brought, Plant) else []
+        other = differs(plant, brought) if isinstance(brought, Plant) else []
         _check_order(env)
         _check_spaces(env.action_space, inner.action_space)
         self._input_set = _input_set(self.plant, inner.action_space)
@@ -128,7 +126,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         self._dtype = None if self.plant.to_action is not None else env.action_space.dtype
         if self._dtype is not None:
             self._core.applied_as(self._dtype)
-        self._limits = _limits(settings, self.plant, one, other)
+        self._limits = limits(settings._asdict(), self.plant, other, one)
         self._inner: Any = inner
         self._shape = (self._input_set.n_u,)
         self._observation: Any = None
@@ -157,7 +155,7 @@ class SafetyFilter(gym.Wrapper, RecordConstructorArgs):
         goal = read(self.plant.goal, inner, observation, info)
         extent = read(self.plant.extent, inner, observation, info)
         covered = read(self.plant.covered, inner, observation, info)
-        self._core.cover(Coverage.OUTSIDE if self._limits else covered)
+        self._core.cover(self._limits or covered)
         info["safety_filter"] = self._core.begin(*self._sense(), goal, extent)
         self._begun = True
         return observation, info
@@ -240,7 +238,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
         self._core = PlanarCore(self.plant, input_set, settings, env.num_envs)
         self._core.applied_as(env.action_space.dtype)
-        self._limits = _limits(settings, self.plant, one, [])
+        self._limits = limits(settings._asdict(), self.plant, [], one)
         self._readers = Readers(self.plant)
         self._begun = False
         self._reporter = Reporter(env, "safety_filter")
@@ -287,7 +285,7 @@ class VectorSafetyFilter(VectorWrapper, RecordConstructorArgs):
         goal = read(self.plant.goal, inner, None, {})
         extent = read(self.plant.extent, inner, None, {})
         covered = read(self.plant.covered, inner, None, {})
-        self._core.cover(Coverage.OUTSIDE if self._limits else covered)
+        self._core.cover(self._limits or covered)
         return self._core.begin(*self._sense(), goal, extent)
 
     def _sense(self) -> tuple[Any, Estimate]:
@@ -300,32 +298,6 @@ def _core_of(plant: Plant, input_set: InputSet, settings: FilterSettings) -> Fil
     if plant.model == DoubleIntegrator():
         return PlanarCore(plant, input_set, settings)
     return GeneralCore(plant, input_set, settings)
-
-
-def _limits(
-    settings: FilterSettings, plant: Plant, certificate: Certificate | None, other: list[str]
-) -> list[str]:
-    """Warn of the arguments that were not tested on a plant that was; return them.
-
-    Args:
-        settings: of the filter.
-        plant: that the filter has.
-        certificate: that was asked for; None for none.
-        other: in what the plant is not the environment's own.
-    """
-    if isinstance(plant.covered, int) and plant.covered == Coverage.OUTSIDE:
-        return []
-    outside = [*other, *coverage.of_filter(settings, plant)]
-    tested = None if certificate is None else certificate.family.get("program")
-    if tested not in (None, programs.plain(settings.program)):
-        outside.append(f"program {programs.plain(settings.program)!r} (tested: {tested!r})")
-    if outside:
-        warnings.warn(
-            f"safety filter: the promise was not tested with {', '.join(outside)}: covered is 0",
-            CoverageWarning,
-            stacklevel=3,
-        )
-    return outside
 
 
 def _input(action: Any, shape: tuple[int, ...]) -> Array:

@@ -22,9 +22,9 @@ from hcbf_gym.certificates import (
     sources,
 )
 from hcbf_gym.certificates.parts import vacuous
-from hcbf_gym.envs import coverage
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.evaluation.certification.mixture import SCENES
+from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 MARGINS = Uncertainty(distance=0.03, speed=0.2)
@@ -191,11 +191,13 @@ def test_a_bent_entry_of_a_file_is_refused_in_words(where, value, message):
 def test_a_plant_is_the_certified_one_where_all_that_it_declares_is():
     one = made({"environment": "X", "v_max": {"from": 0.5, "to": 1.0}, "scene": {"any of": ["a"]}})
     declared = {"environment": "X", "v_max": 0.7, "scene": "a"}
-    assert one.covers(declared) is Coverage.COVERED
-    assert one.covers(declared | {"scene": None}) is Coverage.SCENE
-    assert one.covers(declared | {"v_max": 1.1}) is Coverage.OUTSIDE
-    assert one.covers({"environment": "X", "scene": "a"}) is Coverage.OUTSIDE
-    assert one.differs(declared | {"v_max": 2}) == ["v_max 2 (certified: 0.5 to 1)"]
+    assert certificates.speak(one, declared) == (Coverage.COVERED, CoveredBy.NONE, ())
+    elsewhere = certificates.speak(one, declared | {"scene": None})
+    assert elsewhere == (Coverage.SCENE, CoveredBy.SCENE, ())
+    assert certificates.speak(one, declared | {"v_max": 1.1}).covered is Coverage.OUTSIDE
+    assert certificates.speak(one, {"environment": "X", "scene": "a"}).says
+    said = certificates.speak(one, declared | {"v_max": 2})
+    assert said.says == ("v_max 2 (tested: 0.5 to 1)",)
 
 
 def covered(env):
@@ -291,15 +293,19 @@ def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
     assert bare._core._coverage[0] == Coverage.OUTSIDE
 
 
+def differs(one, plant, env):
+    return certificates.speak(one, certificates.declared(plant, env, None, {})).says
+
+
 def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space():
     env = Mass()
     exact = replace(mass(), input_set=None)
     one = made(certificates.declared(exact, env, None, {}))
     heavy = replace(exact, model=models.DoubleIntegrator(drag=0.5))
-    assert not one.differs(certificates.declared(exact, env, None, {}))
-    assert "drag=0.5" in one.differs(certificates.declared(heavy, env, None, {}))[0]
+    assert not differs(one, exact, env)
+    assert "drag=0.5" in differs(one, heavy, env)[0]
     env.action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
-    assert "action space" in one.differs(certificates.declared(exact, env, None, {}))[0]
+    assert "action space" in differs(one, exact, env)[0]
 
 
 OTHER = {
@@ -339,7 +345,7 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
     assert {"regions", "cart"} <= set(certificates.shipped())
     for name, one in certificates.shipped().items():
         assert one.name == name
-        assert set(coverage.SCENES) <= set(one.plant["scene"]["any of"])
+        assert set(SCENES) <= set(one.plant["scene"]["any of"])
         assert certificates.load(name) is one
     with pytest.raises(InvalidInputError, match="no-such"):
         certificates.load("no-such")

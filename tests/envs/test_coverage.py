@@ -1,8 +1,8 @@
-"""What is covered: one list, the page that shows it, and the warnings that follow from it."""
+"""What is covered of the package's environments, the page that shows it, and the warnings."""
 
 import re
 import warnings
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from benchmarks.strict import lines
-from hcbf_gym import models, scenarios
-from hcbf_gym.envs import coverage
+from hcbf_gym import certificates, models, scenarios
+from hcbf_gym.certificates import judge
 from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.estimation import sensors
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.filtering.certified import limits
 from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Coverage, Plant
+from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 pytestmark = pytest.mark.usefixtures("fresh")
@@ -57,7 +59,7 @@ OUTSIDE = {
 @pytest.mark.parametrize("argument", OUTSIDE)
 def test_an_argument_outside_its_bound_is_named_once_with_the_bound(argument):
     env, said = made(**OUTSIDE[argument])
-    assert env.covered == Coverage.OUTSIDE
+    assert (env.judged.covered, env.judged.covered_by) == (Coverage.OUTSIDE, CoveredBy.ARGUMENT)
     assert len(said) == 1
     assert re.search(rf"(: |; ){argument.strip()} ", said[0])
     assert "(tested: " in said[0]
@@ -68,8 +70,8 @@ def test_what_the_strict_suite_tests_is_covered(line):
     for scenario in line.scenarios:
         env, said = made(scenario=scenario, **dict(line.env_options or {}))
         assert not said
-        assert env.covered == Coverage.COVERED
-        assert env.plant.covered(env, None, {}) == Coverage.COVERED
+        assert env.judged.covered == Coverage.COVERED
+        assert env.plant.covered(env, None, {}) == (Coverage.COVERED, CoveredBy.NONE, ())
 
 
 def test_every_plant_of_the_mixture_is_covered_and_what_it_declares_is_what_it_certifies():
@@ -78,35 +80,34 @@ def test_every_plant_of_the_mixture_is_covered_and_what_it_declares_is_what_it_c
         episode = mixture.episode(seed)
         env, said = made(scenario=episode.scenario, **dict(episode.env_options or {}))
         assert not said
-        assert env.covered == Coverage.SCENE  # its scenes are drawn beforehand, with a cap each
+        judged = env.judged
+        assert judged.covered == Coverage.SCENE  # its scenes are drawn beforehand, with a cap each
         certified = mixture.certifies(env.declared)
-        assert {name: env.declared[name] for name in ("outside", "alone")} == {
-            "outside": [],
-            "alone": [],
-        }
-        assert certified["v_max"]["from"] <= env.declared["v_max"] <= certified["v_max"]["to"]
+        assert not judge(env.declared, certified).says
+        assert certificates.shipped()["a1-mixture"].plant == certified
         env.close()
 
 
 def test_the_family_of_the_scene_follows_the_episode():
     env, _ = made()
     env.reset(seed=0, options={"start": (0.1, 0.0)})
-    assert env.covered == Coverage.SCENE
+    assert env.judged.covered == Coverage.SCENE
     env.reset(seed=0)
-    assert env.covered == Coverage.COVERED
+    assert env.judged.covered == Coverage.COVERED
     env.change_scene(env.scenario)
-    assert env.covered == Coverage.SCENE
-    assert made(scenario="paper-simulation")[0].covered == Coverage.SCENE
-    assert made(scenario=scenarios.make("random").to_dict())[0].covered == Coverage.SCENE
+    assert env.judged.covered == Coverage.SCENE
+    assert made(scenario="paper-simulation")[0].judged.covered == Coverage.SCENE
+    assert made(scenario=scenarios.make("random").to_dict())[0].judged.covered == Coverage.SCENE
 
 
 def test_the_native_batch_says_it_of_each_environment():
     env = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random").unwrapped
     env.reset(seed=0)
-    assert (env.covered == Coverage.COVERED).all()
+    assert (env.judged.covered == Coverage.COVERED).all()
     mask = np.array([False, True, False])
     env.reset(options={"reset_mask": mask, "start": (0.1, 0.0)})
-    np.testing.assert_array_equal(env.covered, np.where(mask, Coverage.SCENE, Coverage.COVERED))
+    expected = np.where(mask, Coverage.SCENE, Coverage.COVERED)
+    np.testing.assert_array_equal(env.judged.covered, expected)
 
 
 def settings(**given):
@@ -115,31 +116,50 @@ def settings(**given):
                           allow_late_inputs=False, **asked)  # fmt: skip
 
 
+def outside(asked, plant, certificate=None):
+    """Return what of a filter's arguments lies outside."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)
+        found = limits(asked._asdict(), plant, [], certificate)
+    assert found is None or (found.covered, found.covered_by) == (0, CoveredBy.FILTER)
+    return () if found is None else found.says
+
+
 def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():
     a1 = made()[0].plant
     exact = gym.make("HCBF-Regions-v0", scenario="random").unwrapped.plant
-    assert coverage.of_filter(settings(), a1) == []
+    assert not outside(settings(), a1)
     gentle = settings(options={"alpha1": {"kind": "log", "phi1": 0.8}, "alpha2": 1.0})
-    assert coverage.of_filter(gentle, a1) == []
+    assert not outside(gentle, a1)
     for asked in (
         settings(rows="usual"),
         settings(margin=0.01),
         settings(options={"alpha2": 20.0}),
         settings(options={"alpha1": 2.0}),
     ):
-        assert len(coverage.of_filter(asked, a1)) == 1
-    assert coverage.of_filter(settings(margin=0.0), exact) == []
-    assert coverage.of_filter(settings(rows="usual"), exact)
+        assert len(outside(asked, a1)) == 1
+    assert not outside(settings(margin=0.0), exact)
+    assert outside(settings(rows="usual"), exact)
     foreign = Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4))
-    assert coverage.of_filter(settings(rows="usual"), foreign) == []
+    assert not outside(settings(rows="usual"), foreign)
     heavy = settings(options={"alpha1": 100.0})
     unicycle = replace(exact, model=models.Unicycle())
-    assert coverage.of_filter(heavy, exact) == []
-    assert coverage.of_filter(heavy, unicycle)
+    assert not outside(heavy, exact)
+    assert outside(heavy, unicycle)
+    assert outside(settings(), exact, certificates.load("regions")) == ()
+    cbf = settings()._replace(program="cbf-qp")
+    assert len(outside(cbf, exact, certificates.load("regions"))) == 1
 
 
 def test_the_page_shows_the_list():
     page = PAGE.read_text(encoding="utf-8")
-    begin, end = "<!-- coverage: envs/coverage.py -->", "<!-- end of coverage -->"
+    begin = "<!-- coverage: certificates/shipped/a1-mixture.json -->"
+    end = "<!-- end of coverage -->"
     shown = page[page.index(begin) + len(begin) : page.index(end)].strip()
-    assert shown == coverage.table()
+    assert shown == certificates.covered_table("a1-mixture")
+
+
+def test_the_worst_sensors_that_are_covered_are_the_worst_preset():
+    ranges = certificates.shipped()["a1-mixture"].plant["estimation"]["any of"][1]["each"]
+    told = {name: next(iter(one.values())) for name, one in ranges.items()}
+    assert told == asdict(sensors.PRESETS["uwb"])

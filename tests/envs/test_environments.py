@@ -147,7 +147,11 @@ def test_infos_are_consistent_and_the_reward_is_the_sum_of_its_terms(env_id, sce
         assert FilterStatus(int(record["status"])) is not FilterStatus.BACKUP
         assert np.isfinite(observation).all()
         for key, value in flat(info):
-            kind = np.int64 if key in ("status", "reason", "covered", "proved") else np.float64
+            kind = (
+                np.int64
+                if key in ("status", "reason", "covered", "covered_by", "proved")
+                else np.float64
+            )
             assert isinstance(value, kind | np.ndarray), key
             assert value.dtype == kind, key
             assert np.isfinite(value).all(), key

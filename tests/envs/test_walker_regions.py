@@ -127,7 +127,11 @@ def test_infos_are_consistent_and_the_reward_is_the_sum_of_its_terms(robot, body
             assert (info["min_body_h"] <= info["body_h"]).all()
         assert np.isfinite(observation).all()
         for key, value in flat(info):
-            kind = np.int64 if key in ("status", "reason", "covered", "proved") else np.float64
+            kind = (
+                np.int64
+                if key in ("status", "reason", "covered", "covered_by", "proved")
+                else np.float64
+            )
             assert value.dtype == kind, key
     if body == "footprint":
         m = len(env.unwrapped.scenario.barriers)

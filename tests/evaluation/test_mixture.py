@@ -4,12 +4,11 @@ import json
 
 import pytest
 
-from hcbf_gym.envs import coverage
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.estimation import sensors
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.certification import families
-from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.evaluation.certification.mixture import RANGES, SCENES, A1Mixture
 
 MIXTURE = A1Mixture()
 EPISODES = [MIXTURE.episode(seed) for seed in range(400)]
@@ -32,7 +31,7 @@ def test_a_seed_decides_an_episode_and_what_is_written_down_draws_the_same():
 def test_everything_that_is_covered_occurs():
     options = [dict(episode.env_options or {}) for episode in EPISODES]
     assert {episode.attack for episode in EPISODES} == {*ATTACKS, "pd"}
-    assert {episode.scenario["name"] for episode in EPISODES} == set(coverage.SCENES)
+    assert {episode.scenario["name"] for episode in EPISODES} == set(SCENES)
     assert {one["estimation"] for one in options} == {None, *sensors.PRESETS}
     assert {(one["terrain"], one["body"]) for one in options} == {
         (ground, body) for ground in ("flat", "rough") for body in ("point", "footprint")
@@ -41,9 +40,9 @@ def test_everything_that_is_covered_occurs():
     assert {1.5, 1.7} < {episode.scenario["v_max"] for episode in EPISODES}
 
 
-@pytest.mark.parametrize("name", coverage.RANGES)
+@pytest.mark.parametrize("name", RANGES)
 def test_every_condition_reaches_from_end_to_end_of_its_range(name):
-    low, high = coverage.RANGES[name]
+    low, high = RANGES[name]
     numbers = declared(name)
     assert low <= min(numbers) < max(numbers) <= high
     assert max(numbers) - min(numbers) > 0.95 * (high - low)
@@ -54,7 +53,7 @@ def test_shares_are_those_that_are_written_down():
             "sensor_noise": 0.5}  # fmt: skip
     drawn = [dict(episode.env_options or {})["randomization"] for episode in EPISODES]
     extremes = [one for one in drawn if ends.items() <= one.items()]
-    ranges = [one for one in drawn if one.get("delay") == list(coverage.RANGES["delay"])]
+    ranges = [one for one in drawn if one.get("delay") == list(RANGES["delay"])]
     assert 0.06 < len(extremes) / len(drawn) < 0.14
     assert 0.14 < len(ranges) / len(drawn) < 0.26
     assert any("10% have every condition" in sentence for sentence in MIXTURE.words)

@@ -333,7 +333,7 @@ def test_a_report_has_the_same_keys_and_types_whatever_happens():
         for key, value in first["safety_filter"].items():
             other = info["safety_filter"][key]
             assert (other.shape, other.dtype) == (value.shape, value.dtype), key
-    for code in ("status", "reason", "covered", "proved"):
+    for code in ("status", "reason", "covered", "covered_by", "proved"):
         assert third["safety_filter"][code].dtype == np.int64
 
 

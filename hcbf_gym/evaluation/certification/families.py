@@ -10,13 +10,12 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import records, scenarios
-from hcbf_gym.envs import coverage
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.certification import own
 from hcbf_gym.evaluation.certification.looking import EachMillisecond
-from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.evaluation.certification.mixture import SCENES, A1Mixture
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_gym.robots.walker import Walker
@@ -147,7 +146,7 @@ class SceneFamily:
 
     env: str
     options: Mapping[str, Any] = field(default_factory=dict)
-    scenes: Shares = tuple((name, 1.0) for name in coverage.SCENES)
+    scenes: Shares = tuple((name, 1.0) for name in SCENES)
     policies: Shares = (*HOSTILE, *FRIENDLY)
     caps: tuple[float, float] | None = None
     steps: int = 1000

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import scenarios
-from hcbf_gym.envs import coverage
+from hcbf_gym.certificates.judge import words
 from hcbf_gym.envs.a1_plant import V_MAX
 from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.envs.task import PHYSICS_DT
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.estimation import sensors
 from hcbf_gym.evaluation.attacked import AttackedEpisode
@@ -25,6 +26,29 @@ from hcbf_gym.evaluation.attacks import ATTACKS
 
 STREAM = 23
 """Sets the mixture's draws apart from those that the environment makes with the same seed."""
+
+SCENES = ("random", "random-moving", "random-wide")
+"""The families of scenes."""
+
+RANGES = {
+    "floor_friction": (0.4, 0.8),
+    "payload": (0.0, 4.0),
+    "motor_strength": (0.8, 1.0),
+    "delay": (0.0, 0.008),
+    "sensor_noise": (0.0, 0.5),
+}
+"""The ranges of `Randomization`, all at once."""
+
+UNITS = {"payload": {"unit": "kg"}, "delay": {"unit": "s"}}
+
+LOAD = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
+"""Where the payload may be, along each axis of the trunk [m]."""
+
+CAPS = (0.5, 1.7)
+"""The caps on the speed [m/s]; the plant's own may be lower than the one asked."""
+
+LEAST_ABLE = 2.5
+"""What U does in its weakest direction on the floor of least friction [m/s²]."""
 
 FRIENDLY: dict[str, dict[str, Any]] = {"pd": {}, "pd guided": {"guidance": "geodesic"}}
 """PD with different arguments of the filter."""
@@ -78,8 +102,8 @@ class A1Mixture:
         """Return the episode that a seed decides."""
         rng = np.random.default_rng([STREAM, seed])
         name = _one(rng, (*ATTACKS, *FRIENDLY))
-        scene = scenarios.make(_one(rng, coverage.SCENES), rng)
-        low, high = coverage.CAPS
+        scene = scenarios.make(_one(rng, SCENES), rng)
+        low, high = CAPS
         cap = _one(rng, (high, V_MAX, float(rng.uniform(low, high))))
         return AttackedEpisode(
             "pd" if name in FRIENDLY else name,
@@ -95,7 +119,7 @@ class A1Mixture:
         extremes = way < self.extremes
         by_ranges = not extremes and way < self.extremes + self.ranges
         ranges: dict[str, Any] = {}
-        for name, covered in coverage.RANGES.items():
+        for name, covered in RANGES.items():
             if extremes:
                 ranges[name] = _far_end(name)
             elif by_ranges:
@@ -105,7 +129,7 @@ class A1Mixture:
                 ranges[name] = _far_end(name) if at_end else float(rng.uniform(*covered))
         cornered = extremes or rng.random() < self.end
         ranges["payload_position"] = [
-            float(rng.choice(axis) if cornered else rng.uniform(*axis)) for axis in coverage.LOAD
+            float(rng.choice(axis) if cornered else rng.uniform(*axis)) for axis in LOAD
         ]
         estimated = rng.random() < self.estimated
         return {
@@ -121,22 +145,50 @@ class A1Mixture:
         Args:
             declared: what the plant of one of these episodes declares.
         """
-        low, high = coverage.CAPS
+        worst = sensors.PRESETS["uwb"]
+        slow = ("rate", "drift_time", "orientation_time", "slip_time")
+        bounds = {f.name: "from" if f.name in slow else "to" for f in fields(worst)}
+        sensed = {name: {end: getattr(worst, name)} for name, end in bounds.items()}
+        place = [{"from": low, "to": high} for low, high in LOAD]
         return {
             "environment": declared["environment"],
-            "outside": [],
-            "alone": [],
-            "v_max": {"from": low, "to": high},
-            "scene": {"any of": list(coverage.SCENES)},
+            "xml_file": None,
+            "feedback": "position",
+            "timestep": PHYSICS_DT,
+            "gait": "trot",
+            "friction": None,
+            "terrain": {"any of": ["flat", "rough"]},
+            **{
+                name: {"from": low, "to": high} | UNITS.get(name, {})
+                for name, (low, high) in RANGES.items()
+            },
+            "payload_position": {
+                "any of": [None, {"each": place}],
+                "words": f"{', '.join(words(one) for one in place)} m along x, y, z",
+            },
+            "disturbances": None,
+            "estimation": {
+                "any of": [None, {"each": sensed}],
+                "words": 'None, a preset, or sensors of which none is worse than the preset "uwb" '
+                "has",
+            },
+            "body": {"any of": ["point", "footprint"]},
+            "obstacles": 0,
+            "input_set": {
+                "from": LEAST_ABLE,
+                "words": f"at least {LEAST_ABLE} m/s² in every direction, once fitted to the floor",
+            },
+            "v_max": {"from": CAPS[0], "to": CAPS[1], "unit": "m/s"},
+            "scene": {"any of": list(SCENES)},
         }
 
     @property
     def words(self) -> tuple[str, ...]:
         """What it is, in sentences."""
-        low, high = coverage.CAPS
+        low, high = CAPS
         others = 1.0 - self.extremes - self.ranges
-        covered = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in coverage.RANGES.items())
-        place = ", ".join(f"{a:g} to {b:g}" for a, b in coverage.LOAD)
+        covered = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in RANGES.items())
+        place = ", ".join(f"{a:g} to {b:g}" for a, b in LOAD)
         return (
             "The environment is HCBF-A1Regions-v0, with a plant, a cap and a scene of its own in "
             "each episode.",
@@ -152,7 +204,7 @@ class A1Mixture:
             f"State: the truth, or in {self.estimated:.0%} an estimate, by "
             f"{', '.join(sensors.PRESETS)} alike.",
             f"Body: the trunk's centre, or in {self.footprint:.0%} the whole robot.",
-            f"Scenes: {', '.join(coverage.SCENES)}, alike; each seed draws another one.",
+            f"Scenes: {', '.join(SCENES)}, alike; each seed draws another one.",
             f"Policies: {', '.join((*ATTACKS, *FRIENDLY))}, alike.",
             f"The filter runs {self.program} on its default rows, with the margins of the plant's "
             f"own law, at most {self.steps} steps.",
@@ -169,7 +221,7 @@ class A1Mixture:
 def _far_end(name: str) -> float:
     """Return the end of a condition's range that is farther from the nominal plant."""
     nominal = getattr(Randomization(), name)[0]
-    return max(coverage.RANGES[name], key=lambda end: abs(end - nominal))
+    return max(RANGES[name], key=lambda end: abs(end - nominal))
 
 
 def _one(rng: np.random.Generator, things: Sequence[Any]) -> Any:

@@ -1,0 +1,160 @@
+"""The judge of `covered`: it compares what is declared with what was tested, and says why.
+
+Ranges are JSON, in certificates and in `tested.json`:
+
+* ``{"any of": [range, …]}`` holds what lies in one of them;
+* ``{"from": a, "to": b}`` holds numbers, and lists of numbers that all lie between; one end alone
+  will do, and an end may be the name of another value that is declared;
+* ``{"each": {name: range, …}}`` and ``{"each": [range, …]}`` hold records and lists of which every
+  part lies in its own range;
+* any other value holds itself alone.
+
+"unit" stands behind a range's numbers, and "words" tell of one in place of what follows from it.
+
+>>> judge({"gait": "walk", "delay": [0.0, 0.01]}, {"gait": "trot", "delay": {"to": 0.02}}).says
+("gait 'walk' (tested: 'trot')",)
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hcbf_gym import records
+from hcbf_gym.arrays import Integers
+from hcbf_gym.models.plant import Coverage, CoveredBy
+
+_TOLD = {"unit", "words"}
+
+
+class Judged(NamedTuple):
+    """What the judge says.
+
+    Attributes:
+        covered: a `Coverage`, or (N,) of N plants.
+        covered_by: why, a `CoveredBy`, or (N,).
+        says: what lies outside, a phrase for each; empty where nothing does.
+    """
+
+    covered: Coverage | Integers
+    covered_by: CoveredBy | Integers
+    says: tuple[str, ...] = ()
+
+    @property
+    def outside(self) -> bool:
+        """Whether nothing is promised, whatever the scene is."""
+        return bool(self.says)
+
+
+def judge(
+    declared: Mapping[str, Any],
+    ranges: Mapping[str, Any],
+    alone: Mapping[str, Any] | None = None,
+    reason: CoveredBy = CoveredBy.ARGUMENT,
+    stale: str = "",
+) -> Judged:
+    """Compare what is declared with what was tested.
+
+    Args:
+        declared: argument → value; "scene" is the family of the scene, or a list of N of them.
+        ranges: argument → range, that were tested all at once.
+        alone: "ranges", argument → range, of which one may be left for a wider one where everything
+            lies in "others", argument → range; "words" tell of both. None for none.
+        reason: what it is called where a value lies outside.
+        stale: why the ranges say nothing of today's program; "" where they do.
+    """
+    single = {} if alone is None else alone["ranges"]
+    said = [
+        f"{name} {_shown(declared.get(name), expected)} (tested: {words(expected)})"
+        for name, expected in (dict(ranges) | single).items()
+        if name != "scene" and not _lies(name, expected, declared)
+    ]
+    left = [n for n in single if n in ranges and not _lies(n, ranges[n], declared)]
+    if alone is not None and left:
+        others = [n for n, one in alone["others"].items() if not _lies(n, one, declared)]
+        if len(left) > 1 or others:
+            said.append(f"alone {' and '.join([*left, *others])} (tested: {alone['words']})")
+    if said or stale:
+        why = reason if said else CoveredBy.STALE
+        return Judged(Coverage.OUTSIDE, why, (*said, *([stale] if stale else [])))
+    scene, expected = declared.get("scene"), ranges.get("scene")
+    if isinstance(scene, list):
+        found = np.array([_holds(one, expected, declared) for one in scene], dtype=np.bool_)
+        return Judged(
+            np.where(found, Coverage.COVERED, Coverage.SCENE),
+            np.where(found, CoveredBy.NONE, CoveredBy.SCENE),
+        )
+    if _holds(scene, expected, declared):
+        return Judged(Coverage.COVERED, CoveredBy.NONE)
+    return Judged(Coverage.SCENE, CoveredBy.SCENE)
+
+
+def words(expected: Any) -> str:
+    """Return a range in words."""
+    kind = _kind(expected)
+    if kind and "words" in expected:
+        return str(expected["words"])
+    if kind == {"any of"}:
+        return " or ".join(map(words, expected["any of"]))
+    if kind == {"each"}:
+        parts = expected["each"]
+        if isinstance(parts, Mapping):
+            return ", ".join(f"{name} {words(one)}" for name, one in parts.items())
+        return ", ".join(map(words, parts))
+    if kind:
+        ends = {key: end if isinstance(end, str) else f"{end:g}" for key, end in expected.items()}
+        unit = f" {expected['unit']}" if "unit" in expected else ""
+        if kind == {"from", "to"}:
+            return f"{ends['from']} to {ends['to']}{unit}"
+        return (f"at most {ends['to']}" if "to" in kind else f"at least {ends['from']}") + unit
+    return repr(expected)
+
+
+def _kind(expected: Any) -> set[str]:
+    """Return which keys make a range of a value; none where it stands for itself."""
+    found = set(expected) - _TOLD if isinstance(expected, Mapping) else set()
+    return found if found in ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"}) else set()
+
+
+def _lies(name: str, expected: Any, declared: Mapping[str, Any]) -> bool:
+    return name in declared and _holds(declared[name], expected, declared)
+
+
+def _holds(got: Any, expected: Any, declared: Mapping[str, Any]) -> bool:
+    """Tell whether a value lies in a range."""
+    got, kind = records.plain(got), _kind(expected)
+    if kind == {"any of"}:
+        return any(_holds(got, one, declared) for one in expected["any of"])
+    if kind == {"each"}:
+        parts = expected["each"]
+        if isinstance(parts, Mapping):
+            return isinstance(got, Mapping) and all(
+                name in got and _holds(got[name], one, declared) for name, one in parts.items()
+            )
+        return (
+            isinstance(got, list)
+            and len(got) == len(parts)
+            and all(_holds(g, one, declared) for g, one in zip(got, parts, strict=True))
+        )
+    if kind:
+        ends = expected.get("from", -np.inf), expected.get("to", np.inf)
+        low, high = (declared.get(end) if isinstance(end, str) else end for end in ends)
+        numbers = got if isinstance(got, list) else [got]
+        known = all(_is_number(one) for one in (low, high, *numbers))
+        return known and bool(numbers) and all(low <= one <= high for one in numbers)
+    return bool(got == records.plain(expected))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _shown(got: Any, expected: Any) -> str:
+    """Return a value that lies outside; of a record with ranges of its parts those that do."""
+    got = records.plain(got)
+    options = expected["any of"] if _kind(expected) == {"any of"} else [expected]
+    for one in options:
+        if isinstance(got, Mapping) and _kind(one) == {"each"} and isinstance(one["each"], Mapping):
+            outside = {k: got.get(k) for k, r in one["each"].items() if not _lies(k, r, got)}
+            return ", ".join(f"{name} {value!r}" for name, value in outside.items())
+    return repr(got)

@@ -1,0 +1,265 @@
+"""The judge: outside of one range covers nothing, with that reason, by every way in."""
+
+import warnings
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import certificates, models
+from hcbf_gym.barriers import Disc
+from hcbf_gym.certificates import judge
+from hcbf_gym.certificates.judge import words
+from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+
+KINDS = ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"})
+SHIPPED = certificates.shipped()
+FILTER = "filter of a plant that is not its model"
+
+
+def kind(expected):
+    found = set(expected) - {"unit", "words"} if isinstance(expected, dict) else set()
+    return found if found in KINDS else set()
+
+
+def ends(expected, declared):
+    low, high = expected.get("from", -1e6), expected.get("to", 1e6)
+    return [declared[end] if isinstance(end, str) else end for end in (low, high)]
+
+
+def within(expected, declared, rng):
+    """Return a value that lies in a range."""
+    which = kind(expected)
+    if which == {"any of"}:
+        options = expected["any of"]
+        return within(options[int(rng.integers(len(options)))], declared, rng)
+    if which == {"each"}:
+        parts = expected["each"]
+        if isinstance(parts, dict):
+            return {name: within(one, declared, rng) for name, one in parts.items()}
+        return [within(one, declared, rng) for one in parts]
+    if which:
+        low, high = ends(expected, declared)
+        number = float(rng.choice([low, high, rng.uniform(low, high)]))
+        return number if rng.random() < 0.5 else [low, number]
+    return expected
+
+
+def beside(expected, declared, rng):
+    """Return values that lie outside of a range, of which each leaves it by one thing."""
+    which = kind(expected)
+    if which == {"any of"}:
+        options = expected["any of"]
+        values = [v for one in options if kind(one) for v in beside(one, declared, rng)]
+        return ["neither", 1e9, *(v for v in values if v not in options)]
+    if which == {"each"}:
+        whole = within(expected, declared, rng)
+        parts = expected["each"]
+        places = parts.items() if isinstance(parts, dict) else enumerate(parts)
+        found = ["whole", [], {}]
+        for place, one in places:
+            for value in beside(one, declared, rng):
+                changed = whole.copy()
+                changed[place] = value
+                found.append(changed)
+        return found
+    if which:
+        low, high = ends(expected, declared)
+        numbers = [low - 1e-6] * ("from" in which) + [high + 1e-6] * ("to" in which)
+        return [*numbers, *([low, one] for one in numbers), float("nan"), None, True, "1", []]
+    return ["another", -7.5, [expected]]
+
+
+def drawn(ranges, rng):
+    declared = {"friction_derived": 0.45}
+    return declared | {name: within(one, declared, rng) for name, one in ranges.items()}
+
+
+RANGES = {name: (one.plant, CoveredBy.ARGUMENT) for name, one in SHIPPED.items()}
+RANGES |= {name: (certificates.tested()[name], CoveredBy.FILTER) for name in ("filter", FILTER)}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_each_value_outside_of_its_range_is_named_by_itself_and_all_inside_are_covered(name):
+    ranges, reason = RANGES[name]
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        declared = drawn(ranges, rng)
+        assert judge(declared, ranges, reason=reason) == (Coverage.COVERED, CoveredBy.NONE, ())
+        for argument, expected in ranges.items():
+            if argument == "scene":
+                continue
+            for value in beside(expected, declared, rng):
+                judged = judge(declared | {argument: value}, ranges, reason=reason)
+                assert (judged.covered, judged.covered_by) == (Coverage.OUTSIDE, reason), value
+                assert len(judged.says) == 1
+                assert judged.says[0].startswith(f"{argument} ")
+                assert judged.says[0].endswith(f"(tested: {words(expected)})")
+            missing = {k: v for k, v in declared.items() if k != argument}
+            assert judge(missing, ranges).covered == Coverage.OUTSIDE
+
+
+def test_one_argument_alone_may_be_left_for_its_wider_range():
+    ranges = SHIPPED["a1-mixture"].plant
+    alone = certificates.tested()["alone"]["HCBF-A1Regions-v0"]
+    rng = np.random.default_rng(0)
+    nominal = drawn(SHIPPED["a1-nominal"].plant, rng)
+    for _ in range(20):
+        for argument, expected in alone["ranges"].items():
+            value = within(expected, nominal, rng)
+            if isinstance(value, list):
+                continue
+            one = nominal | {argument: value}
+            assert judge(one, ranges, alone).covered == Coverage.COVERED
+            if value == ranges[argument]:
+                continue
+            assert judge(one, ranges).covered == Coverage.OUTSIDE
+            others = {"terrain": "rough", "payload": [0.0, 1.0], "v_max": 1.2, "body": "footprint"}
+            for other, changed in others.items():
+                judged = judge(one | {other: changed}, ranges, alone)
+                assert judged.covered_by == CoveredBy.ARGUMENT
+                assert judged.says[0].startswith(f"alone {argument} and {other} ")
+            two = "timestep" if argument != "timestep" else "feedback"
+            both = one | {two: {"timestep": 0.004, "feedback": "rom"}[two]}
+            assert judge(both, ranges, alone).covered == Coverage.OUTSIDE
+            for value in beside(expected, nominal, rng):
+                assert judge(nominal | {argument: value}, ranges, alone).says
+
+
+def test_ranges_that_nothing_of_today_was_tested_on_say_so():
+    judged = judge({"gait": "trot"}, {"gait": "trot"}, stale="older sources")
+    assert judged == (Coverage.OUTSIDE, CoveredBy.STALE, ("older sources",))
+    judged = judge({"gait": "walk"}, {"gait": "trot"}, stale="older sources")
+    assert judged.covered_by == CoveredBy.ARGUMENT
+    assert judged.says[1] == "older sources"
+
+
+class Mass(gym.Env):
+    """A point mass of somebody else's."""
+
+    action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros(4), {}
+
+    def step(self, action):
+        return np.zeros(4), 0.0, False, False, {}
+
+
+def mass(covered):
+    return Plant(
+        models.DoubleIntegrator(),
+        [Disc("disc", 1, (3.0, 0.0), 0.5)],
+        lambda env, observation, info: Estimate(np.zeros(4)),
+        period=0.02,
+        covered=covered,
+    )
+
+
+def told(env):
+    """Return what the report of a reset and of a step say, which is the same."""
+    _, info = env.reset(seed=0)
+    first = info["safety_filter"]
+    *_, info = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+    for name in ("covered", "covered_by"):
+        np.testing.assert_array_equal(info["safety_filter"][name], first[name])
+        assert np.asarray(first[name]).dtype == np.int64
+    return np.unique(first["covered"]).tolist(), np.unique(first["covered_by"]).tolist()
+
+
+def regions(**options):
+    return gym.make("HCBF-Regions-v0", **({"scenario": "random"} | options))
+
+
+def batch(**options):
+    env = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
+    return VectorSafetyFilter(env, **options)
+
+
+def cart(**options):
+    return gym.make("HCBF-WalkerRegions-v0", robot="cart", **({"scenario": "random"} | options))
+
+
+def moved(env):
+    return replace(env.unwrapped.plant, period=0.01)
+
+
+WAYS = {
+    "the environment's arguments": (lambda: SafetyFilter(cart()), 1, CoveredBy.NONE),
+    "terrain": (lambda: SafetyFilter(cart(terrain="rough")), 0, CoveredBy.ARGUMENT),
+    "v_max": (lambda: SafetyFilter(cart(v_max=0.5)), 0, CoveredBy.ARGUMENT),
+    "scene": (lambda: SafetyFilter(cart(scenario="paper-simulation")), 2, CoveredBy.SCENE),
+    "the filter's arguments": (lambda: SafetyFilter(regions()), 1, CoveredBy.NONE),
+    "rows": (lambda: SafetyFilter(regions(), rows="usual"), 0, CoveredBy.FILTER),
+    "solver": (lambda: SafetyFilter(regions(), solver="daqp"), 0, CoveredBy.FILTER),
+    "margin": (lambda: SafetyFilter(cart(), margin=0.2), 0, CoveredBy.FILTER),
+    "alpha1": (lambda: SafetyFilter(cart(), alpha1=1.0), 0, CoveredBy.FILTER),
+    "alpha2": (lambda: SafetyFilter(cart(), alpha2=2.5), 0, CoveredBy.FILTER),
+    "a batch": (batch, 1, CoveredBy.NONE),
+    "a batch's rows": (lambda: batch(rows="usual"), 0, CoveredBy.FILTER),
+    "another plant": (lambda: SafetyFilter(e := regions(), plant=moved(e)), 0, CoveredBy.PLANT),
+    "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass(0)), 0, CoveredBy.UNKNOWN),
+    "one that says 1": (lambda: SafetyFilter(Mass(), plant=mass(1)), 1, CoveredBy.NONE),
+    "one that says 2": (lambda: SafetyFilter(Mass(), plant=mass(2)), 2, CoveredBy.SCENE),
+    "a certificate": (lambda: SafetyFilter(cart(), certificate="cart"), 1, CoveredBy.NONE),
+    "a batch's certificate": (lambda: batch(certificate="regions"), 1, CoveredBy.NONE),
+    "a certificate of another": (
+        lambda: SafetyFilter(cart(), certificate="regions"), 0, CoveredBy.CERTIFICATE,
+    ),
+    "a batch's of another": (lambda: batch(certificate="cart"), 0, CoveredBy.CERTIFICATE),
+    "a certificate's argument": (
+        lambda: SafetyFilter(cart(body="footprint"), certificate="cart"), 0, CoveredBy.CERTIFICATE,
+    ),
+    "a certificate's program": (
+        lambda: SafetyFilter(cart(), "cbf-qp", certificate="cart"), 0, CoveredBy.FILTER,
+    ),
+    "a certificate's scene": (
+        lambda: SafetyFilter(cart(scenario="paper-simulation"), certificate="cart"),
+        2,
+        CoveredBy.SCENE,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_in_says_whether_it_is_covered_and_why_not(way):
+    make, covered, why = WAYS[way]
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        env = make()
+    assert told(env) == ([covered], [why])
+    silent = covered > 0 or why == CoveredBy.UNKNOWN
+    assert silent != any(one.category is CoverageWarning for one in said)
+
+
+def test_certificates_of_other_sources_are_stale(monkeypatch):
+    monkeypatch.setattr(certificates.library, "stale", lambda one: "older sources")
+    for make, why in (
+        (lambda: SafetyFilter(regions()), CoveredBy.STALE),
+        (batch, CoveredBy.STALE),
+        (lambda: SafetyFilter(regions(), certificate="regions"), CoveredBy.CERTIFICATE),
+    ):
+        with pytest.warns(CoverageWarning, match="older sources"):
+            env = make()
+        assert told(env) == ([0], [why])
+
+
+@pytest.mark.usefixtures("fresh")
+def test_a_scene_that_changes_or_asks_for_too_much_says_so():
+    env = SafetyFilter(regions())
+    env.reset(seed=0)
+    env.unwrapped.change_scene(env.unwrapped.scenario)
+    *_, info = env.step(np.zeros(2, dtype=np.float32))
+    report = info["safety_filter"]
+    assert (report["covered"], report["covered_by"]) == (2, CoveredBy.CHANGED)
+    _, info = env.reset(seed=0)
+    assert info["safety_filter"]["covered_by"] == CoveredBy.NONE
+    env._core._fresh[:] = True
+    env._core._doubt(np.array([Coverage.OUTSIDE]))
+    assert env._core._covered_by[0] == CoveredBy.INPUTS
