@@ -16,7 +16,7 @@ from hcbf_gym.filtering import planar_step
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers import SafetyFilter, safety_filter
+from hcbf_gym.wrappers import SafetyFilter, checks
 
 PERIOD, ROUNDS, CALLS = 0.02, 200, 20
 
@@ -54,36 +54,40 @@ def shares() -> list[dict[str, Any]]:
     u = np.zeros(2)
     whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
     core: Any = env._core
-    intake, sheet = core._intake, core._sheet
-    refused = sheet.plants.copy()
+    samples, buffer = core._samples, core._buffer
+    refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
-    barriers, estimate = env._sense()
+
+    def sense() -> Any:
+        return env._readers(env._inner, env._observation, env._info)
+
+    barriers, estimate = sense()
 
     def call(told: Any) -> None:
-        intake.time[0] += PERIOD
+        samples.time[0] += PERIOD
         scene = core._scene
         planar_step.filter_plants(
             core._constants,
             core._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
-            intake.plants,
+            samples.plants,
             core._no_rows,
             told,
-            sheet.rows,
+            buffer.rows,
         )
 
     def later() -> None:
-        intake.time[0] += PERIOD
+        samples.time[0] += PERIOD
 
     times = {
-        "the action, as an array of numbers": _time(lambda: safety_filter._input(u, (2,))),
-        "the plant's readers": _time(env._sense),
-        "taking the estimate": _time(lambda: intake.take(estimate, None)),
+        "the action, as an array of numbers": _time(lambda: checks.real_input(u, (2,))),
+        "the plant's readers": _time(sense),
+        "taking the estimate": _time(lambda: samples.take(estimate, None)),
         "taking the barriers": _time(lambda: core._note_news(core._read_barriers(barriers))),
         "crossing into compiled code": _time(lambda: call(refused)) - _time(later),
-        "margins, rows, program, monitor": _time(lambda: call(sheet.plants))
+        "margins, rows, program, monitor": _time(lambda: call(buffer.plants))
         - _time(lambda: call(refused)),
-        "the report": _time(sheet.report),
+        "the report": _time(buffer.report),
     }
     times |= {"the calls between these": whole - sum(times.values()), "all": whole}
     return [{"part": name, "time": value} for name, value in times.items()]

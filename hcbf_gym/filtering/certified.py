@@ -104,7 +104,7 @@ def limits(
     warnings.warn(
         f"safety filter: the promise was not tested with {', '.join(says)}: covered is 0",
         CoverageWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
     return outside[0]._replace(says=says)
 

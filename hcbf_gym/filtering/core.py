@@ -12,7 +12,7 @@ from hcbf_gym.barriers import braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.certificates import Judged
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -244,6 +244,11 @@ class FilterCore(ABC):
                 rest within one period.
         """
         scenes.check(self._hold, self.plant.uncertainty.speed)
+
+    @property
+    @abstractmethod
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
 
     @abstractmethod
     def restart(self, mask: Mask) -> None:

@@ -15,7 +15,7 @@ from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, finite_array
 from hcbf_gym.filtering import report, solvers, verdict
@@ -101,6 +101,11 @@ class GeneralCore(FilterCore):
             late = self._check(plant.barriers)
             if late:
                 raise InvalidInputError(late)
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions, in the order of the report's rows."""
+        return [Condition(barrier.name, barrier.priority) for barrier in self._barriers]
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the plant: a new episode has begun."""

@@ -14,7 +14,7 @@ from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.margins import LEANING, MARGIN
 from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.scenes import scenes_of
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError, shown
 from hcbf_gym.filtering import planar_belief, planar_step, solvers
 from hcbf_gym.filtering.belief import real_numbers
@@ -104,6 +104,11 @@ class PlanarCore(FilterCore):
     def guides(self) -> bool:
         """Whether guidance leads the plants, so that they need a goal."""
         return self._guide.guides
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions of plant 0, in the order of the report's rows."""
+        return self._scene.conditions()
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""

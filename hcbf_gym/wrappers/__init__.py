@@ -2,7 +2,8 @@
 
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.intervention import InterventionPenalty, VectorInterventionPenalty
-from hcbf_gym.wrappers.safety_filter import SafetyFilter, VectorSafetyFilter
+from hcbf_gym.wrappers.safety_filter import SafetyFilter
+from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 __all__ = [
     "HoldAction",

@@ -10,7 +10,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
-from hcbf_gym.wrappers.safety_filter import SafetyFilter, VectorSafetyFilter
+from hcbf_gym.wrappers.safety_filter import SafetyFilter
+from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 
 def _check_filtered(env: Any, kind: type) -> None:

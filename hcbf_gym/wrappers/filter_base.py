@@ -1,0 +1,128 @@
+"""What the filter around one environment and the filter around N of them share."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from hcbf_gym import certificates
+from hcbf_gym.arrays import Mask
+from hcbf_gym.barriers.set import Condition
+from hcbf_gym.certificates import Certificate
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.filtering.certified import certified, differs, limits
+from hcbf_gym.filtering.core import FilterCore, FilterSettings
+from hcbf_gym.filtering.general_core import GeneralCore
+from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Plant, read
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.wrappers.checks import (
+    check_begun,
+    check_order,
+    check_spaces,
+    input_set_of,
+    plant_of,
+    real_input,
+)
+from hcbf_gym.wrappers.readers import Readers
+
+
+class FilterBase:
+    """The way of an action through a plant's filter, for one plant or a batch.
+
+    Attributes:
+        plant: what the filter knows of the environment.
+    """
+
+    plant: Plant
+    env: Any
+
+    def _prepare(
+        self,
+        spaces: tuple[gym.Space, gym.Space],
+        plant: Plant | None,
+        settings: FilterSettings,
+        certificate: str | Path | Certificate | None,
+        batch: int | None = None,
+        threads: int = 1,
+    ) -> None:
+        """Look at plant and environment, and make the filter.
+
+        Args:
+            spaces: of the actions, outside the environment's wrappers and inside.
+            plant: what the filter must know of the environment; None takes what it brings.
+            settings: what the user asked.
+            certificate: of the plant; None for none.
+            batch: N of a batch; None for one plant.
+            threads: how many cores filter a batch.
+
+        Raises:
+            UnknownNameError: if a name is not known; the message lists the choices.
+            InvalidInputError: if an option is unknown or out of range, the environment has no
+                plant, or a wrapper inside changes the actions.
+        """
+        self._inner: Any = self.env.unwrapped
+        brought = getattr(self._inner, "plant", None)
+        plant = plant_of(self._inner) if plant is None else plant
+        one = None if certificate is None else certificates.load(certificate)
+        self.plant = plant if one is None else certified(plant, one, self._inner)
+        check_order(self.env)
+        check_spaces(*spaces)
+        input_set = input_set_of(self.plant, spaces[1])
+        self._core = _core_of(self.plant, input_set, settings, batch, threads)
+        self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
+        if self._dtype is not None:
+            self._core.applied_as(self._dtype)
+        other = differs(plant, brought) if isinstance(brought, Plant) else []
+        self._limits = limits(settings._asdict(), self.plant, other, one)
+        self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
+        self._observation: Any = None
+        self._info: dict[str, Any] = {}
+        self._begun = False
+        self._readers = Readers(self.plant)
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
+        return self._core.conditions
+
+    def _begin(self, mask: Mask) -> dict[str, Any]:
+        """Begin the masked episodes (N,), and return the report of their first states."""
+        self._core.restart(mask)
+        plant, seen = self.plant, (self._inner, self._observation, self._info)
+        self._core.cover(self._limits or read(plant.covered, *seen))
+        goal, extent = read(plant.goal, *seen), read(plant.extent, *seen)
+        return self._core.begin(*self._readers(*seen), goal, extent)
+
+    def _filtered(self, action: Any) -> tuple[Any, dict[str, Any]]:
+        """Return what the environment is told in the place of an action, and the report.
+
+        Raises:
+            InvalidInputError: if no episode has begun, or u* is not made of finite numbers.
+        """
+        check_begun(self._begun)
+        plant = self.plant
+        wanted = action if plant.from_action is None else plant.from_action(action)
+        u_nominal = real_input(wanted, self._shape)
+        sensed = self._readers(self._inner, self._observation, self._info)
+        u, report = self._core.step(u_nominal, *sensed)
+        return u.astype(self._dtype) if plant.to_action is None else plant.to_action(u), report
+
+
+def _core_of(
+    plant: Plant, input_set: InputSet, settings: FilterSettings, batch: int | None, threads: int
+) -> FilterCore:
+    """Return the core that fits a plant: compiled for the planar double integrator.
+
+    Raises:
+        InvalidInputError: on a batch of another model.
+    """
+    if plant.model == DoubleIntegrator():
+        return PlanarCore(plant, input_set, settings, batch, threads)
+    if batch is not None:
+        raise InvalidInputError(
+            f"plant: got a batch of {type(plant.model).__name__}, expected the planar "
+            "DoubleIntegrator; around single environments put a SafetyFilter on each"
+        )
+    return GeneralCore(plant, input_set, settings)

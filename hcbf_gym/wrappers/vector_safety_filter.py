@@ -1,0 +1,119 @@
+"""The wrapper that puts a program between policies and a vector environment."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorEnv, VectorWrapper
+
+from hcbf_gym import programs, records
+from hcbf_gym.arrays import Array
+from hcbf_gym.certificates import Certificate
+from hcbf_gym.envs.infos import Reporter
+from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.filtering.core import FilterSettings, plain_options
+from hcbf_gym.models.plant import Plant
+from hcbf_gym.wrappers.filter_base import FilterBase
+
+
+class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
+    """`SafetyFilter` around N planar double integrators: all actions in one compiled call.
+
+    It stands around ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, or around any vector
+    environment of Gymnasium with its `plant`, whose readers return what they know of all N: states
+    (N, 4) or an `Estimate` of as many, and barriers as one list for all, N lists, or a
+    `BarrierSet` of N scenes, which is the fastest. A state that is not finite brakes its plant
+    alone.
+
+    Args:
+        env: possibly wrapped; wrappers that change actions belong outside the filter.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
+        plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
+            `to_action` and `from_action` get the inputs and the actions of all N.
+        rows: as `SafetyFilter` takes it.
+        guidance: as `SafetyFilter` takes it.
+        margin: as `SafetyFilter` takes it.
+        on_alarm: as `SafetyFilter` takes it.
+        certificate: as `SafetyFilter` takes it.
+        threads: how many cores filter at once; what comes out is the same.
+        **options: as `SafetyFilter` takes them.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, a wrapper inside changes the
+            actions, or the environment brings no plant, or does not say how it starts over.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv,
+        program: programs.Named = "lex-cbf-qp",
+        plant: Plant | None = None,
+        rows: str = "held",
+        guidance: Any = None,
+        margin: float | None = None,
+        on_alarm: str | None = None,
+        certificate: str | Path | Certificate | None = None,
+        threads: int = 1,
+        **options: Any,
+    ):
+        RecordConstructorArgs.__init__(
+            self,
+            program=programs.plain(program),
+            plant=plant,
+            rows=rows,
+            guidance=guidance,
+            margin=margin,
+            on_alarm=on_alarm,
+            certificate=records.plain(certificate),
+            threads=threads,
+            **plain_options(options),
+        )
+        VectorWrapper.__init__(self, env)
+        if "autoreset_mode" not in env.metadata:
+            raise InvalidInputError(
+                f"environment: got {env} without metadata['autoreset_mode'], expected one of "
+                "Gymnasium's AutoresetMode, which says when episodes begin anew"
+            )
+        settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
+        inner = cast(VectorEnv, env.unwrapped)
+        spaces = env.single_action_space, inner.single_action_space
+        self._prepare(spaces, plant, settings, certificate, env.num_envs, threads)
+        self._reporter = Reporter(env, "safety_filter")
+
+    @property
+    def autoreset_mode(self) -> Any:
+        """How the environment starts over."""
+        return self.env.metadata["autoreset_mode"]
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start new episodes and report on their first states."""
+        begun, self._begun = self._begun, False
+        observation, info = self.env.reset(seed=cast(Any, seed), options=options)
+        mask = np.ones(self.num_envs, dtype=np.bool_)
+        if options is not None and "reset_mask" in options:
+            mask = as_array("reset_mask", options["reset_mask"])
+        self._observation, self._info = observation, info
+        self._reporter.at_reset(info, self._begin(mask), options)
+        self._begun = begun or bool(mask.all())
+        return observation, info
+
+    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Filter u* (N, 2) [m/s²] and step the environments with the result.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
+        applied, report = self._filtered(actions)
+        observation, reward, terminated, truncated, info = self.env.step(applied)
+        self._observation, self._info = observation, info
+        ended = as_array("terminated", terminated) | as_array("truncated", truncated)
+        self._reporter.at_step(info, report, self._begin, ended)
+        return observation, reward, terminated, truncated, info
