@@ -12,7 +12,7 @@ from hcbf_gym.certificates import BLOCK, Certificate, sources
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation.certification import calibration, certify, families
-from hcbf_gym.evaluation.certification.families import GUIDED, Seen, scene_of, see
+from hcbf_gym.evaluation.certification.families import Seen, see
 
 SAME = 1e-6
 """By how much a least h may differ [unit of h]."""
@@ -115,9 +115,7 @@ def _derived(c: Certificate, family: Any) -> list[str]:
         ]
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
-        episode = family.episode(seed)
-        guided = "guidance" in (getattr(episode, "filter_options", None) or {})
-        drawn[episode.attack + GUIDED * guided, scene_of(episode)] += 1
+        drawn[families.stratum_of(family.episode(seed))] += 1
     told = {(s.policy, s.scene): s.episodes for s in c.strata}
     if told != dict(drawn):
         differs.append(f"strata: {told}, expected {dict(drawn)} as the seeds draw them")
