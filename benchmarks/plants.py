@@ -24,6 +24,7 @@ from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
 from hcbf_gym.evaluation import attacks, chunks
 from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.workers import Workers
 from hcbf_gym.models.plant import Reason
@@ -86,29 +87,29 @@ class Episode:
             options = {"scenario": drawn}
         arguments = scene, self.env_options, self.filter_options
         env = _environment(self.env, json.dumps(arguments, sort_keys=True))
-        observation, info = env.reset(seed=self.seed, options=options)
+        walk = samples(env, wants(self.policy, env, self.seed), self.seed, options)
+        next(walk)
         inner: Any = env.unwrapped
         heavy = _masses(inner)
         try:
-            return self._drive(env, observation, info)
+            return self._follow(inner, walk)
         finally:
             for array, value in heavy:
                 array[:] = value
 
-    def _drive(self, env: gym.Env, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
-        inner: Any = env.unwrapped
-        wanted = wants(self.policy, env, self.seed)
+    def _follow(self, inner: Any, walk: Iterator[Sample]) -> dict[str, Any]:
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
         position = [k for k in strict if inner.barriers[k].reads_position]
         speed = [k for k in strict if not inner.barriers[k].reads_position]
         least, changed, stood, alarm = [], self.change is None, 0, None
-        ended = terminated = False
+        ended, sample = False, None
         counts, reason, where_changed, fastest = np.zeros(len(FilterStatus), int), 0, False, np.inf
         while not ended and inner.time < self.seconds - 1e-9:
             if not changed and inner.time >= self.when - 1e-9:
                 change_plant(inner.simulation, *self.change)  # type: ignore[misc]
                 changed = True
-            observation, _, terminated, truncated, info = env.step(wanted(observation, info))
+            sample = next(walk)
+            info = sample.info
             report = info["safety_filter"]
             least.append(float(info["min_h"][position].min()))
             fastest = min(fastest, float(info["min_h"][speed].min(initial=np.inf)))
@@ -118,7 +119,9 @@ class Episode:
                 alarm, reason = float(inner.time), int(report["reason"])
             braked = report["status"] == FilterStatus.BACKUP
             stood = stood + 1 if braked and np.abs(inner.estimate.x[2:]).max() < 1e-6 else 0
-            ended = terminated or truncated or stood > STOOD or (self.stops and alarm is not None)
+            ended = sample.over or stood > STOOD or (self.stops and alarm is not None)
+        assert sample is not None
+        info = sample.info
         entered = np.flatnonzero(np.array(least) < 0.0)
         return {
             "alarm": alarm,
@@ -128,7 +131,7 @@ class Episode:
             "least_speed_h": fastest,
             "changed": where_changed,
             "fell": bool(info.get("fallen", 0.0)),
-            "reached": bool(terminated) and not info.get("fallen", 0.0),
+            "reached": bool(sample.terminated) and not info.get("fallen", 0.0),
             "covered": int(info["safety_filter"]["covered"]),
             "status": counts.tolist(),
         }

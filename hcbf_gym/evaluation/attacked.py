@@ -14,7 +14,7 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, stakes
-from hcbf_gym.evaluation.episode import Sample, samples
+from hcbf_gym.evaluation.episode import Sample, in_double, samples
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
@@ -109,8 +109,7 @@ def wants(
         UnknownNameError: if there is neither an attack nor a policy of that name.
     """
     if parameters is None and name not in attacks.ATTACKS and ":" not in name:
-        policy = make_policy(name, env)
-        return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
+        return in_double(make_policy(name, env))
     attack = attacks.make(name, seed, parameters)
     return lambda observation, info: attack.wants(attacks.look(env))
 

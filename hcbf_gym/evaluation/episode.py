@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.arrays import Array
+
 
 class Sample(NamedTuple):
     """What an environment showed at its reset or after a step; of N environments with N entries.
@@ -30,6 +32,11 @@ class Sample(NamedTuple):
     def over(self) -> bool:
         """Whether the episode, or that of every environment, has ended."""
         return bool(np.all(np.logical_or(self.terminated, self.truncated)))
+
+
+def in_double(policy: Callable[[Any, dict[str, Any]], Any]) -> Callable[..., Array]:
+    """Return a policy whose inputs have 64 bits, whatever it computes with."""
+    return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
 
 
 def samples(
