@@ -1,7 +1,7 @@
 """Whether the A1's filter notices plants that nobody declared, and lets declared ones walk.
 
-``python -m benchmarks.plants undeclared`` runs one part on all cores, a line of JSON an episode in
-``results/plants/``, and prints a table. A run that was interrupted goes on where it stopped.
+``python -m benchmarks.plants undeclared`` runs one part on all cores and prints a table. Finished
+episodes are kept in ``results/plants``: a run that was interrupted goes on where it stopped.
 """
 
 import functools
@@ -9,7 +9,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.strict import lines
+from benchmarks.strict.outcomes import outcomes
 from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
-from hcbf_gym.evaluation import attacks, chunks
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import wants
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
@@ -70,11 +71,6 @@ class Episode:
     v_max: float | None = None
     seconds: float = SECONDS
     stops: bool = False
-
-    @property
-    def key(self) -> str:
-        """What tells it from all others."""
-        return json.dumps(asdict(self), sort_keys=True)
 
     def run(self) -> dict[str, Any]:
         """Run it, and return what it showed."""
@@ -299,7 +295,7 @@ def episodes(part: str) -> list[Episode]:
     return found
 
 
-def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
+def table(part: str, groups: dict[str, list[dict[str, Any]]]) -> Table:
     """Return what each line of a part showed."""
     header = (
         "", "episodes", f"entered ({BOUNDED})", "of these warned before", "alarmed",
@@ -307,7 +303,7 @@ def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
         "median least h where u changed [m]", "covered", "reasons",
     )  # fmt: skip
     shown = Table(*header, title=part)
-    for name, told in outcomes.items():
+    for name, told in groups.items():
         entered = [o for o in told if o["entered"] is not None]
         alarmed = [o for o in told if o["alarm"] is not None]
         before = [o for o in entered if o["alarm"] is not None and o["alarm"] <= o["entered"]]
@@ -338,25 +334,11 @@ def main(part: tyro.conf.Positional[str], only: str = "", workers: Workers = Non
         workers: episodes that run at once.
     """
     asked = [episode for episode in episodes(part) if only in episode.group]
-    path = Path("results/plants") / f"{part}.jsonl"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    known: dict[str, dict[str, Any]] = {}
-    if path.exists():
-        entries = (json.loads(line) for line in path.read_text("utf-8").splitlines())
-        known = {entry["episode"]: entry["outcome"] for entry in entries}
-    missing = [episode for episode in asked if episode.key not in known]
-    runs = chunks.run(Episode.run, missing, workers=workers, title=part)
-    with path.open("a", encoding="utf-8") as file:
-        for number, outcome in runs:
-            episode = missing[number]
-            known[episode.key] = outcome
-            file.write(json.dumps({"episode": episode.key, "outcome": outcome}) + "\n")
-            file.flush()
-    outcomes: dict[str, list[dict[str, Any]]] = {}
-    for episode in asked:
-        told = known[episode.key] | {"when": episode.when}
-        outcomes.setdefault(episode.group, []).append(told)
-    Console().print(table(part, outcomes))
+    seen = outcomes(asked, Path("results/plants"), title=part, workers=workers)
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for episode, outcome in zip(asked, seen, strict=True):
+        groups.setdefault(episode.group, []).append(outcome | {"when": episode.when})
+    Console().print(table(part, groups))
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ def compare(args: Args) -> list[dict[str, Any]]:
         random_conflicts.run, jobs, folder=args.output / "chunks",
         workers=args.workers, backend=args.backend, title="chunks",
     )  # fmt: skip
-    outcomes = dict(runs)
+    outcomes = chunks.in_order(runs)
     results = []
     for k, (rows, policy, program) in enumerate(kinds):
         mine = range(k * len(starts), (k + 1) * len(starts))

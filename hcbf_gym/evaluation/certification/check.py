@@ -11,6 +11,7 @@ from hcbf_gym import records
 from hcbf_gym.certificates import BLOCK, Certificate, sources
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, families
 from hcbf_gym.evaluation.certification.families import Seen, see
 
@@ -58,7 +59,6 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     differs = _derived(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
     chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    seen: list[Seen] = []
     frozen = _frozen(certificate, family)
     numbers = [
         number
@@ -67,8 +67,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     ]
     job = functools.partial(see, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    found = dict(runs.over(job, jobs, family, "check", BLOCK))
-    seen = [found[k] for k in range(len(jobs))]
+    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, family, "check", BLOCK))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):

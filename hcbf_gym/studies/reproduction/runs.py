@@ -57,8 +57,7 @@ class Runs:
             function, jobs, folder=self.folder, workers=self.workers, backend=self.backend,
             title=title,
         )  # fmt: skip
-        results = dict(runs)
-        return [results[number] for number in range(len(jobs))]
+        return chunks.in_order(runs)
 
 
 def _film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
