@@ -161,7 +161,7 @@ def _elsewhere(c: Certificate) -> list[str]:
 
 
 def _same(told: Any, value: Any) -> bool:
-    """Tell whether two are alike, numbers to within `SAME`."""
+    """Return whether two are alike, numbers to within `SAME`."""
     told, value = records.plain(_parts(told)), records.plain(_parts(value))
     if isinstance(told, dict) and isinstance(value, dict):
         return set(told) == set(value) and all(_same(told[k], value[k]) for k in told)

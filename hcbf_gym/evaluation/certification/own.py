@@ -6,7 +6,7 @@ import inspect
 import itertools
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -57,7 +57,7 @@ class OwnEpisode:
         filter_options: arguments of `SafetyFilter`.
         parameters: of the searched attacker, as `attacks.Searched` takes them.
         uncertainty: what rows reserve; None is the plant's own.
-        scenario: the environment draws its scene by itself.
+        scenario: what counts call the scenes, which the environment draws by itself.
     """
 
     source: str
@@ -67,7 +67,7 @@ class OwnEpisode:
     filter_options: Mapping[str, Any] | None = None
     parameters: tuple[float, ...] | None = None
     uncertainty: Uncertainty | None = None
-    scenario: str = field(default="own", init=False)
+    scenario: str = "own"
 
     def run(self) -> Outcome:
         """Run the episode to its end; a start counts in its least h where it is inside alone.
