@@ -23,6 +23,7 @@ from hcbf_gym import certificates, wrappers
 from hcbf_gym.certificates import Certificate, sequential
 from hcbf_gym.errors import HcbfError, InvalidInputError, RefusedError, choose
 from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.attacked import Outcome
 from hcbf_gym.evaluation.certification import calibration, certify, check, own
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import write_json
@@ -77,11 +78,13 @@ class Toss:
     chance: float
     seed: int
     attack: str = "toss"
+    scenario: str = "own"
+    filter_options = None
 
-    def run(self) -> own.Outcome:
+    def run(self) -> Outcome:
         """Enter, or not."""
         enters = np.random.default_rng(self.seed).random() < self.chance
-        return own.Outcome(-1.0 if enters else 1.0, np.inf, 1.0, 0)
+        return Outcome(-1.0 if enters else 1.0, first_h=1.0)
 
 
 def needed(job: tuple[float, int]) -> int:

@@ -21,6 +21,8 @@ from benchmarks.map_guidance import maps
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
@@ -151,22 +153,21 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
             "HCBF-Regions-v0", scenario=scene_on(floor, start), max_episode_steps=STEPS
         )
         env = SafetyFilter(made, margin=body)
-        env.reset(seed=number)
-    hostile, inner = attacks.make(name, number), made.unwrapped
+        walk = samples(env, wants(name, env, number), number)
+        next(walk)
+    inner = made.unwrapped
     cells, way, pays = strict_cells(floor), [], []
     status = np.zeros(7, dtype=np.int64)
     zones = [one for one in floor.classes if one.kind == "speed"]
-    over, done = -np.inf, False
-    while not done:
-        state = inner.rom_state
-        *_, terminated, truncated, info = env.step(hostile.wants(attacks.look(env)))
+    over, start_of = -np.inf, inner.rom_state
+    for _, info, *_ in walk:
+        state, start_of = start_of, inner.rom_state
         u = info["safety_filter"]["u_safe"]
         for _ in range(SUBSTEPS):
             state = np.array(double_integrator_step(state, u, PHYSICS_DT, V_MAX))
             way.append(state)
         status[int(info["safety_filter"]["status"])] += 1
         pays.append(info["safety_filter"]["slack"] > 0.0)
-        done = terminated or truncated
     passed, paid = np.array(way), np.array(pays)
     env.close()
     for zone in zones:
@@ -249,17 +250,15 @@ def walk(robot: str, floor: RankedMap, number: int) -> tuple[float, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         env = SafetyFilter(gym.make(env_id, scenario=scene, max_episode_steps=STEPS, **options))
-        _, info = env.reset(seed=number)
-        wants, done = attacks.make(name, number), False
+        walked = samples(env, wants(name, env, number), number)
+        next(walked)
         strict = [one.rank == 1 and one.kind != "speed" for one in floor.classes]
         least = body = np.inf
-        while not done:
-            *_, terminated, truncated, info = env.step(wants.wants(attacks.look(env)))
+        for _, info, *_ in walked:
             count = len(strict)
             least = min(least, info["min_h"][:count][strict].min())
             if "min_body_h" in info:
                 body = min(body, info["min_body_h"][:count][strict].min())
-            done = terminated or truncated
         env.close()
     return float(least), float(body)
 
@@ -346,9 +345,9 @@ def seen_only(robot: str, number: int) -> float:
             return (*inner.barriers, sensor.at(float(inner.time), inner.truth))
 
         env = SafetyFilter(made, plant=_with(own, barriers))
-        env.reset(seed=number)
-        wants, least, done = attacks.make(wanted, number), np.inf, False
-        while not done:
+        attack, least = attacks.make(wanted, number), np.inf
+
+        def act(observation: Any, info: Any) -> Any:
             at = inner.truth
             away = at[:2] - discs[:, :2]
             far = np.linalg.norm(away, axis=1)
@@ -357,10 +356,13 @@ def seen_only(robot: str, number: int) -> float:
                 at[:2], at[2:], (far - discs[:, 2])[order], (away / far[:, None])[order],
                 float(inner.time),
             )  # fmt: skip
-            *_, terminated, truncated, _ = env.step(wants.wants(seen))
+            return attack.wants(seen)
+
+        for sample in samples(env, act, number):
+            if sample.action is None:
+                continue
             here = np.linalg.norm(inner.truth[:2] - discs[:, :2], axis=1) - discs[:, 2]
             least = min(least, float(here.min(initial=np.inf)))
-            done = terminated or truncated
         env.close()
     return least
 

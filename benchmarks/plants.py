@@ -1,7 +1,7 @@
 """Whether the A1's filter notices plants that nobody declared, and lets declared ones walk.
 
-``python -m benchmarks.plants undeclared`` runs one part on all cores, a line of JSON an episode in
-``results/plants/``, and prints a table. A run that was interrupted goes on where it stopped.
+``python -m benchmarks.plants undeclared`` runs one part on all cores and prints a table. Finished
+episodes are kept in ``results/plants``: a run that was interrupted goes on where it stopped.
 """
 
 import functools
@@ -9,7 +9,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,12 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.strict import lines
+from benchmarks.strict.outcomes import outcomes
 from hcbf_gym import wrappers
 from hcbf_gym.envs.a1_plant import V_MAX
-from hcbf_gym.evaluation import attacks, chunks
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.workers import Workers
 from hcbf_gym.models.plant import Reason
@@ -70,11 +72,6 @@ class Episode:
     seconds: float = SECONDS
     stops: bool = False
 
-    @property
-    def key(self) -> str:
-        """What tells it from all others."""
-        return json.dumps(asdict(self), sort_keys=True)
-
     def run(self) -> dict[str, Any]:
         """Run it, and return what it showed."""
         warnings.simplefilter("ignore")
@@ -86,29 +83,29 @@ class Episode:
             options = {"scenario": drawn}
         arguments = scene, self.env_options, self.filter_options
         env = _environment(self.env, json.dumps(arguments, sort_keys=True))
-        observation, info = env.reset(seed=self.seed, options=options)
+        walk = samples(env, wants(self.policy, env, self.seed), self.seed, options)
+        next(walk)
         inner: Any = env.unwrapped
         heavy = _masses(inner)
         try:
-            return self._drive(env, observation, info)
+            return self._follow(inner, walk)
         finally:
             for array, value in heavy:
                 array[:] = value
 
-    def _drive(self, env: gym.Env, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
-        inner: Any = env.unwrapped
-        wanted = wants(self.policy, env, self.seed)
+    def _follow(self, inner: Any, walk: Iterator[Sample]) -> dict[str, Any]:
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
         position = [k for k in strict if inner.barriers[k].reads_position]
         speed = [k for k in strict if not inner.barriers[k].reads_position]
         least, changed, stood, alarm = [], self.change is None, 0, None
-        ended = terminated = False
+        ended, sample = False, None
         counts, reason, where_changed, fastest = np.zeros(len(FilterStatus), int), 0, False, np.inf
         while not ended and inner.time < self.seconds - 1e-9:
             if not changed and inner.time >= self.when - 1e-9:
                 change_plant(inner.simulation, *self.change)  # type: ignore[misc]
                 changed = True
-            observation, _, terminated, truncated, info = env.step(wanted(observation, info))
+            sample = next(walk)
+            info = sample.info
             report = info["safety_filter"]
             least.append(float(info["min_h"][position].min()))
             fastest = min(fastest, float(info["min_h"][speed].min(initial=np.inf)))
@@ -118,7 +115,9 @@ class Episode:
                 alarm, reason = float(inner.time), int(report["reason"])
             braked = report["status"] == FilterStatus.BACKUP
             stood = stood + 1 if braked and np.abs(inner.estimate.x[2:]).max() < 1e-6 else 0
-            ended = terminated or truncated or stood > STOOD or (self.stops and alarm is not None)
+            ended = sample.over or stood > STOOD or (self.stops and alarm is not None)
+        assert sample is not None
+        info = sample.info
         entered = np.flatnonzero(np.array(least) < 0.0)
         return {
             "alarm": alarm,
@@ -128,7 +127,7 @@ class Episode:
             "least_speed_h": fastest,
             "changed": where_changed,
             "fell": bool(info.get("fallen", 0.0)),
-            "reached": bool(terminated) and not info.get("fallen", 0.0),
+            "reached": bool(sample.terminated) and not info.get("fallen", 0.0),
             "covered": int(info["safety_filter"]["covered"]),
             "status": counts.tolist(),
         }
@@ -296,7 +295,7 @@ def episodes(part: str) -> list[Episode]:
     return found
 
 
-def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
+def table(part: str, groups: dict[str, list[dict[str, Any]]]) -> Table:
     """Return what each line of a part showed."""
     header = (
         "", "episodes", f"entered ({BOUNDED})", "of these warned before", "alarmed",
@@ -304,7 +303,7 @@ def table(part: str, outcomes: dict[str, list[dict[str, Any]]]) -> Table:
         "median least h where u changed [m]", "covered", "reasons",
     )  # fmt: skip
     shown = Table(*header, title=part)
-    for name, told in outcomes.items():
+    for name, told in groups.items():
         entered = [o for o in told if o["entered"] is not None]
         alarmed = [o for o in told if o["alarm"] is not None]
         before = [o for o in entered if o["alarm"] is not None and o["alarm"] <= o["entered"]]
@@ -335,25 +334,11 @@ def main(part: tyro.conf.Positional[str], only: str = "", workers: Workers = Non
         workers: episodes that run at once.
     """
     asked = [episode for episode in episodes(part) if only in episode.group]
-    path = Path("results/plants") / f"{part}.jsonl"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    known: dict[str, dict[str, Any]] = {}
-    if path.exists():
-        entries = (json.loads(line) for line in path.read_text("utf-8").splitlines())
-        known = {entry["episode"]: entry["outcome"] for entry in entries}
-    missing = [episode for episode in asked if episode.key not in known]
-    runs = chunks.run(Episode.run, missing, workers=workers, title=part)
-    with path.open("a", encoding="utf-8") as file:
-        for number, outcome in runs:
-            episode = missing[number]
-            known[episode.key] = outcome
-            file.write(json.dumps({"episode": episode.key, "outcome": outcome}) + "\n")
-            file.flush()
-    outcomes: dict[str, list[dict[str, Any]]] = {}
-    for episode in asked:
-        told = known[episode.key] | {"when": episode.when}
-        outcomes.setdefault(episode.group, []).append(told)
-    Console().print(table(part, outcomes))
+    seen = outcomes(asked, Path("results/plants"), title=part, workers=workers)
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for episode, outcome in zip(asked, seen, strict=True):
+        groups.setdefault(episode.group, []).append(outcome | {"when": episode.when})
+    Console().print(table(part, groups))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from rich.table import Table
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation import attacks, chunks
 from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.programs import FilterStatus
 
 FIRST_SEED = 31_000_000
@@ -111,18 +112,16 @@ def run(episode: Episode) -> Count:
     case = cases(Path(episode.contracts))[episode.plant]
     env: Any = gym.make(case.env, scenario=case.scenario, **case.options)
     env = wrappers.SafetyFilter(env)
-    observation, info = env.reset(seed=episode.seed)
-    wanted = wants(episode.policy, env, episode.seed)
+    walk = samples(env, wants(episode.policy, env, episode.seed), episode.seed)
+    info = next(walk).info
     strict = [
         k for k, b in enumerate(env.unwrapped.barriers) if b.priority == 1 and b.reads_position
     ]
     told = "min_body_h" if "min_body_h" in info else "min_h"
     statuses, calm = np.zeros((2, len(FilterStatus)), dtype=np.int64)
     entered = bool(np.min(info[told][strict]) < 0.0)
-    announced, unproved, over = entered, 0, False
-    while not over:
-        observation, _, terminated, truncated, info = env.step(wanted(observation, info))
-        over = terminated or truncated
+    announced, unproved = entered, 0
+    for _, info, *_ in walk:
         report = info["safety_filter"]
         status = int(report["status"])
         statuses[status] += 1

@@ -24,6 +24,7 @@ from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation.attacked import alarm_of, wants
 from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.episode import samples
 
 CONTRACTS = "tests/robots/contracts"
 ROBOTS = {
@@ -270,19 +271,17 @@ def run(robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str 
     capped = bool(k // (2 * len(POLICIES)) % 2)
     env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
     inner = env.unwrapped
-    observation, info = env.reset(seed=seed)
+    walk = samples(env, wants(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
+    info = next(walk).info
     strict = [j for j, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
     if info["min_h"][strict].min() < 0.0:
         return Seen(math.inf, math.inf, 0)
     if fault is not None:
         arm = faults_of(robot)[fault] if isinstance(fault, str) else following(partial(mul, fault))
         arm(inner.walker)
-    wanted = wants(POLICIES[k // 2 % len(POLICIES)], env, seed)
     entered = alarmed = math.inf
-    reason, step, ended = 0, 0, False
-    while not ended:
-        observation, _, terminated, truncated, info = env.step(wanted(observation, info))
-        step, ended = step + 1, terminated or truncated
+    reason = 0
+    for step, (_, info, *_) in enumerate(walk, 1):
         if alarm_of(info) and alarmed == math.inf:
             alarmed, reason = step, alarm_of(info)
         if info["min_h"][strict].min() < 0.0:

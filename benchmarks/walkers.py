@@ -3,8 +3,8 @@
 ``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table;
 the suite `walkers` runs them all, on the robots whose files are there.
 
-Each finished episode is a line of ``results/walkers/ROBOT.jsonl``. A run that was interrupted goes
-on where it stopped, as long as the sources and the robot's files are the same.
+Finished episodes are kept in ``results/walkers``. A run that was interrupted goes on where it
+stopped, as long as the sources and the robot's files are the same.
 """
 
 import importlib.util
@@ -19,12 +19,10 @@ import tyro
 from rich.console import Console
 
 from benchmarks.strict.lines import faster
-from benchmarks.strict.outcomes import OutcomeFile
+from benchmarks.strict.outcomes import outcomes
 from benchmarks.strict.suite import summary
 from benchmarks.velocity_loops import LoopEpisode
 from benchmarks.walker_loops import fleet, speeds, tracking
-from hcbf_gym.certificates import library
-from hcbf_gym.compilation import sources_hash
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import ATTACKS
@@ -36,12 +34,6 @@ from hcbf_gym.robots.walker import NAMES, Walker
 RESULTS = Path("results/walkers")
 ROOT = Path(__file__).parents[1]
 CONTRACTS = ROOT / "tests/robots/contracts"
-DEPENDS = (
-    "hcbf_gym/envs/walker_regions.py",
-    "hcbf_gym/evaluation/attacked.py",
-    "benchmarks/velocity_loops.py",
-)
-"""What outcomes depend on, with all that these import; episodes say themselves what they are."""
 SLOW = 0.8
 """The lower of the two caps on the speed [m/s]; the higher one is the contract's."""
 FIRST_SEED = 7_000_000
@@ -150,15 +142,10 @@ def asked(part: str, robot: str) -> int:
     return int(getattr(ROBOTS[robot], part))
 
 
-def outcomes(part: str, robot: str, count: int) -> list[Outcome]:
+def seen_in(part: str, robot: str, count: int) -> list[Outcome]:
     """Run what is missing of a part, and return what its episodes showed."""
-    walker = Walker.load(ROBOTS[robot].contract)
-    files = [*(ROOT / name for name in DEPENDS), walker.source, walker.mjcf]
-    if walker.response is not None:
-        files.append(walker.response_file)
-    files += sorted(library.FOLDER.glob("*.json"))  # they set margins
-    on_file = OutcomeFile(RESULTS / f"{robot}.jsonl", sources_hash(files))
-    return on_file.of(Outcome, list(EPISODES[part](robot, count)), f"{robot}: {part}")
+    files = Walker.load(ROBOTS[robot].contract).files
+    return outcomes(list(EPISODES[part](robot, count)), RESULTS, files, f"{robot}: {part}")
 
 
 def line(robot: str, seen: Sequence[Outcome]) -> list[str]:
@@ -230,7 +217,7 @@ def table(part: str, robots: Sequence[str], episodes: int | None) -> Table:
         count = asked(part, robot) if episodes is None else episodes
         if not count or not asked(part, robot):
             continue
-        seen = outcomes(part, robot, count)
+        seen = seen_in(part, robot, count)
         groups = {robot: seen}
         if part == "arrive":
             groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}

@@ -61,9 +61,6 @@ COMMANDS = {
         "rl",
         ("stable_baselines3",),
     ),
-    "monte-carlo": Command(
-        "hcbf_gym.studies.monte_carlo.command", "every program in random conflicting scenes"
-    ),
     "play": Command(
         "hcbf_gym.play.command",
         "a playground in the browser: steer, drag regions, push",

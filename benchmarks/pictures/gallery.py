@@ -3,7 +3,7 @@
 Each loop ends with a line: how near the robot came to rank 1, and the size of the file.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from hcbf_gym import policies, wrappers
+from hcbf_gym import wrappers
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import choose
-from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.episode import samples
 
 STEPS = 10
 """Control steps between two pictures."""
@@ -27,8 +28,6 @@ SIZE = (400, 300)
 QUALITY = 35
 """Of the WebP file, of 100."""
 _STRIP = 22  # [pixels] under the picture, for the line of text
-
-Policy = Callable[[Any, Any], NDArray[np.floating]]
 
 
 class Loop(NamedTuple):
@@ -119,17 +118,17 @@ def film(loop: Loop) -> tuple[list[Image.Image], float]:
     inner: Any = env.unwrapped
     pictures, least = [], np.inf
     try:
-        observation, info = env.reset(seed=loop.seed)
-        policy = _policy(loop, env)
+        walk = samples(env, wants(loop.policy, env, loop.seed), loop.seed)
+        next(walk)
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
         for step in range(round(loop.seconds / CONTROL_DT)):
-            action = policy(observation, info)
-            observation, _, terminated, truncated, info = env.step(action)
+            sample = next(walk)
+            info = sample.info
             least = min(least, _height(info, strict, "min_"))
             if step % STEPS == 0:
                 now = _height(info, strict)
                 pictures.append(_captioned(np.asarray(env.render()), inner.time, now))
-            if terminated or truncated:
+            if sample.over:
                 break
     finally:
         env.close()
@@ -159,13 +158,6 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
     """Return the least of the strict h [m], of the whole robot where that must stay outside."""
     heights = info.get(f"{least}body_h", info[f"{least}h"])
     return float(np.asarray(heights)[strict].min())
-
-
-def _policy(loop: Loop, env: gym.Env) -> Policy:
-    if loop.policy == "pd":
-        return policies.PDTracker.for_env(env)
-    attack = attacks.make(loop.policy, loop.seed)
-    return lambda _observation, _info: attack.wants(attacks.look(env))
 
 
 def _captioned(frame: NDArray[np.uint8], time: float, h: float) -> Image.Image:

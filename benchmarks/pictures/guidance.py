@@ -1,6 +1,8 @@
 """Draw a field with ranked costs and a path, and a deadlock beside its escape."""
 
+import itertools
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from hcbf_gym import guidance, scenarios
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent
 from hcbf_gym.policies import PDTracker
@@ -100,13 +103,8 @@ def walk(scenario: Scenario, kind: str | None, until: float) -> Array:
     """Return (k, 2) where PD gets under lex-cbf-qp; it stays where it is at the goal."""
     env: Any = gym.make("HCBF-Regions-v0", scenario=scenario)
     env = SafetyFilter(env, "lex-cbf-qp", guidance=kind)
-    act, over = PDTracker.for_env(env), False
-    observation, info = env.reset(seed=0)
-    positions = [env.unwrapped.rom_state[:2]]
-    while not over and len(positions) < until / CONTROL_DT:
-        observation, _, terminated, truncated, info = env.step(act(observation, info))
-        positions.append(env.unwrapped.rom_state[:2])
-        over = terminated or truncated
+    walked = itertools.islice(samples(env, PDTracker.for_env(env), 0), ceil(until / CONTROL_DT))
+    positions = [env.unwrapped.rom_state[:2] for _ in walked]
     env.close()
     return np.array(positions)
 

@@ -1,13 +1,12 @@
 """Pushes into a strict region: whether the filter says so, and when the robot comes out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.strict.outcomes import OutcomeFile
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, make_policy
@@ -112,12 +111,12 @@ class PushedOutcome:
     fell: bool
 
 
-def run(quick: bool, file: OutcomeFile) -> list[dict[str, Any]]:
+def run(quick: bool, kept: Callable[..., Any]) -> list[dict[str, Any]]:
     """Push the robot under every program and policy; return a row for each program.
 
     Args:
         quick: one push for each program.
-        file: knows the outcomes of an interrupted run.
+        kept: returns the outcomes of episodes, those of an interrupted run too.
     """
     rows = []
     for program in PROGRAMS:
@@ -126,7 +125,7 @@ def run(quick: bool, file: OutcomeFile) -> list[dict[str, Any]]:
             for policy in POLICIES[: 1 if quick else None]
             for seed in range(1 if quick else SEEDS)
         ]
-        outcomes = file.of(PushedOutcome, episodes, f"pushed: {program}")
+        outcomes = kept(episodes, title=f"pushed: {program}")
         rows.append({"program": program} | summary(outcomes))
     return rows
 

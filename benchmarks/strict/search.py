@@ -1,11 +1,11 @@
 """A search for the worst attacker: CMA-ES over its six numbers, maximising the depth."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from rich.progress import track
 
-from benchmarks.strict.outcomes import OutcomeFile
 from hcbf_gym.errors import require
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import PARAMETERS
@@ -18,7 +18,7 @@ SECONDS = 8.0
 POPULATION = 16
 
 
-def worst_attack(trials: int, file: OutcomeFile) -> dict[str, Any]:
+def worst_attack(trials: int, kept: Callable[..., Any]) -> dict[str, Any]:
     """Search for the attacker that gets deepest, and return what all of them did.
 
     The attackers of one generation meet the same scene for `SECONDS`, the next generation another:
@@ -27,7 +27,7 @@ def worst_attack(trials: int, file: OutcomeFile) -> dict[str, Any]:
 
     Args:
         trials: how many attackers are tried.
-        file: knows the outcomes of an interrupted search.
+        kept: returns the outcomes of episodes, those of an interrupted search too.
 
     Raises:
         MissingDependencyError: without the extra `studies`.
@@ -53,7 +53,7 @@ def worst_attack(trials: int, file: OutcomeFile) -> dict[str, Any]:
             )
             for trial in asked
         ]
-        found = file.of(Outcome, episodes)
+        found = kept(episodes)
         for trial, outcome in zip(asked, found, strict=True):
             study.tell(trial, outcome.least_h)
         outcomes.extend(found)

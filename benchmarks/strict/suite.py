@@ -1,9 +1,10 @@
 """The evidence that rank 1 is never entered: every attack on every plant, and the worst found.
 
-Each finished episode is a line of ``results/strict/outcomes.jsonl``. A run that was interrupted
-goes on where it stopped, as long as the sources are the same.
+Finished episodes are kept in ``results/strict``. A run that was interrupted goes on where it
+stopped, as long as the sources are the same.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,20 +13,19 @@ import numpy as np
 
 from benchmarks.strict import pushed, search
 from benchmarks.strict.lines import LINES
-from benchmarks.strict.outcomes import OutcomeFile
-from hcbf_gym.compilation import sources_hash
+from benchmarks.strict.outcomes import outcomes
 from hcbf_gym.evaluation.attacked import Outcome
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
-FILE = Path("results/strict/outcomes.jsonl")
+FOLDER = Path("results/strict")
 DEPENDS = (
     "hcbf_gym/envs/a1_regions.py",
     "hcbf_gym/robots/a1/a1.xml",
     "hcbf_gym/policies/baselines/*",
 )
-"""What outcomes depend on besides what this module imports."""
+"""What outcomes depend on besides what their episodes import."""
 TRIALS = 2000
 """Attackers that the search tries."""
 
@@ -40,29 +40,29 @@ def run(quick: bool) -> dict[str, Any]:
     """
     root = Path(__file__).parents[2]
     besides = [file for pattern in DEPENDS for file in root.glob(pattern)]
-    file = OutcomeFile(FILE, sources_hash([Path(__file__), *besides]))
+    kept = functools.partial(outcomes, folder=FOLDER, reads=besides)
     first = {line.section: line for line in reversed(LINES)}
     groups = []
     for line in reversed(first.values()) if quick else LINES:
-        outcomes = file.of(Outcome, line.episodes(quick), f"{line.section}: {line.name}")
-        groups.append({"section": line.section, "name": line.name} | summary(outcomes))
+        seen = kept(line.episodes(quick), title=f"{line.section}: {line.name}")
+        groups.append({"section": line.section, "name": line.name} | summary(seen))
     return {
         "groups": groups,
-        "search": search.worst_attack(2 if quick else TRIALS, file),
-        "pushed": pushed.run(quick, file),
+        "search": search.worst_attack(2 if quick else TRIALS, kept),
+        "pushed": pushed.run(quick, kept),
     }
 
 
-def summary(outcomes: Sequence[Outcome]) -> Group:
+def summary(seen: Sequence[Outcome]) -> Group:
     """Return what a line of the tables says of its episodes."""
-    least = np.array([o.least_h for o in outcomes])
-    speed = np.array([o.least_speed_h for o in outcomes])
-    second = np.array([o.least_second_h for o in outcomes])
-    body = np.array([o.least_body_h for o in outcomes])
-    counts = np.sum([o.status_counts for o in outcomes], axis=0)
-    changed = least[[o.changed for o in outcomes]]
+    least = np.array([o.least_h for o in seen])
+    speed = np.array([o.least_speed_h for o in seen])
+    second = np.array([o.least_second_h for o in seen])
+    body = np.array([o.least_body_h for o in seen])
+    counts = np.sum([o.status_counts for o in seen], axis=0)
+    changed = least[[o.changed for o in seen]]
     return {
-        "episodes": len(outcomes),
+        "episodes": len(seen),
         "entered": int((least < 0.0).sum()),
         "least_h": float(least.min()),
         "speed_passed": int((speed < 0.0).sum()),
@@ -71,29 +71,27 @@ def summary(outcomes: Sequence[Outcome]) -> Group:
         "least_second_h": float(second.min()),
         "body_entered": int((body < 0.0).sum()),
         "least_body_h": float(body.min()),
-        "reach": max(o.reach for o in outcomes),
-        "falls": int(sum(o.fell for o in outcomes)),
-        "warned": int(sum(o.warned for o in outcomes)),
-        "qp_failures": int(sum(o.qp_failures for o in outcomes)),
-        "reached": float(np.mean([o.reached for o in outcomes])),
-        "median_margin": float(np.median([o.median_margin for o in outcomes])),
+        "reach": max(o.reach for o in seen),
+        "falls": int(sum(o.fell for o in seen)),
+        "warned": int(sum(o.warned for o in seen)),
+        "qp_failures": int(sum(o.qp_failures for o in seen)),
+        "reached": float(np.mean([o.reached for o in seen])),
+        "median_margin": float(np.median([o.median_margin for o in seen])),
         "median_least_h": float(np.median(changed)) if changed.size else None,
         "status": {s.name: int(counts[s]) for s in FilterStatus},
-        **_estimator(outcomes),
+        **_estimator(seen),
     }
 
 
-def _estimator(outcomes: Sequence[Outcome]) -> dict[str, float]:
+def _estimator(seen: Sequence[Outcome]) -> dict[str, float]:
     """Return the position's error and the consistency, where an estimator was at work."""
-    errors = [o.position_error for o in outcomes if o.position_error is not None]
+    errors = [o.position_error for o in seen if o.position_error is not None]
     if not errors:
         return {}
     return {
         "position_rms": float(np.sqrt(np.mean(np.square(errors)))),
-        "nees": float(np.mean([o.nees for o in outcomes if o.nees is not None])),
-        "nees_inside": float(
-            np.mean([o.nees_inside for o in outcomes if o.nees_inside is not None])
-        ),
+        "nees": float(np.mean([o.nees for o in seen if o.nees is not None])),
+        "nees_inside": float(np.mean([o.nees_inside for o in seen if o.nees_inside is not None])),
     }
 
 

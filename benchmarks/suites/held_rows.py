@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from benchmarks.random_conflicts import advance
 from hcbf_gym import wrappers
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.studies.monte_carlo.episodes import advance
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """One attacked episode, and what it says of the promise that rank 1 is never entered."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -10,13 +10,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from hcbf_gym import wrappers
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, stakes
+from hcbf_gym.evaluation.episode import Sample, in_double, samples
 from hcbf_gym.evaluation.rollouts import make_policy
+from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
@@ -58,79 +59,39 @@ class AttackedEpisode:
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
         if self.uncertainty is not None:
             plant: Plant = env.unwrapped.plant  # type: ignore[attr-defined]
-            own = self.uncertainty._replace(body=plant.uncertainty.body)
-            options["plant"] = replace(plant, uncertainty=own)
+            options["plant"] = reserving(plant, self.uncertainty)
         env = wrappers.SafetyFilter(env, **options)
         try:
             with warnings.catch_warnings(record=True) as raised:
                 warnings.simplefilter("always")
-                outcome = self._rollout(env)
+                outcome = self._judged(env)
             warned = any("does not apply" in str(one.message) for one in raised)
             return replace(outcome, warned=warned)
         finally:
             env.close()
 
-    def _rollout(self, env: gym.Env) -> "Outcome":
-        observation, info = env.reset(seed=self.seed)
+    def _judged(self, env: gym.Env) -> "Outcome":
+        """Run the episode in a filtered environment, with what its estimator and its body did."""
         inner: Any = env.unwrapped
-        wanted = wants(self.attack, env, self.seed, self.parameters)
-        strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1]
-        position = [k for k in strict if inner.barriers[k].reads_position]
-        speed = [k for k in strict if not inner.barriers[k].reads_position]
-        second = [k for k, b in enumerate(inner.barriers) if b.priority == 2]
-        least = np.asarray(info["min_h"]).copy()
-        first_h = float(least[position].min())
-        body = np.asarray(info.get("min_body_h", np.full(len(least), np.inf)))
-        counts = np.zeros(len(FilterStatus), dtype=np.int64)
-        margins, errors, changed, reach = [], [], False, 0.0
-        footprint = (
-            Footprint(inner.model, inner.model.body(1).name) if "min_body_h" in info else None
-        )
-        terminated = truncated = pressed = False
-        steps = 0
+        act = wants(self.attack, env, self.seed, self.parameters)
+        errors: list[_Error] = []
+        reaches = [0.0]
 
-        def strict_h(x: Array, t: Array) -> Array:
-            return inner.barrier_set.along(x, t)[:, position]
+        def observed() -> Iterator[Sample]:
+            footprint = None
+            for sample in samples(env, act, self.seed):
+                if sample.action is None:
+                    if "min_body_h" in sample.info:
+                        footprint = Footprint(inner.model, inner.model.body(1).name)
+                else:
+                    if inner.estimate.covariance is not None:
+                        errors.append(_error(inner))
+                    if footprint is not None:
+                        reaches.append(footprint.reach(inner.data))
+                yield sample
 
-        while not (terminated or truncated):
-            u_nominal = wanted(observation, info)
-            x, time = inner.truth, float(inner.time)
-            observation, _, terminated, truncated, info = env.step(u_nominal)
-            report = info["safety_filter"]
-            now = inner.barrier_set.values(inner.truth[None], np.array([inner.time]))[0]
-            least = np.minimum(least, np.minimum(info["min_h"], now))
-            steps += 1
-            pressed = pressed or stakes.pressed(
-                DoubleIntegrator(), inner.plant.input_set, x, time, strict_h, report
-            )
-            body = np.minimum(body, info.get("min_body_h", np.inf))
-            counts[int(report["status"])] += 1
-            margins.append(report["margin"][position].max())
-            changed = changed or bool(report["intervention"] > 1e-3)
-            if inner.estimate.covariance is not None:
-                errors.append(_error(inner))
-            if footprint is not None:
-                reach = max(reach, footprint.reach(inner.data))
-        fell = bool(info.get("fallen", 0.0))
-        return Outcome(
-            least_h=float(least[position].min()),
-            least_speed_h=float(least[speed].min()) if speed else np.inf,
-            least_second_h=float(least[second].min()) if second else np.inf,
-            least_body_h=float(body[position].min()),
-            fell=fell,
-            reached=bool(terminated) and bool(info["is_success"]),
-            seconds=float(inner.time),
-            qp_failures=int(info.get("qp_failures", 0)),
-            status_counts=[int(count) for count in counts],
-            median_margin=float(np.median(margins)),
-            changed=changed,
-            reach=reach,
-            first_h=first_h,
-            alarm=alarm_of(info),
-            steps=steps,
-            pressed=pressed,
-            **_consistency(errors),
-        )
+        outcome = judge(observed(), truth_of(inner), inner.plant.model, inner.plant.input_set)
+        return replace(outcome, reach=max(reaches), **_consistency(errors))
 
 
 def wants(
@@ -148,64 +109,183 @@ def wants(
         UnknownNameError: if there is neither an attack nor a policy of that name.
     """
     if parameters is None and name not in attacks.ATTACKS and ":" not in name:
-        policy = make_policy(name, env)
-        return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
+        return in_double(make_policy(name, env))
     attack = attacks.make(name, seed, parameters)
     return lambda observation, info: attack.wants(attacks.look(env))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one episode showed; every h is the truth's, at every physics step.
+    """What one episode showed; every h is the truth's, at every physics step that is reported.
 
     Attributes:
-        least_h: least h of the strict barriers on the position [m].
-        least_speed_h: of the strict speed limit [m/s].
+        least_h: least h of the strict barriers on the position [m, or the unit of h].
+        least_speed_h: of the strict speed limit [m/s]; infinite where there is none.
         least_second_h: of the barriers of priority 2 [m].
         least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
-        fell: whether the robot fell.
-        reached: whether it reached the goal.
+        first_h: least h of the strict barriers on the position at the reset [m].
+        fell: whether the robot fell, where its environment says so.
+        reached: whether it reached the goal, likewise.
         seconds: how long it took [s].
+        steps: how many it took.
         qp_failures: task-space QPs without a solution.
         status_counts: steps in each `FilterStatus`.
         median_margin: of the largest margin of a strict row on the position [m].
         changed: whether the filter changed u.
-        reach: the greatest horizontal distance of the body from the trunk's centre [m].
-        first_h: least h of the strict barriers at the reset [m].
-        alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
-        steps: how many it took.
         pressed: whether the filter had to change an input that would have entered.
+        alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
+        warned: whether the filter said that the environment does not apply what it chose.
+        reach: the greatest horizontal distance of the body from the trunk's centre [m].
         position_error: root mean square of the estimated position's error [m]; None where the
             state is known.
         nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
         nees_inside: share of the instants at which it lies in its 95 % band.
-        warned: whether the filter said that the environment does not apply what it chose.
     """
 
     least_h: float
-    least_speed_h: float
-    least_second_h: float
-    least_body_h: float
-    fell: bool
-    reached: bool
-    seconds: float
-    qp_failures: int
-    status_counts: Sequence[int]
-    median_margin: float
-    changed: bool
-    reach: float = 0.0
+    least_speed_h: float = np.inf
+    least_second_h: float = np.inf
+    least_body_h: float = np.inf
     first_h: float = np.inf
-    alarm: int = 0
+    fell: bool = False
+    reached: bool = False
+    seconds: float = 0.0
     steps: int = 0
+    qp_failures: int = 0
+    status_counts: Sequence[int] = ()
+    median_margin: float = 0.0
+    changed: bool = False
     pressed: bool = False
+    alarm: int = 0
+    warned: bool = False
+    reach: float = 0.0
     position_error: float | None = None
     nees: float | None = None
     nees_inside: float | None = None
-    warned: bool = False
+
+
+class Truth(NamedTuple):
+    """A plant and its ranked conditions at one sample, as they are.
+
+    Attributes:
+        x: (n,) the state.
+        time: [s].
+        h: least h of the strict conditions on the position since the sample before, where less is
+            reported than now holds.
+        speed_h: of the other strict conditions; infinite where there are none.
+        second_h: of those of priority 2, likewise.
+        position: (m,) which conditions are strict and read the position.
+        along: (x (j, n), t (j,)) → (j, k) the h's of those elsewhere.
+    """
+
+    x: Array
+    time: float
+    h: float
+    speed_h: float
+    second_h: float
+    position: Mask
+    along: stakes.Strict
+
+
+def truth(
+    x: Array, time: float, h: Array, rank: Integers, reads_position: Mask, along: stakes.Strict
+) -> Truth:
+    """Return the truth at one sample.
+
+    Args:
+        x: (n,) the state.
+        time: [s].
+        h: (m,) of each condition, the least since the sample before where that is reported.
+        rank: (m,) of the conditions.
+        reads_position: (m,) which of them do.
+        along: (x (j, n), t (j,)) → (j, m) the h's elsewhere.
+    """
+    strict, second = rank == 1, rank == 2
+    position = strict & reads_position
+    return Truth(
+        x, time, float(h[position].min()), float(h[strict & ~position].min(initial=np.inf)),
+        float(h[second].min(initial=np.inf)), position, lambda x, t: along(x, t)[:, position],
+    )  # fmt: skip
+
+
+def truth_of(env: Any) -> Callable[[Sample], Truth]:
+    """Return what reads the truth of an environment of this package, unwrapped."""
+
+    def look(sample: Sample) -> Truth:
+        x, time, scene = env.truth, float(env.time), env.barrier_set
+        h = np.minimum(sample.info["min_h"], scene.values(x[None], np.array([time]))[0])
+        rank = np.array([b.priority for b in env.barriers])
+        reads = np.array([b.reads_position for b in env.barriers])
+        return truth(x, time, h, rank, reads, scene.along)
+
+    return look
+
+
+def judge(
+    observed: Iterable[Sample],
+    look: Callable[[Sample], Truth],
+    model: Any,
+    input_set: InputSet,
+) -> Outcome:
+    """Return what the truth and the filter's reports say of an episode.
+
+    Args:
+        observed: its samples, from the reset on.
+        look: reads the truth behind the newest sample.
+        model: of the plant.
+        input_set: U.
+    """
+    following = iter(observed)
+    sample = next(following)
+    now = look(sample)
+    first_h, body = now.h, _body_h(sample, now)
+    least = np.array([now.h, now.speed_h, now.second_h, body])
+    counts = np.zeros(len(FilterStatus), dtype=np.int64)
+    margins, changed, pressed = [], False, False
+    for sample in following:
+        before, now = now, look(sample)
+        report = sample.info["safety_filter"]
+        least = np.minimum(least, [now.h, now.speed_h, now.second_h, _body_h(sample, now)])
+        counts[int(report["status"])] += 1
+        margins.append(report["margin"][now.position].max())
+        changed = changed or bool(report["intervention"] > 1e-3)
+        pressed = pressed or stakes.pressed(
+            model, input_set, before.x, before.time, before.along, report
+        )
+    info = sample.info
+    least_h, speed_h, second_h, body_h = least.tolist()
+    return Outcome(
+        least_h=least_h,
+        least_speed_h=speed_h,
+        least_second_h=second_h,
+        least_body_h=body_h,
+        first_h=first_h,
+        fell=bool(info.get("fallen", 0.0)),
+        reached=bool(sample.terminated) and bool(info.get("is_success", 0.0)),
+        seconds=now.time,
+        steps=int(counts.sum()),
+        qp_failures=int(info.get("qp_failures", 0)),
+        status_counts=counts.tolist(),
+        median_margin=float(np.median(margins)),
+        changed=changed,
+        pressed=pressed,
+        alarm=alarm_of(info),
+    )
+
+
+def _body_h(sample: Sample, now: Truth) -> float:
+    """Return the least strict h of the robot's body; infinite for a point."""
+    body = sample.info.get("min_body_h")
+    return np.inf if body is None else float(np.min(body[now.position]))
+
+
+def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
+    """Return a plant whose rows reserve other margins; its body stays as large as it is."""
+    return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 
 def alarm_of(info: Mapping[str, Any]) -> int:
-    """Return the `Reason` of an alarm that a filter's report tells of; 0 for none."""
+    """Return the `Reason` of an alarm in a filter's report; 0 for none."""
     reason = int(info["safety_filter"]["reason"])
     return reason if reason >= FIRST_ALARM else 0
 
@@ -225,7 +305,7 @@ def _error(env: Any) -> _Error:
 
 
 def _consistency(errors: Sequence[_Error]) -> dict[str, Any]:
-    """Return the fields of an outcome that tell of an estimator; none where there was none."""
+    """Return the fields of an outcome about an estimator; none where there was none."""
     if not errors:
         return {}
     position, nees = np.array(errors).T

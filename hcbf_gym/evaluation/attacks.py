@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -37,9 +37,40 @@ GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
 
+class View(Protocol):
+    """What an attacker sees of any plant: the truth."""
+
+    @property
+    def time(self) -> float:
+        """Since the reset [s]."""
+        ...
+
+    @property
+    def corners(self) -> Array:
+        """(k, n_u) corners of U."""
+        ...
+
+    def corner(self, rng: np.random.Generator) -> Array:
+        """Return a random corner of U (n_u,)."""
+        ...
+
+    def push(
+        self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
+    ) -> Array:
+        """Return the input (n_u,) that lowers ``nearest·h₁ + second·h₂`` the most.
+
+        Args:
+            nearest: weight of the least strict h; a negative one moves away.
+            second: weight of the second least.
+            sideways: weight of a chase along the edge, where the plant moves in a plane.
+            speed: that is chased there, to the left of the way to the nearest [m/s].
+        """
+        ...
+
+
 @dataclass
 class Surroundings:
-    """What an attacker sees: the truth.
+    """What an attacker sees of a robot that moves in the plane like a double integrator.
 
     Attributes:
         position: (2,) of the trunk [m].
@@ -59,6 +90,24 @@ class Surroundings:
     def second(self) -> Array:
         """(2,) the second nearest's unit gradient; zero where there is but one barrier."""
         return self.normal[1] if len(self.normal) > 1 else np.zeros(2)
+
+    @property
+    def corners(self) -> Array:
+        """(4, 2) corners of the box |u_i| ≤ `FULL`."""
+        return FULL * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+
+    def corner(self, rng: np.random.Generator) -> Array:
+        """Return a random corner (2,)."""
+        return rng.choice([-FULL, FULL], 2)
+
+    def push(
+        self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
+    ) -> Array:
+        """Return the full input (2,) into the regions, as `View.push` says."""
+        press = -(nearest * self.normal[0] + second * self.second)
+        along = _left(self.normal[0])
+        chase = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
+        return full(press + 3.0 * sideways * chase * along)
 
 
 def look(env: Any) -> Surroundings:
@@ -107,11 +156,11 @@ class Attack:
     until: float = field(default=-1.0, init=False)
     choice: Any = field(default=None, init=False)
 
-    def wants(self, s: Surroundings) -> Array:
-        """Return u* (2,) [m/s²]."""
+    def wants(self, s: Any) -> Array:
+        """Return u* (n_u,) given a `View`; in the plane, [m/s²] given `Surroundings`."""
         raise NotImplementedError
 
-    def draw(self, s: Surroundings, low: float, high: float, pick: Callable[[], Any]) -> Any:
+    def draw(self, s: View, low: float, high: float, pick: Callable[[], Any]) -> Any:
         """Return a choice that is held for a random time between `low` and `high` [s]."""
         if s.time >= self.until:
             self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
@@ -121,17 +170,29 @@ class Attack:
 class Nearest(Attack):
     """Straight at the nearest strict region."""
 
-    def wants(self, s: Surroundings) -> Array:
-        """Return the full input against the nearest normal."""
-        return full(-s.normal[0])
+    def wants(self, s: View) -> Array:
+        """Return what lowers the least h."""
+        return s.push(1.0)
 
 
 class BangBang(Attack):
-    """Corners of the box, each held .1 to .5 s."""
+    """Corners of U, each held .1 to .5 s."""
 
-    def wants(self, s: Surroundings) -> Array:
+    def wants(self, s: View) -> Array:
         """Return the corner chosen last."""
-        return self.draw(s, 0.1, 0.5, lambda: self.rng.choice([-FULL, FULL], 2))
+        return self.draw(s, 0.1, 0.5, lambda: s.corner(self.rng))
+
+
+class Wandering(Attack):
+    """A friendly one: inputs anywhere in U, each held .2 to 1 s."""
+
+    def wants(self, s: View) -> Array:
+        """Return a random mixture of the corners."""
+
+        def pick() -> Array:
+            return self.rng.dirichlet(np.ones(len(s.corners))) @ s.corners
+
+        return self.draw(s, 0.2, 1.0, pick)
 
 
 class Rotating(Attack):
@@ -146,9 +207,9 @@ class Rotating(Attack):
 class Corner(Attack):
     """Into the corner of the two nearest strict rows."""
 
-    def wants(self, s: Surroundings) -> Array:
-        """Return the full input along −(n₁ + .9 n₂)."""
-        return full(-(s.normal[0] + 0.9 * s.second))
+    def wants(self, s: View) -> Array:
+        """Return what lowers h₁ + .9 h₂."""
+        return s.push(1.0, 0.9)
 
 
 class Edge(Attack):
@@ -174,10 +235,10 @@ class GaitPhase(Attack):
 class Slam(Attack):
     """Backs off from the nearest region, and slams into it."""
 
-    def wants(self, s: Surroundings) -> Array:
+    def wants(self, s: View) -> Array:
         """Return away or towards, each held for a random time."""
         sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
-        return full(sign * s.normal[0])
+        return s.push(-sign)
 
 
 PARAMETERS = ("second", "sideways", "period", "jitter", "speed", "back")
@@ -196,7 +257,7 @@ class Searched(Attack):
 
     parameters: tuple[float, ...] = (0.5,) * 6
 
-    def wants(self, s: Surroundings) -> Array:
+    def wants(self, s: View) -> Array:
         """Return a mixture of the attacks above."""
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
@@ -210,10 +271,8 @@ class Searched(Attack):
                 self.rng.random() < 0.6 * back,
             ),
         )
-        along = _left(s.normal[0])
-        chase = np.clip(4.0 * (2.0 * speed * sign - s.velocity @ along) / FULL, -1.0, 1.0)
-        press = -(s.normal[0] + second * s.second) * (-1.0 if away else 1.0)
-        return full(press + 3.0 * sideways * chase * along)
+        press = -1.0 if away else 1.0
+        return s.push(press, press * second, sideways, 2.0 * speed * sign)
 
 
 TRAINED = Path(__file__).with_name("trained_attack.json")
@@ -286,15 +345,23 @@ ATTACKS: dict[str, type[Attack]] = {
     "slam": Slam,
     "trained": Trained,
 }
-"""name → hostile policy."""
+"""name → hostile policy in the plane."""
+ON_ANY_MODEL: dict[str, type[Attack]] = {
+    "nearest": Nearest,
+    "corner": Corner,
+    "slam": Slam,
+    "bang-bang": BangBang,
+    "wandering": Wandering,
+}
+"""name → policy that asks for nothing but a `View`."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
     """Return an attack.
 
     Args:
-        name: one of `ATTACKS`; "searched" with parameters; or ``module:name`` of an `Attack`, or of
-            a function s → u*.
+        name: one of `ATTACKS` or `ON_ANY_MODEL`; "searched" with parameters; or ``module:name`` of
+            an `Attack`, or of a function s → u*.
         seed: decides what is random about it.
         parameters: of `Searched`, or other ones of `Trained`.
 
@@ -310,7 +377,7 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
         if isinstance(found, type) and issubclass(found, Attack):
             return found(rng)
         return Called(found)
-    return choose("attack", name, ATTACKS)(rng)
+    return choose("attack", name, ATTACKS | ON_ANY_MODEL)(rng)
 
 
 def _found(name: str) -> Any:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.evaluation.episode import in_double, samples
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.policies import Policy
 
@@ -74,8 +75,8 @@ def rollout_batch(
         seed: of the first environment, or of each.
     """
     inner: Any = env.unwrapped
-    seeds: Any = seed  # Gymnasium's vector form takes one or many
-    observation, info = env.reset(seed=seeds)
+    observed = samples(env, in_double(policy), seed)
+    info = next(observed).info
     n, m = info["h"].shape
     idle = {"intervention": np.zeros(n), "delta": np.zeros((n, m))}
     alive, terminated_itself = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
@@ -86,8 +87,7 @@ def rollout_batch(
     reward, intervention, delta, deadlock, running = [], [], [], [], []
     radius = inner.scenes[0].goal_radius
     while alive.any():
-        u = np.asarray(policy(observation, info), dtype=np.float64)
-        observation, gained, terminated, truncated, info = env.step(u)
+        _, info, u, gained, terminated, truncated = next(observed)
         filtered = info.get("safety_filter", idle)
         position.append(inner.rom_state[:, :2])
         h.append(info["h"])

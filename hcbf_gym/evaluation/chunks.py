@@ -106,6 +106,12 @@ def run(
     return _complete(function, chunks, pool, title)
 
 
+def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
+    """Return all results of `run`, in the order of the jobs."""
+    results = dict(runs)
+    return [results[number] for number in range(len(results))]
+
+
 def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
     """Return a hash of the sources of all that a function may reach, and of files.
 

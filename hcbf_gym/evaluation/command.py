@@ -4,7 +4,9 @@ Without arguments it walks the A1 through the paper's course, 20 s each, with no
 R-CBF-QP and with H-CBF-QP. One that was interrupted goes on where it stopped.
 """
 
+import itertools
 import shutil
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,6 +21,7 @@ from hcbf_gym import programs, scenarios
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.episode_plot import plot_paths, plot_series
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.rollouts import (
@@ -222,12 +225,8 @@ def _record(case: Case, args: Args) -> None:
 
 def _take_snapshot(case: Case, args: Args, time: float) -> None:
     env = case.make(render_mode="rgb_array")
-    policy = make_policy(case.policy, env)
-    observation, info = env.reset(seed=args.seed)
-    for _ in range(round(time / CONTROL_DT)):
-        observation, _, terminated, truncated, info = env.step(policy(observation, info))
-        if terminated or truncated:
-            break
+    walk = samples(env, make_policy(case.policy, env), args.seed)
+    deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
     path = args.output / f"snapshot-{case.policy}-{case.program}.png"
     imsave(path, np.asarray(env.render()))
     env.close()

@@ -10,7 +10,7 @@ from hcbf_gym.models.constants import ASKING, STANDING
 def deadlocked(
     velocity: Array, u_nominal: Array, distance: Array, radius: float
 ) -> NDArray[np.bool_]:
-    """Tell at which instants the robot stands, away from its goal, though the policy wants to move.
+    """Return when the robot stands, away from its goal, though the policy asks it to move.
 
     ``‖v‖ < 0.05 m/s, ‖u*‖ > 0.3 m/s², distance > radius``.
 

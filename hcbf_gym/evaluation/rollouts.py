@@ -14,6 +14,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.episode import in_double, samples
 from hcbf_gym.evaluation.measures import deadlock_share
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.policies import Policy
@@ -109,27 +110,20 @@ def rollout(env: gym.Env, policy: Policy, seed: int) -> Episode:
         policy: (obs, info) → u*.
         seed: of the environment.
     """
-    observation, info = env.reset(seed=seed)
     inner: Any = env.unwrapped
+    observed = [(inner.rom_state, sample) for sample in samples(env, in_double(policy), seed)]
+    x = np.array([state for state, _ in observed])
+    infos = [sample.info for _, sample in observed]
+    taken = [sample for _, sample in observed[1:]]
+    info, steps = infos[-1], len(taken)
     m, n_boxes = len(info["h"]), len(info.get("obstacle_force", ()))
-    states, infos, records, rewards = [inner.rom_state], [info], [], []
-    terminated = truncated = False
-    while not (terminated or truncated):
-        action = np.asarray(policy(observation, info), dtype=np.float64)
-        observation, reward, terminated, truncated, info = env.step(action)
-        unfiltered = {
-            "u_nominal": action,
-            "u_safe": action,
-            "slack": np.zeros(m),
-            "delta": np.zeros(m),
-            "status": float(FilterStatus.NOMINAL),
-        }
-        states.append(inner.rom_state)
-        infos.append(info)
-        records.append(info.get("safety_filter", unfiltered))
-        rewards.append(float(reward))
-    x = np.array(states)
-    steps = len(records)
+    unfiltered = {"slack": np.zeros(m), "delta": np.zeros(m), "status": FilterStatus.NOMINAL}
+    records = [
+        sample.info.get(
+            "safety_filter", unfiltered | {"u_nominal": sample.action, "u_safe": sample.action}
+        )
+        for sample in taken
+    ]
     fell = bool(info.get("fallen", 0.0))
     forces = [step["obstacle_force"] for step in infos[1:]] if n_boxes else np.zeros((steps, 0))
     return Episode(
@@ -139,7 +133,7 @@ def rollout(env: gym.Env, policy: Policy, seed: int) -> Episode:
         h=np.array([step["h"] for step in infos]),
         min_h=np.array([step["min_h"] for step in infos]),
         tracking_error=np.array([step["tracking_error"] for step in infos]),
-        reward=np.array(rewards),
+        reward=np.array([float(sample.reward) for sample in taken]),
         u_nominal=np.array([record["u_nominal"] for record in records]),
         u=np.array([record["u_safe"] for record in records]),
         slack=np.array([record["slack"] for record in records]),

@@ -1,4 +1,4 @@
-"""Whether an episode puts rank 1 to the test: what u* would have done, and what the filter did."""
+"""Whether an episode tests rank 1: what u* would have done, and what the filter did."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +10,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 
 AHEAD = (0.25, 0.5, 0.75, 1.0)
-"""When it is looked whether a held u* has entered [s]."""
+"""When a held u* may have entered [s]."""
 CHANGED = 1e-3
 """‖u − u*‖ from which the filter has changed an input, as a share of the greatest of U."""
 JUMP = 10.0
@@ -25,7 +25,7 @@ Strict = Callable[[Array, Array], Array]
 def pressed(
     model: Any, input_set: InputSet, x: Array, time: float, strict: Strict, report: Any
 ) -> bool:
-    """Tell whether the filter changed an input that, held for a second, would have entered rank 1.
+    """Return whether the filter changed an input that would have entered rank 1 within a second.
 
     Args:
         model: of the plant.
@@ -38,8 +38,8 @@ def pressed(
     if not report["intervention"] > CHANGED * input_set.radius:
         return False
     wanted = input_set.project(np.asarray(report["u_nominal"], dtype=np.float64))
-    way = np.array([model.step(x, wanted, s) for s in AHEAD])
-    return bool((strict(way, time + np.array(AHEAD)) < 0.0).any())
+    path = np.array([model.step(x, wanted, s) for s in AHEAD])
+    return bool((strict(path, time + np.array(AHEAD)) < 0.0).any())
 
 
 def check_jumps(source: str, went: list[Array], expected: list[Array]) -> None:

@@ -35,7 +35,7 @@ class Pool(Protocol):
         ...
 
     def died(self, future: Future) -> bool:
-        """Tell of a finished call whether its worker died before it had an answer."""
+        """Return whether the worker of a finished call died before it had an answer."""
         ...
 
     def close(self) -> None:
@@ -124,7 +124,7 @@ class Processes:
         return self.submit(function, *args)
 
     def died(self, future: Future) -> bool:
-        """Tell whether the process died; one that lives is idle again."""
+        """Return whether the process died; one that lives is idle again."""
         executor = self._busy.pop(future)
         died = isinstance(future.exception(), BrokenExecutor)
         if died:
@@ -194,7 +194,7 @@ class RayTasks:
         return future
 
     def died(self, future: Future) -> bool:
-        """Tell whether the task ended by anything but an answer or an error of its own."""
+        """Return whether the task ended by anything but an answer or an error of its own."""
         self._running.remove(future)
         error, errors = future.exception(), self._ray.exceptions
         return isinstance(error, errors.RayError) and not isinstance(error, errors.RayTaskError)

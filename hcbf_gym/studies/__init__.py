@@ -1,1 +1,1 @@
-"""Long runs built on everything else: reproduction, tuning, training, Monte Carlo."""
+"""Long runs built on everything else: reproduction, identification, tuning, training."""

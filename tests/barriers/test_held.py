@@ -6,6 +6,8 @@ import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import random_conflicts as conflicts
+from benchmarks.random_conflicts import Scenes
 from hcbf_gym.barriers import (
     BarrierSet,
     Capsule,
@@ -20,8 +22,6 @@ from hcbf_gym.barriers import (
     row_kernels,
 )
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.studies.monte_carlo import episodes as monte_carlo
-from hcbf_gym.studies.monte_carlo.episodes import Scenes
 
 U_MAX = 5.0 * np.sqrt(2.0)
 ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
@@ -81,7 +81,7 @@ def inputs_on_the_row(a, b, rng):
 def least_and_after(barriers, x, t, u, how):
     """Return the least h while u is held, finely sampled, and ψ at the end."""
     least, end = barriers.values(x, t), x.copy()
-    monte_carlo.advance(
+    conflicts.advance(
         barriers.kind, barriers.parameters, end, t, u, how.period, 100, least, np.zeros(least.shape)
     )
     return least[:, 0], end, psi(barriers, end, t + how.period, how)
@@ -248,21 +248,21 @@ def test_psi_is_reported_beside_its_alpha2():
     np.testing.assert_allclose(out[row_kernels.ALPHA2_PSI], 2.0 * out[row_kernels.PSI])
 
 
-@pytest.mark.parametrize("policy", monte_carlo.POLICIES)
+@pytest.mark.parametrize("policy", conflicts.POLICIES)
 def test_lex_enters_no_priority_whose_rows_can_be_met(policy):
-    summary = monte_carlo.summary(monte_carlo.run(Scenes(policy, "lex", "held", 7, 0, 20)))
+    summary = conflicts.summary(conflicts.run(Scenes(policy, "lex", "held", 7, 0, 20)))
     assert summary["entered_though_met"] == [0, 0, 0, 0]
     assert summary["entered"][0] == 0.0
     assert summary["least_clearance"] >= 0.0
     assert summary["conflict"] == 1.0
-    bare = monte_carlo.summary(monte_carlo.run(Scenes(policy, "none", "held", 7, 0, 20)))
+    bare = conflicts.summary(conflicts.run(Scenes(policy, "none", "held", 7, 0, 20)))
     assert bare["entered"][0] > 0.2
 
 
 def test_a_chunk_of_scenes_is_the_same_whatever_the_chunking():
-    whole = monte_carlo.run(Scenes("pd", "lex", "held", 3, 0, 6))
+    whole = conflicts.run(Scenes("pd", "lex", "held", 3, 0, 6))
     parts = [
-        *monte_carlo.run(Scenes("pd", "lex", "held", 3, 0, 4)),
-        *monte_carlo.run(Scenes("pd", "lex", "held", 3, 4, 2)),
+        *conflicts.run(Scenes("pd", "lex", "held", 3, 0, 4)),
+        *conflicts.run(Scenes("pd", "lex", "held", 3, 4, 2)),
     ]
     assert whole == parts

@@ -1,44 +1,12 @@
-"""The strict study: what it counts, and that it goes on where it stopped."""
-
-from dataclasses import dataclass
+"""The strict study: what it counts."""
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from benchmarks.strict import lines, pushed
-from benchmarks.strict.outcomes import OutcomeFile
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
-
-
-@dataclass(frozen=True)
-class Counted:
-    """An episode that leaves a mark in a file whenever it runs."""
-
-    number: int
-    marks: str
-
-    def run(self):
-        with open(self.marks, "a", encoding="utf-8") as file:
-            file.write("x")
-        return Square(self.number**2)
-
-
-@dataclass(frozen=True)
-class Square:
-    value: int
-
-
-def test_finished_episodes_do_not_run_again_as_long_as_the_sources_are_the_same(tmp_path):
-    path, marks = tmp_path / "outcomes.jsonl", tmp_path / "marks"
-    episodes = [Counted(k, str(marks)) for k in range(3)]
-    first = OutcomeFile(path, "a").of(Square, episodes[:2])
-    assert first == [Square(0), Square(1)]
-    assert OutcomeFile(path, "a").of(Square, episodes) == [Square(0), Square(1), Square(4)]
-    assert marks.read_text(encoding="utf-8") == "xxx"
-    OutcomeFile(path, "b").of(Square, episodes[:1])
-    assert marks.read_text(encoding="utf-8") == "xxxx"
 
 
 def test_calm_seeds_are_those_whose_environment_starts_in_no_region():

@@ -316,7 +316,7 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
         command.main(tyro.cli(command.Args, args=[*more, "--workers", "1"]))
 
     run(
-        BOAT, "--bound", "0.5", "--calibration", "10", "--steps", "20",
+        BOAT, "--bound", "0.5", "--calibration", "10", "--steps", "40",
         "--output", str(tmp_path / "boat"),
     )  # fmt: skip
     file = tmp_path / "boat" / "boat.json"

@@ -115,13 +115,13 @@ def calibrate(
     seed = first_seed
     for number in range(ROUNDS + 1):
         seen = run(margins, range(seed, seed + episodes), f"calibration, round {number}")
-        rounds.append(told("round", margins, seed, seen))
+        rounds.append(recorded("round", margins, seed, seen))
         seed += episodes
         _check_standing(seen)
         settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CONSTANTS)
         if settled and not rounds[-1].entered and attack is not None:
             tried = search(margins, attack, seed)
-            rounds.append(told("search", margins, seed, tried))
+            rounds.append(recorded("search", margins, seed, tried))
             seed += GENERATIONS
             seen = [*seen, *tried]
         wanted = needed(margins, seen, share)
@@ -199,7 +199,7 @@ def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
     return every
 
 
-def told(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -> Round:
+def recorded(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -> Round:
     """Return the record of what episodes showed."""
     speed = min(s.least_speed_h for s in seen)
     return Round(
@@ -209,7 +209,7 @@ def told(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -> Ro
 
 
 def _check_standing(seen: Sequence[Seen]) -> None:
-    """Refuse a plant that falls, or of which the filter's own monitor says that it is another one.
+    """Refuse a plant that falls, or that the filter's own monitor takes for another one.
 
     Raises:
         RefusedError: if that is so in more than half of the episodes.
@@ -222,10 +222,10 @@ def _check_standing(seen: Sequence[Seen]) -> None:
         )
     alarms = Counter(Reason(s.alarm).name for s in seen if s.alarm)
     if 2 * alarms.total() > len(seen):
-        told = ", ".join(f"{name} in {count}" for name, count in alarms.most_common())
+        named = ", ".join(f"{name} in {count}" for name, count in alarms.most_common())
         raise RefusedError(
             f"calibration: the filter raised alarms in {alarms.total()} of {len(seen)} episodes "
-            f"({told}): the plant is not the one that is declared, or something stands between "
+            f"({named}): the plant is not the one that is declared, or something stands between "
             "filter and robot"
         )
 

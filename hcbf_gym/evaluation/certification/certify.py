@@ -110,13 +110,11 @@ def calibrated(
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
         job = functools.partial(see, family, margins)
-        found = dict(runs.over(job, list(seeds), family, title, BLOCK))
-        return [found[k] for k in range(len(seeds))]
+        return chunks.in_order(runs.over(job, list(seeds), family, title, BLOCK))
 
     def attack(margins: Uncertainty, tried: Sequence[Any], title: str) -> list[Seen]:
         job = functools.partial(_try, family, margins)
-        found = dict(runs.over(job, list(tried), family, title, 3))
-        return [found[k] for k in range(len(tried))]
+        return chunks.in_order(runs.over(job, list(tried), family, title, 3))
 
     caps = getattr(family, "caps", None)
     return calibration.calibrate(

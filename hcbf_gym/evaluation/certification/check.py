@@ -11,8 +11,9 @@ from hcbf_gym import records
 from hcbf_gym.certificates import BLOCK, Certificate, sources
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, families
-from hcbf_gym.evaluation.certification.families import GUIDED, Seen, scene_of, see
+from hcbf_gym.evaluation.certification.families import Seen, see
 
 SAME = 1e-6
 """By how much a least h may differ [unit of h]."""
@@ -58,7 +59,6 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     differs = _derived(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
     chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    seen: list[Seen] = []
     frozen = _frozen(certificate, family)
     numbers = [
         number
@@ -67,8 +67,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     ]
     job = functools.partial(see, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    found = dict(runs.over(job, jobs, family, "check", BLOCK))
-    seen = [found[k] for k in range(len(jobs))]
+    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, family, "check", BLOCK))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -115,9 +114,7 @@ def _derived(c: Certificate, family: Any) -> list[str]:
         ]
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
-        episode = family.episode(seed)
-        guided = "guidance" in (getattr(episode, "filter_options", None) or {})
-        drawn[episode.attack + GUIDED * guided, scene_of(episode)] += 1
+        drawn[families.stratum_of(family.episode(seed))] += 1
     told = {(s.policy, s.scene): s.episodes for s in c.strata}
     if told != dict(drawn):
         differs.append(f"strata: {told}, expected {dict(drawn)} as the seeds draw them")
@@ -164,7 +161,7 @@ def _elsewhere(c: Certificate) -> list[str]:
 
 
 def _same(told: Any, value: Any) -> bool:
-    """Tell whether two are alike, numbers to within `SAME`."""
+    """Return whether two are alike, numbers to within `SAME`."""
     told, value = records.plain(_parts(told)), records.plain(_parts(value))
     if isinstance(told, dict) and isinstance(value, dict):
         return set(told) == set(value) and all(_same(told[k], value[k]) for k in told)

@@ -11,8 +11,8 @@ import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
-from hcbf_gym.evaluation.attacked import AttackedEpisode
-from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
+from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.evaluation.certification import own
 from hcbf_gym.evaluation.certification.looking import EachMillisecond
 from hcbf_gym.evaluation.certification.mixture import SCENES, A1Mixture
@@ -30,23 +30,11 @@ SEARCHED = "searched"
 Shares = tuple[tuple[str, float], ...]
 
 
-class Episode(Protocol):
-    """One episode of a family; a frozen dataclass with these fields among others."""
-
-    attack: str
-    seed: int
-    uncertainty: Uncertainty | None
-
-    def run(self) -> Any:
-        """Run it, and return what has the fields of `own.Outcome`."""
-        ...
-
-
 class Family(Protocol):
     """A frozen dataclass of JSON's types that says what a seed stands for."""
 
     def episode(self, seed: int) -> Any:
-        """Return the `Episode` that a seed decides."""
+        """Return the `AttackedEpisode` or `OwnEpisode` that a seed decides."""
         ...
 
 
@@ -101,26 +89,20 @@ def look(episode: Any) -> Seen:
     """Run an episode, and keep what a certificate reads of it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what is not covered yet; alarms are in the outcome
-        outcome = episode.run()
+        outcome: Outcome = episode.run()
     body = outcome.least_body_h
-    guided = "guidance" in (getattr(episode, "filter_options", None) or {})
     return Seen(
-        policy=episode.attack + GUIDED * guided,
-        scene=scene_of(episode),
-        least_h=float(outcome.least_h if np.isinf(body) else body),
-        least_speed_h=float(outcome.least_speed_h),
-        first_h=float(outcome.first_h),
-        fell=bool(outcome.fell),
-        alarm=int(outcome.alarm),
-        steps=outcome.steps,
-        pressed=outcome.pressed,
-    )
+        *stratum_of(episode), outcome.least_h if np.isinf(body) else body, outcome.least_speed_h,
+        outcome.first_h, outcome.fell, outcome.alarm, outcome.steps, outcome.pressed,
+    )  # fmt: skip
 
 
-def scene_of(episode: Any) -> str:
-    """Return the family of an episode's scene; "own" where the environment draws by itself."""
-    scenario = getattr(episode, "scenario", "own")
-    return str(scenario["name"]) if isinstance(scenario, Mapping) else str(scenario)
+def stratum_of(episode: Any) -> tuple[str, str]:
+    """Return an episode's policy, and the family of its scene."""
+    guided = "guidance" in (episode.filter_options or {})
+    scene = episode.scenario
+    name = str(scene["name"]) if isinstance(scene, Mapping) else str(scene)
+    return episode.attack + GUIDED * guided, name
 
 
 HOSTILE = tuple((name, 1.0) for name in ATTACKS)
@@ -246,25 +228,25 @@ class OwnFamily:
 
     Args:
         source: ``module:function`` or ``file.py:function`` that returns (environment, plant).
-        policies: of `own.POLICIES`, with the weight of each.
+        policies: of `attacks.ON_ANY_MODEL`, with the weight of each.
         steps: the most that an episode takes.
         program: of the filter.
     """
 
     source: str
-    policies: Shares = tuple((name, 1.0) for name in own.POLICIES)
+    policies: Shares = tuple((name, 1.0) for name in ON_ANY_MODEL)
     steps: int = 500
     program: str = "lex-cbf-qp"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "policies", _shares("policies", self.policies))
         for name, _ in self.policies:
-            choose("policy", name, own.POLICIES)
+            choose("policy", name, ON_ANY_MODEL)
 
     def episode(self, seed: int) -> own.OwnEpisode:
         """Return the episode that a seed decides."""
         policy = _drawn(np.random.default_rng([STREAM, seed]), self.policies)
-        return own.OwnEpisode(self.source, policy, seed, self.steps, self.program)
+        return own.OwnEpisode(self.source, policy, seed, self.steps, {"program": self.program})
 
     def searched(self, seed: int, parameters: tuple[float, ...]) -> own.OwnEpisode:
         """Return the episode of a seed with the attacker that a search tries."""

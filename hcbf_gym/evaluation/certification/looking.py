@@ -1,4 +1,4 @@
-"""Looking at the reduced-order robot at every millisecond, on its exact way between two samples."""
+"""h of the reduced-order robot at every millisecond, on its exact path between two samples."""
 
 from typing import Any
 
@@ -13,19 +13,19 @@ INSTANTS: Array = np.arange(1, 21) * np.float64(CONTROL_DT / 20)
 
 
 class EachMillisecond(gym.Wrapper[Any, Any, Any, Any]):
-    """Adds to ``info["min_h"]`` of `RegionsEnv` what every millisecond shows.
+    """Adds to ``info["min_h"]`` of `RegionsEnv` the least of every millisecond.
 
-    Under a held u the robot's way is ``p(s) = p + v s + u s² / 2``, and u is ``(v' − v) / T``.
+    Under a held u the robot's path is ``p(s) = p + v s + u s² / 2``, and u is ``(v' − v) / T``.
     """
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step, and look at the way between the two states."""
+        """Step, and evaluate h along the path between the two states."""
         inner: Any = self.env.unwrapped
         x, time = inner.truth, inner.time
         observation, reward, terminated, truncated, info = self.env.step(action)
         u = (inner.truth[2:] - x[2:]) / CONTROL_DT
         s = INSTANTS[:, None]
-        way = np.hstack([x[:2] + x[2:] * s + 0.5 * u * s * s, x[2:] + u * s])
-        h = inner.barrier_set.along(way, time + INSTANTS).min(axis=0)
+        path = np.hstack([x[:2] + x[2:] * s + 0.5 * u * s * s, x[2:] + u * s])
+        h = inner.barrier_set.along(path, time + INSTANTS).min(axis=0)
         info["min_h"] = np.minimum(info["min_h"], h)
         return observation, reward, terminated, truncated, info

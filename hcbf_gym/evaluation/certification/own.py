@@ -1,14 +1,11 @@
-"""Attacked episodes of a user's own environment, whatever its model is.
-
-The attackers know the model and the strict barriers: they look a moment ahead under each corner of
-U, and take the one that suits them.
-"""
+"""Attacked episodes of a user's own environment, whatever its model is."""
 
 import importlib
 import importlib.util
 import inspect
+import itertools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,25 +13,24 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import wrappers
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.evaluation import stakes
-from hcbf_gym.evaluation.attacked import alarm_of
-from hcbf_gym.evaluation.attacks import STREAM
+from hcbf_gym.evaluation import attacks, stakes
+from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
+from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 CORNERS = 64
-"""The most corners of U that an attacker looks at."""
+"""The most corners of U of which an attacker predicts the outcome."""
 AHEAD = 0.3
-"""How far an attacker looks ahead [s]."""
+"""How far an attacker predicts [s]."""
 HELD = 0.04
-"""How long an attacker keeps to what it has decided [s]: looking ahead takes time."""
+"""How long an attacker keeps to what it has decided [s]: predicting takes time."""
 
 
 class Made(NamedTuple):
@@ -49,162 +45,183 @@ class Made(NamedTuple):
     plant: Plant
 
 
-class Outcome(NamedTuple):
-    """What one episode showed; every h at every step.
-
-    Attributes:
-        least_h: of the strict barriers, the speed limit apart [unit of h].
-        least_speed_h: of a strict speed limit [m/s]; infinite where there is none.
-        least_body_h: infinite: nobody tells the body's.
-        first_h: least strict h at the reset.
-        alarm: as `attacked.alarm_of` tells it at the end.
-        steps: how many it took.
-        pressed: whether the filter had to change an input that would have entered.
-        fell: False; an environment that ends early has said why by itself.
-    """
-
-    least_h: float
-    least_speed_h: float
-    first_h: float
-    alarm: int
-    steps: int = 0
-    pressed: bool = False
-    least_body_h: float = np.inf
-    fell: bool = False
-
-
 @dataclass(frozen=True)
 class OwnEpisode:
     """What to run.
 
     Args:
         source: as `make` takes it.
-        attack: one of `POLICIES`, or "searched" with parameters.
+        attack: one of `attacks.ON_ANY_MODEL`, or "searched" with parameters.
         seed: of the environment and the attack.
         steps: the most that it takes.
-        program: of the filter.
-        parameters: of the searched attacker, as `Mixed` takes them.
+        filter_options: arguments of `SafetyFilter`.
+        parameters: of the searched attacker, as `attacks.Searched` takes them.
         uncertainty: what rows reserve; None is the plant's own.
+        scenario: what counts call the scenes, which the environment draws by itself.
     """
 
     source: str
     attack: str
     seed: int
     steps: int
-    program: str = "lex-cbf-qp"
+    filter_options: Mapping[str, Any] | None = None
     parameters: tuple[float, ...] | None = None
     uncertainty: Uncertainty | None = None
+    scenario: str = "own"
 
     def run(self) -> Outcome:
-        """Run the episode to its end.
+        """Run the episode to its end; a start counts in its least h where it is inside alone.
 
         Raises:
             InvalidInputError: if the function returns anything else, or there is no strict barrier.
         """
         env, plant = make(self.source)
         if self.uncertainty is not None:
-            own = self.uncertainty._replace(body=plant.uncertainty.body)
-            plant = replace(plant, uncertainty=own)
-        rng = np.random.default_rng([STREAM, self.seed])
-        kind: Any = POLICIES.get(self.attack, Mixed)
-        policy = kind(rng) if self.parameters is None else Mixed(rng, self.parameters)
-        filtered = wrappers.SafetyFilter(env, self.program, plant=plant)
+            plant = reserving(plant, self.uncertainty)
+        attack = attacks.make(self.attack, self.seed, self.parameters)
+        options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
+        filtered = wrappers.SafetyFilter(env, plant=plant, **options)
+        input_set = plant.input_set or filtered._input_set
+        view = Foresight(self.source, plant, env.unwrapped, input_set)
+
+        def act(observation: Any, info: dict[str, Any]) -> Any:
+            u = attack.wants(view)
+            return u if plant.to_action is None else plant.to_action(u)
+
         try:
-            return self._rollout(filtered, policy)
+            observed = itertools.islice(samples(filtered, act, self.seed), self.steps + 1)
+            outcome = judge(observed, view.look, plant.model, input_set)
         finally:
             filtered.close()
-
-    def _rollout(self, env: Any, policy: Any) -> Outcome:
-        plant, inner = env.plant, env.unwrapped
-        observation, info = env.reset(seed=self.seed)
-        seen = _look(plant, inner, observation, info, 0.0)
-        first = seen.h[~seen.speed].min()
-        least = np.where(seen.h < 0.0, seen.h, np.inf)  # a start inside counts, no other one does
-        input_set = plant.input_set or env._input_set
-        pressed, steps = False, 0
-        went, expected = [seen.strict(seen.x[None], seen.time)[0]], []
-        for k in range(self.steps):
-            u = policy.wants(Situation(plant, input_set, seen))
-            action = u if plant.to_action is None else plant.to_action(u)
-            before = seen
-            observation, _, terminated, truncated, info = env.step(action)
-            report = info["safety_filter"]
-            pressed = pressed or stakes.pressed(
-                plant.model, input_set, before.x, before.time, before.along, report
-            )
-            seen = _look(plant, inner, observation, info, (k + 1) * (plant.period or 0.0))
-            if len(seen.h) != len(least):
-                raise InvalidInputError(
-                    f"{self.source}: got {len(seen.h)} strict barriers after {len(least)}, "
-                    "expected their number to stay"
-                )
-            least = np.minimum(least, seen.h)
-            steps = k + 1
-            went.append(seen.strict(seen.x[None], seen.time)[0])
-            if plant.period is not None:
-                there = plant.model.step(before.x, report["u_safe"], plant.period)
-                expected.append(seen.strict(there[None], seen.time)[0])
-            if terminated or truncated:
-                break
-        stakes.check_jumps(self.source, went, expected)
-        speed = least[seen.speed]
-        return Outcome(
-            float(least[~seen.speed].min()), float(speed.min()) if speed.size else np.inf,
-            float(first), alarm_of(info), steps, pressed,
-        )  # fmt: skip
+        stakes.check_jumps(self.source, view.path, view.expected)
+        return replace(outcome, first_h=view.first_h)
 
 
-class Look(NamedTuple):
-    """The plant at one sample.
+class Foresight:
+    """What an attacker sees of any plant, an `attacks.View`: it predicts h by the model.
+
+    Args:
+        source: of the plant, for errors.
+        plant: as the filter knows it.
+        env: unwrapped.
+        input_set: U.
 
     Attributes:
-        x: (n,) its state.
-        time: [s].
-        strict: (x (j, n), t) → (j, m) the strict h's on the position.
-        h: (k,) what they are, at their least since the last sample where that is told: the
-            lesser of infos and barriers.
-        speed: (k,) which of them read no position.
+        path: of each sample (k,) the strict h's on the position.
+        expected: of each step (k,) where the model would have taken them.
+        first_h: the least of them at the reset, or what the environment reports of it.
     """
 
-    x: Array
-    time: float
-    strict: Callable[[Array, float], Array]
-    h: Array
-    speed: NDArray[np.bool_]
+    def __init__(self, source: str, plant: Plant, env: Any, input_set: InputSet):
+        self._source, self._plant, self._env = source, plant, env
+        every = input_set.vertices()
+        self.corners: Array = every[:: -(-len(every) // CORNERS)]
+        self.path: list[Array] = []
+        self.expected: list[Array] = []
+        self._now: Truth | None = None
+        self._until, self._weights, self._best = -np.inf, (0.0, 0.0), self.corners[0]
 
-    def along(self, x: Array, t: Array) -> Array:
-        """Return (j, m) the strict h's on the position at states (j, n) and times (j,)."""
-        return np.array([
-            self.strict(one[None], float(at))[0] for one, at in zip(x, t, strict=True)
-        ])  # fmt: skip
+    @property
+    def now(self) -> Truth:
+        """The newest truth."""
+        assert self._now is not None
+        return self._now
+
+    @property
+    def time(self) -> float:
+        """Of the newest truth [s]."""
+        return self.now.time
+
+    def look(self, sample: Sample) -> Truth:
+        """Read the truth behind a sample.
+
+        Raises:
+            InvalidInputError: if the number of barriers changes, or none is strict.
+        """
+        counted = len(self.path) * (self._plant.period or 0.0)
+        found = _truth(self._plant, self._env, sample, counted)
+        h = found.along(found.x[None], np.array([found.time]))[0]
+        if not self.path:
+            self.first_h = found.h
+            found = found._replace(**{
+                name: least if (least := getattr(found, name)) < 0.0 else np.inf
+                for name in ("h", "speed_h", "second_h")
+            })  # fmt: skip
+        elif len(h) != len(self.path[-1]):
+            raise InvalidInputError(
+                f"{self._source}: got {len(h)} strict barriers after {len(self.path[-1])}, "
+                "expected their number to stay"
+            )
+        elif self._plant.period is not None:
+            u = sample.info["safety_filter"]["u_safe"]
+            there = self._plant.model.step(self.now.x, u, self._plant.period)
+            self.expected.append(found.along(there[None], np.array([found.time]))[0])
+        self.path.append(h)
+        self._now = found
+        return found
+
+    def corner(self, rng: np.random.Generator) -> Array:
+        """Return a random corner of U (n_u,)."""
+        return rng.choice(self.corners)
+
+    def push(
+        self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
+    ) -> Array:
+        """Return the corner of U that lowers nearest·h₁ + second·h₂ the most, `AHEAD` later.
+
+        Args:
+            nearest: weight of the least strict h on the position.
+            second: weight of the second least.
+            sideways: not read: no edge is known of any model.
+            speed: likewise.
+        """
+        if self.time >= self._until or (nearest, second) != self._weights:
+            now, model = self.now, self._plant.model
+            x = np.array([model.step(now.x, u, AHEAD) for u in self.corners])
+            h = np.sort(now.along(x, np.full(len(x), now.time + AHEAD)), axis=1)
+            value = nearest * h[:, 0] + second * h[:, min(1, h.shape[1] - 1)]
+            self._until, self._weights = self.time + HELD, (nearest, second)
+            self._best = self.corners[int(value.argmin())]
+        return self._best
 
 
-def _look(plant: Plant, env: Any, observation: Any, info: dict[str, Any], time: float) -> Look:
+def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
+    """Return what a plant's readers say, and the infos' min_h where that is less.
+
+    Args:
+        plant: whose readers are asked.
+        env: unwrapped.
+        sample: the newest.
+        counted: the time where the plant tells none [s].
+    """
+    observation, info = sample.observation, sample.info
     estimate = plant.state(env, observation, info)
     if not isinstance(estimate, Estimate):
         estimate = Estimate(estimate)
     x = np.asarray(estimate.x, dtype=np.float64)
-    now = time if estimate.time is None else float(estimate.time)
+    time = counted if estimate.time is None else float(estimate.time)
     barriers = read(plant.barriers, env, observation, info)
-    every: Callable[[Array, float], Array]
+    every: stakes.Strict
     if isinstance(plant.model, DoubleIntegrator):
         scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
-        first, position = scene.priority[0] == 1, scene.keeps_margin[0] > 0.0
-        every = lambda x, t: scene.along(x, np.full(len(x), t))  # noqa: E731
+        rank, reads = scene.priority[0], scene.keeps_margin[0] > 0.0  # or not strict
+        every = scene.along
     else:
-        first = np.array([b.priority == 1 for b in barriers], dtype=np.bool_)
-        position = first & np.array([b.reads_position for b in barriers], dtype=np.bool_)
-        every = lambda x, t: np.array([[float(b.h(one, t)) for b in barriers] for one in x])  # noqa: E731
-    if not position.any():
+        rank = np.array([b.priority for b in barriers], dtype=np.int64)
+        reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
+        every = lambda x, t: np.array([  # noqa: E731
+            [float(b.h(*one)) for b in barriers] for one in zip(x, t, strict=True)
+        ])  # fmt: skip
+    if not ((rank == 1) & reads).any():
         raise InvalidInputError(
-            f"certify: got {len(first)} barriers and none of priority 1 on the state, "
+            f"certify: got {len(rank)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
-    told = info.get("min_h")
-    h = every(x[None], now)[0]
-    h = (h if told is None else np.minimum(h, _checked(told, len(first))))[first]
+    h = every(x[None], np.array([time]))[0]
+    if "min_h" in info:
+        h = np.minimum(h, _checked(info["min_h"], len(rank)))
     h = np.where(np.isfinite(h), h, -np.inf)
-    return Look(x, now, lambda x, t: every(x, t)[:, position], h, ~position[first])
+    return truth(x, time, h, rank, reads, every)
 
 
 def _checked(told: Any, count: int) -> Array:
@@ -220,146 +237,6 @@ def _checked(told: Any, count: int) -> Array:
             "barrier in its order"
         )
     return given.astype(np.float64)
-
-
-class Situation(NamedTuple):
-    """What an attacker sees.
-
-    Attributes:
-        plant: as the filter knows it.
-        input_set: U.
-        seen: the plant at this sample.
-    """
-
-    plant: Plant
-    input_set: InputSet
-    seen: Look
-
-    @property
-    def corners(self) -> Array:
-        """(k, n_u) corners of U, evenly taken where there are many."""
-        every = self.input_set.vertices()
-        return every[:: -(-len(every) // CORNERS)]
-
-    def best(self, value: Callable[[Array], float]) -> Array:
-        """Return the corner of U whose h's a moment ahead, least first, are worth most."""
-        corners = self.corners
-        return corners[int(np.argmax([value(h) for h in self.ahead(corners)]))]
-
-    def ahead(self, inputs: Array) -> Array:
-        """Return (k, m) the strict h's on the position, least first, `AHEAD` later.
-
-        Args:
-            inputs: (k, n_u), each of which is held.
-        """
-        model, seen = self.plant.model, self.seen
-        x = np.array([model.step(seen.x, u, AHEAD) for u in inputs])
-        return np.sort(seen.strict(x, seen.time + AHEAD), axis=1)
-
-
-@dataclass
-class _Held:
-    """A policy that holds its choices for a while.
-
-    Args:
-        rng: decides what is random about it.
-    """
-
-    rng: np.random.Generator
-    until: float = -1.0
-    choice: Any = None
-
-    def draw(self, time: float, low: float, high: float, pick: Callable[[], Any]) -> Any:
-        if time >= self.until:
-            self.until, self.choice = time + self.rng.uniform(low, high), pick()
-        return self.choice
-
-
-class Nearest(_Held):
-    """Straight at what is nearest."""
-
-    def wants(self, s: Situation) -> Array:
-        """Return the corner of U under which the least h gets least."""
-        return self.draw(s.seen.time, HELD, HELD, lambda: s.best(lambda h: -h[0]))
-
-
-class Corner(_Held):
-    """Between the two that are nearest."""
-
-    def wants(self, s: Situation) -> Array:
-        """Return the corner of U under which the two least h's together get least."""
-        return self.draw(s.seen.time, HELD, HELD, lambda: s.best(lambda h: -h[:2].sum()))
-
-
-class Slam(_Held):
-    """Backs off, and slams into what is nearest."""
-
-    away, turns = True, -1.0
-
-    def wants(self, s: Situation) -> Array:
-        """Return the best or the worst corner, each side for a random time."""
-        if s.seen.time >= self.turns:
-            self.away, self.turns = not self.away, s.seen.time + self.rng.uniform(0.3, 1.2)
-        sign = 1.0 if self.away else -1.0
-        return self.draw(s.seen.time, HELD, HELD, lambda: s.best(lambda h: sign * h[0]))
-
-
-class BangBang(_Held):
-    """Corners of U, each held .1 to .5 s."""
-
-    def wants(self, s: Situation) -> Array:
-        """Return the corner chosen last."""
-        return self.draw(s.seen.time, 0.1, 0.5, lambda: self.rng.choice(s.corners))
-
-
-class Wandering(_Held):
-    """A friendly one: inputs anywhere in U, each held .2 to 1 s."""
-
-    def wants(self, s: Situation) -> Array:
-        """Return a random mixture of the corners."""
-
-        def pick() -> Array:
-            return self.rng.dirichlet(np.ones(len(s.corners))) @ s.corners
-
-        return self.draw(s.seen.time, 0.2, 1.0, pick)
-
-
-class Mixed(_Held):
-    """An attacker with six numbers in [0, 1] that a search sets.
-
-    Args:
-        rng: decides what is random about it.
-        parameters: (6,) share of the second barrier, share of chance, how long a choice is held,
-            jitter of it, share of time backed off, and one that is not read: searches have six.
-    """
-
-    def __init__(self, rng: np.random.Generator, parameters: tuple[float, ...]):
-        super().__init__(rng)
-        self.parameters = parameters
-
-    def wants(self, s: Situation) -> Array:
-        """Return a corner of U."""
-        second, chance, hold, jitter, back, _ = self.parameters
-        length = HELD + hold
-        low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
-
-        def pick() -> Array:
-            if self.rng.random() < 0.5 * chance:
-                return self.rng.choice(s.corners)
-            sign = 1.0 if self.rng.random() < 0.6 * back else -1.0
-            return s.best(lambda h: sign * (h[0] + second * h[min(1, len(h) - 1)]))
-
-        return self.draw(s.seen.time, low, high, pick)
-
-
-POLICIES: dict[str, type] = {
-    "nearest": Nearest,
-    "corner": Corner,
-    "slam": Slam,
-    "bang-bang": BangBang,
-    "wandering": Wandering,
-}
-"""name → policy that knows model and barriers alone."""
 
 
 def make(source: str) -> Made:

@@ -1,6 +1,7 @@
 """Episodes and films of a study, each run once and kept in a folder."""
 
 import functools
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from hcbf_gym.drawing.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.episode import in_double, samples
 from hcbf_gym.evaluation.rollouts import Episode, Job, make_policy
 from hcbf_gym.evaluation.workers import Backend
 
@@ -55,27 +57,20 @@ class Runs:
             function, jobs, folder=self.folder, workers=self.workers, backend=self.backend,
             title=title,
         )  # fmt: skip
-        results = dict(runs)
-        return [results[number] for number in range(len(jobs))]
+        return chunks.in_order(runs)
 
 
 def _film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
     env = job.case.make(render_mode="rgb_array")
     inner: Any = env.unwrapped
     inner.artist.path_color = to_rgba(PROGRAM_COLORS[job.case.program])
-    policy = make_policy(job.case.policy, env)
     steps = [round(time / CONTROL_DT) for time in times]
     frames = []
     try:
-        observation, info = env.reset(seed=job.seed)
-        for step in range(max(steps) + 1):
-            if step in steps:
+        walk = samples(env, in_double(make_policy(job.case.policy, env)), job.seed)
+        for step, sample in enumerate(itertools.islice(walk, max(steps) + 1)):
+            if step in steps and not sample.over:
                 frames.append(env.render())
-            observation, _, terminated, truncated, info = env.step(
-                np.asarray(policy(observation, info), dtype=np.float64)
-            )
-            if terminated or truncated:
-                break
     finally:
         env.close()
     return np.array(frames, dtype=np.uint8)

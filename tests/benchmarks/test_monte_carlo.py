@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from benchmarks.suites import monte_carlo as command
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.studies.monte_carlo import command
 
 
 def arguments(folder, **changes):

@@ -1,0 +1,66 @@
+"""The one loop of an episode; what records, judges or films one iterates over it."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym.arrays import Array
+
+
+class Sample(NamedTuple):
+    """What an environment showed at its reset or after a step; of N environments with N entries.
+
+    Attributes:
+        observation: as the environment returned it.
+        info: likewise.
+        action: of the step; None at the reset.
+        reward: of the step; 0 at the reset.
+        terminated: whether the episode ended by itself.
+        truncated: whether it was cut off.
+    """
+
+    observation: Any
+    info: dict[str, Any]
+    action: Any = None
+    reward: Any = 0.0
+    terminated: Any = False
+    truncated: Any = False
+
+    @property
+    def over(self) -> bool:
+        """Whether the episode, or that of every environment, has ended."""
+        return bool(np.all(np.logical_or(self.terminated, self.truncated)))
+
+
+def in_double(policy: Callable[[Any, dict[str, Any]], Any]) -> Callable[..., Array]:
+    """Return a policy whose inputs have 64 bits, whatever it computes with."""
+    return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
+
+
+def samples(
+    env: gym.Env | gym.vector.VectorEnv,
+    act: Callable[[Any, dict[str, Any]], Any],
+    seed: Any,
+    options: Mapping[str, Any] | None = None,
+) -> Iterator[Sample]:
+    """Yield what an episode shows, from its reset to its end; the environment stays open.
+
+    The next action is asked for when the next sample is, so whoever iterates may change the plant
+    between two steps, and may stop at any.
+
+    Args:
+        env: single, or a vector environment that does not reset itself.
+        act: (observation, info) → action.
+        seed: of the reset; of a vector environment one or many.
+        options: of the reset.
+    """
+    observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
+    sample = Sample(observation, info)
+    yield sample
+    while not sample.over:
+        action = act(sample.observation, sample.info)
+        observation, reward, terminated, truncated, info = env.step(action)
+        sample = Sample(observation, info, action, reward, terminated, truncated)
+        yield sample

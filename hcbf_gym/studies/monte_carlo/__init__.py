@@ -1,1 +1,0 @@
-"""Every program in random scenes that start in conflict."""
