@@ -83,6 +83,11 @@ class FilterBase:
         self._readers = Readers(self.plant)
 
     @property
+    def input_set(self) -> InputSet:
+        """U of each plant."""
+        return self._core.input_set
+
+    @property
     def conditions(self) -> list[Condition]:
         """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
         return self._core.conditions

@@ -81,7 +81,7 @@ class OwnEpisode:
         attack = attacks.make(self.attack, self.seed, self.parameters)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
         filtered = wrappers.SafetyFilter(env, plant=plant, **options)
-        input_set = plant.input_set or filtered._input_set
+        input_set = plant.input_set or filtered.input_set
         view = Foresight(self.source, plant, env.unwrapped, input_set)
 
         def act(observation: Any, info: dict[str, Any]) -> Any:

@@ -4,13 +4,14 @@ Without arguments it is the paper's section III-C on the reduced-order model: dr
 N((3, 1.5), I), negative ones rejected. Run it again to resume it, or with more samples to go on.
 """
 
-import functools
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import optuna
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
@@ -48,12 +49,14 @@ class Args:
     """Weight of the relaxation."""
     seed: int = 0
     """Decides the samples and the episodes."""
+    storage: str | None = None
+    """URL of a database [default: a log in the output folder]."""
     workers: Workers = None
     """Episodes that run at once, in full physics."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/tune")
-    """Folder for the chunks, tuning.json and the maps."""
+    """Folder for the study, tuning.json and the maps."""
 
 
 def main(args: Args) -> None:
@@ -69,8 +72,8 @@ def main(args: Args) -> None:
     settings = {"study": "tuning", "problem": problem.settings(), "seed": args.seed}
     settings |= {"mean": args.mean, "covariance": args.covariance, "samplers": args.sampler}
     open_folder(args.output, settings)
-    costs = functools.partial(
-        problem.costs, workers=args.workers, backend=args.backend, folder=args.output / "chunks"
+    storage: Any = args.storage or JournalStorage(
+        JournalFileBackend(str(args.output / "study.log"))
     )
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -78,12 +81,17 @@ def main(args: Args) -> None:
     with Progress(*columns) as progress:
         for name in args.sampler:
             bar = progress.add_task(name, total=args.samples)
-            study = TuningStudy(problem, normal, name, args.seed)
+            study = TuningStudy(problem, normal, name, args.seed, storage)
             start = time.perf_counter()
-            samples = study.run(
-                args.samples, costs, lambda done, bar=bar: progress.update(bar, completed=done)
+            studies[name] = (
+                study,
+                study.run(
+                    args.samples,
+                    args.workers,
+                    args.backend,
+                    lambda done, bar=bar: progress.update(bar, completed=done),
+                ),
             )
-            studies[name] = study, samples
             seconds[name] = time.perf_counter() - start
     _write(args, settings, studies)
     console = Console()

@@ -1,8 +1,7 @@
 """What is tuned: the weights of one program in one scene and environment, under one cost."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -77,16 +76,14 @@ class Problem:
         delta_gamma: ArrayLike,
         workers: int | None = None,
         backend: Backend = "processes",
-        folder: Path | None = None,
-    ) -> list[float]:
-        """Return r of N pairs of weights.
+    ) -> Iterator[tuple[int, float]]:
+        """Yield (k, r) of N pairs of weights, as they finish.
 
         Args:
             gamma0: (N,) γ₀ ≥ 0.
             delta_gamma: (N,) Δγ ≥ 0.
             workers: episodes that run at once, in full physics; None for the backend's CPUs.
             backend: "processes" or "ray".
-            folder: where finished ones are kept; None to keep none.
 
         Raises:
             InvalidInputError: if a weight is negative or not finite, or there are none.
@@ -94,14 +91,12 @@ class Problem:
         gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
         if not self.batched:
             pairs = list(zip(gamma0.tolist(), delta_gamma.tolist(), strict=True))
-            walks = chunks.run(self._walk, pairs, folder=folder, workers=workers, backend=backend)
-            return chunks.in_order(walks)
-        parts = [
-            (gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK])
+            return chunks.run(self._walk, pairs, workers=workers, backend=backend)
+        parts = (
+            self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK])
             for i in range(0, len(gamma0), _CHUNK)
-        ]
-        batches = chunks.in_order(chunks.run(self._batch, parts, folder=folder, workers=1))
-        return np.concatenate(batches).tolist()
+        )
+        return enumerate(cost for part in parts for cost in part.tolist())
 
     def cost_of(self, episode: Episode) -> float:
         """Return r of one recorded episode; infinity if the robot fell."""
@@ -117,7 +112,8 @@ class Problem:
         """Return r of one episode in full physics."""
         return self.cost_of(self.case(*weights).run(self.seed))
 
-    def _batch(self, weights: tuple[Array, Array]) -> Array:
-        """Return r of many pairs on the reduced-order model."""
-        run = simulate(self.scenario, self.program, *weights, self.options, seed=self.seed)
+    def _batch(self, gamma0: Array, delta_gamma: Array) -> Array:
+        run = simulate(
+            self.scenario, self.program, gamma0, delta_gamma, self.options, seed=self.seed
+        )
         return self.cost(run.tracking_error, run.relaxation)

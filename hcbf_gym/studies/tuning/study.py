@@ -1,21 +1,25 @@
-"""Studies of a `Problem`: the paper's sampling, and Optuna's TPE and CMA-ES.
+"""Optuna studies of a `Problem`: the paper's sampling, and Optuna's TPE and CMA-ES.
 
-Generations follow from the seed and the costs before, so a study that runs again asks for the same
-samples; what these cost is kept in chunks.
+A generation is asked for as a whole, evaluated as one batch and told as a whole. What a killed run
+had not told is asked for again.
 """
 
+import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, TPESampler
+from optuna.study import Study
+from optuna.trial import FrozenTrial, TrialState
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning.draws import Normal
 from hcbf_gym.studies.tuning.problem import Problem
 
@@ -31,12 +35,11 @@ SAMPLERS: dict[str, Callable[[int], BaseSampler] | None] = {
 
 GENERATION, DRAWS = 10, 250
 """Samples of one generation of Optuna's samplers, and of the paper's."""
+_SETTINGS = "settings"
 _WEIGHTS: dict[str, BaseDistribution] = {
     name: FloatDistribution(0.0, upper) for name, upper in WINDOW.items()
 }
-
-Costs = Callable[[Array, Array], Sequence[float]]
-"""γ₀ (N,) and Δγ (N,) → r of each pair."""
+_ANY: dict[str, BaseDistribution] = dict.fromkeys(WINDOW, FloatDistribution(0.0, 1e6))
 
 
 class Samples(NamedTuple):
@@ -65,13 +68,15 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class TuningStudy:
-    """One sampler's study of a problem.
+    """One sampler's study of a problem, in a storage that may hold others.
 
     Args:
         problem: what the samples cost.
         normal: N(µ, Σ) of the paper's sampling; the others do not read it.
         sampler: a name in `SAMPLERS`.
         seed: of the samples.
+        storage: where the study lives: an Optuna storage, the URL of a database, or None for
+            the memory of this process.
 
     Raises:
         UnknownNameError: if there is no such sampler.
@@ -81,50 +86,50 @@ class TuningStudy:
     normal: Normal
     sampler: str = "normal"
     seed: int = 0
+    storage: Any = None
 
     def __post_init__(self) -> None:
         choose("sampler", self.sampler, SAMPLERS)
 
+    def settings(self) -> dict[str, Any]:
+        """Return what decides the study, in JSON types."""
+        return {
+            "problem": self.problem.settings(),
+            "mean": list(self.normal.mean),
+            "covariance": [list(row) for row in self.normal.covariance],
+            "sampler": self.sampler,
+            "seed": self.seed,
+        }
+
     def run(
         self,
         samples: int,
-        costs: Costs | None = None,
+        workers: int | None = None,
+        backend: Backend = "processes",
         on_done: Callable[[int], None] = lambda done: None,
     ) -> Samples:
-        """Return so many samples.
+        """Bring the study to at least so many samples and return the first of them.
 
         Args:
             samples: how many, at least 1.
-            costs: (γ₀, Δγ) → r of N pairs; the problem's own if not given.
+            workers: episodes that run at once, in full physics; None for the backend's CPUs.
+            backend: "processes" or "ray".
             on_done: called with the number of samples that are done, again and again.
 
         Raises:
-            InvalidInputError: if `samples` is below 1.
+            InvalidInputError: if `samples` is below 1, or the storage holds another study of the
+                same name.
         """
         if samples < 1:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
-        make = SAMPLERS[self.sampler]
-        size = DRAWS if make is None and self.problem.batched else GENERATION
-        found: list[tuple[float, ...]] = []
-        trials: list[optuna.Trial] = []
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            study = optuna.create_study()
-        while (done := len(found)) < samples:
+        study = self._open()
+        extend = self._draw if SAMPLERS[self.sampler] is None else self._search
+        size = DRAWS if extend == self._draw and self.problem.batched else GENERATION
+        while (done := len(_complete(study))) < samples:
             on_done(done)
-            numbers = range(done, done + min(size, samples - done))
-            if make is None:
-                pairs = [self.normal.draw(self.seed, number)[:2] for number in numbers]
-            else:
-                seed = np.random.SeedSequence([self.seed, done]).generate_state(1)[0]
-                study.sampler = make(int(seed))
-                trials = [study.ask(_WEIGHTS) for _ in numbers]
-                pairs = [tuple(trial.params[name] for name in WINDOW) for trial in trials]
-            cost = (costs or self.problem.costs)(*np.transpose(pairs))
-            for trial, one in zip(trials, cost, strict=False):
-                study.tell(trial, one)
-            found += [(*pair, one) for pair, one in zip(pairs, cost, strict=True)]
+            extend(study, done, min(size, samples - done), workers, backend)
         on_done(samples)
+        found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
         return Samples(*np.array(found, dtype=np.float64).T)
 
     def rejected(self, samples: int) -> int:
@@ -132,3 +137,55 @@ class TuningStudy:
         if self.sampler != "normal":
             return 0
         return sum(self.normal.draw(self.seed, number).rejected for number in range(samples))
+
+    def _draw(
+        self, study: Study, done: int, count: int, workers: int | None, backend: Backend
+    ) -> None:
+        """Add the next draws of the paper's sampling."""
+        drawn = [self.normal.draw(self.seed, done + k) for k in range(count)]
+        pairs = [{"gamma0": one.gamma0, "delta_gamma": one.delta_gamma} for one in drawn]
+        costs = self._costs(pairs, workers, backend)
+        study.add_trials(
+            optuna.trial.create_trial(params=pair, distributions=_ANY, value=cost)
+            for pair, cost in zip(pairs, costs, strict=True)
+        )
+
+    def _search(
+        self, study: Study, done: int, count: int, workers: int | None, backend: Backend
+    ) -> None:
+        """Ask one of Optuna's samplers for a generation, and tell what it costs."""
+        for left in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+            study.tell(left.number, state=TrialState.FAIL, skip_if_finished=True)
+        make = SAMPLERS[self.sampler]
+        assert make is not None
+        study.sampler = make(int(np.random.SeedSequence([self.seed, done]).generate_state(1)[0]))
+        trials = [study.ask(_WEIGHTS) for _ in range(count)]
+        costs = self._costs([trial.params for trial in trials], workers, backend)
+        for trial, cost in zip(trials, costs, strict=True):
+            study.tell(trial, cost)
+
+    def _costs(
+        self, pairs: list[dict[str, float]], workers: int | None, backend: Backend
+    ) -> list[float]:
+        weights = [[pair[name] for pair in pairs] for name in WINDOW]
+        found = dict(self.problem.costs(*weights, workers=workers, backend=backend))
+        return [found[k] for k in range(len(pairs))]
+
+    def _open(self) -> Study:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            study = optuna.create_study(
+                storage=self.storage, study_name=self.sampler, load_if_exists=True
+            )
+        settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
+        if study.user_attrs.setdefault(_SETTINGS, settings) != settings:
+            raise InvalidInputError(
+                f"storage: got one whose study {self.sampler!r} has other settings, expected an "
+                "empty storage or the same study"
+            )
+        study.set_user_attr(_SETTINGS, settings)
+        return study
+
+
+def _complete(study: Study) -> list[FrozenTrial]:
+    return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
