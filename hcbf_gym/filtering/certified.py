@@ -10,7 +10,7 @@ from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.certificates import Certificate, Judged, judge
 from hcbf_gym.errors import CoverageWarning
-from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant
+from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
@@ -27,7 +27,7 @@ class Earned(NamedTuple):
 
     def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> Judged:
         """Return what the certificate says of the plant now."""
-        said = certificates.declared(self.plant, env, observation, info)
+        said = dict(read(self.plant.declared, env, observation, info))
         return judge(said, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
