@@ -6,22 +6,39 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import general_kernels, layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.general_kernels import (
+    ALPHA2_PSI,
+    CONDITIONING,
+    ELSEWHERE,
+    B,
+    H,
+    Scene,
+    Terms,
+    pack,
+    width,
+)
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.relative_degree import VANISHED, Reach, reach_by_jets, samples
+from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.row_kernels import late
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+BUILT_IN = (*SHAPES, SpeedLimit)
+"""What compiled code reads; a user's own class may derive from one and change it."""
+_NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
 class Prepared(NamedTuple):
@@ -31,8 +48,10 @@ class Prepared(NamedTuple):
         barriers: m of them.
         own: places of those that are functions.
         functions: what makes the rows of these; None if there are none.
-        rest: place and barrier of the others.
+        custom: place and barrier of users' own classes.
+        scene: the others, as compiled code reads them.
         reaches: (m,) how inputs reach each of them.
+        turns: whether an input enters the second derivative of a barrier that is no function.
         priority: (m,).
         least: (m,) what a row reserves by itself: a speed limit's margin.
         share: (m,) how much of a margin on the position a row reserves.
@@ -41,8 +60,10 @@ class Prepared(NamedTuple):
     barriers: tuple[Barrier, ...]
     own: list[int]
     functions: FunctionRows | SeparateRows | None
-    rest: list[tuple[int, Barrier]]
+    custom: list[tuple[int, Barrier]]
+    scene: Scene
     reaches: list[Reach]
+    turns: bool
     priority: NDArray[np.int64]
     least: Array
     share: Array
@@ -94,6 +115,7 @@ class GeneralRows:
     ) -> None:
         self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
+        self._alphas = np.stack((alpha1.parameters(), alpha2.parameters()))
         self._reaches: dict[tuple[type[Barrier], bytes], Reach] = {}
         self._somewhere = samples(model)[0][0]
         self._latest: Prepared | None = None
@@ -106,6 +128,7 @@ class GeneralRows:
         t: Any = 0.0,
         margin: ArrayLike = 0.0,
         margin_rate: ArrayLike = 0.0,
+        terms: tuple[Array, Array] | None = None,
     ) -> CbfRows:
         """Return the rows of one state.
 
@@ -116,6 +139,7 @@ class GeneralRows:
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
+            terms: f (n,) and g (n, n_u) at x, where they are known already.
 
         Raises:
             InvalidInputError: if no input reaches a barrier by the second derivative, the model has
@@ -128,7 +152,14 @@ class GeneralRows:
         if prepared.functions is not None and len(prepared.own) == len(prepared.barriers):
             rows, self.conditioning = prepared.functions(x, t, kept, rates)
             return self._recovering(prepared, rows, kept)
-        rows, self.conditioning = self._from_jets(prepared, x, t, kept, rates)
+        if x.shape != (self.model.n,) or kept.shape != prepared.least.shape:
+            raise InvalidInputError(
+                f"rows: got x of shape {x.shape} and margins of shape {kept.shape}, expected "
+                f"({self.model.n},) and {prepared.least.shape}"
+            )
+        terms = self.model.terms(x) if terms is None else terms
+        reserved = np.array((kept, rates))[:, None]
+        rows, self.conditioning = self._from_jets(prepared, x, t, reserved, terms)
         if prepared.functions is not None:
             own = prepared.own
             functions, self.conditioning[own] = prepared.functions(x, t, kept[own], rates[own])
@@ -139,11 +170,11 @@ class GeneralRows:
 
     def _recovering(self, prepared: Prepared, rows: CbfRows, margin: Array) -> CbfRows:
         """Return rows that ask for a stop where ψ is below zero; those of other states as given."""
-        degrees = np.array([reach.degree for reach in prepared.reaches])
         if self._most is None or rows.alpha2_psi is None or not (rows.alpha2_psi < 0.0).any():
             return rows
         b = rows.b.copy()
-        for at in map(tuple, np.argwhere((rows.alpha2_psi < 0.0) & (degrees == 2))):
+        late_ones = (rows.alpha2_psi < 0.0) & (prepared.scene.degree[0] == 2)
+        for at in map(tuple, np.argwhere(late_ones)):
             alpha2_psi, kept = float(rows.alpha2_psi[at]), float(rows.h[at] - margin[at[-1]])
             rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
             lost = float(b[at]) + alpha2_psi + self.alpha1.derivative(kept) * rate
@@ -161,13 +192,17 @@ class GeneralRows:
         ):
             own = [k for k, barrier in enumerate(key) if isinstance(barrier, Function)]
             functions = self._functions([key[k] for k in own])
-            rest = [(k, barrier) for k, barrier in enumerate(key) if k not in own]
             found = {} if functions is None else dict(zip(own, functions.reaches, strict=True))
-            found |= {k: self._reach(barrier) for k, barrier in rest}
+            found |= {k: self._reach(b) for k, b in enumerate(key) if k not in found}
             reaches = [found[k] for k in range(len(key))]
+            scene = _scene(key, [reach.degree for reach in reaches])
+            turns = bool((scene.degree[scene.kind != ELSEWHERE] == 2).any())
+            custom = [(int(k), key[k]) for k in np.flatnonzero(scene.kind[0] == layout.CUSTOM)]
             priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
             zero, one = margins(key, 0.0), margins(key, 1.0)
-            self._latest = Prepared(key, own, functions, rest, reaches, priority, zero, one - zero)
+            self._latest = Prepared(
+                key, own, functions, custom, scene, reaches, turns, priority, zero, one - zero
+            )
         return self._latest
 
     def _functions(self, barriers: Sequence[Barrier]) -> FunctionRows | SeparateRows | None:
@@ -176,35 +211,26 @@ class GeneralRows:
         return self.functions.rows(found) if found else None
 
     def _from_jets(
-        self, prepared: Prepared, x: Array, t: float, margin: Array, margin_rate: Array
+        self, prepared: Prepared, x: Array, t: float, reserved: Array, terms: tuple[Array, Array]
     ) -> tuple[CbfRows, Array]:
         """Return the rows and their conditioning; those of functions are left empty."""
-        m = len(prepared.barriers)
-        gradients, rates = np.zeros((m, self.model.n)), np.zeros(m)
-        h, last = np.zeros(m), np.zeros(m)
-        drift, inputs = self.model.f(x), self.model.g(x)
-        kept, growing = margin.tolist(), margin_rate.tolist()
-        for k, barrier in prepared.rest:
-            jet = _checked(barrier, barrier.jet(x, t), x.size)
-            h[k] = jet.h
-            psi = jet.h - kept[k]
-            gradient = jet.gradient
-            rate = jet.rate - growing[k]
-            if prepared.reaches[k].degree == 2:
-                slope = self.alpha1.derivative(psi)
-                h_dot = float(gradient @ drift) + rate
-                rate = float(jet.gradient_rate @ drift) + jet.rate_rate + slope * rate
-                gradient = (
-                    jet.hessian @ drift
-                    + self.model.f_jacobian(x).T @ gradient
-                    + jet.gradient_rate
-                    + slope * gradient
-                )
-                psi = h_dot + self.alpha1(psi)
-            gradients[k], rates[k], last[k] = gradient, rate, psi
-        alpha2_psi = self.alpha2.values(last)
-        a, b, conditioning = _in_input(gradients, drift, inputs)
-        return CbfRows(a, -alpha2_psi - b - rates, h, prepared.priority, alpha2_psi), conditioning
+        n, m = self.model.n, len(prepared.barriers)
+        jets = np.zeros((1, m if prepared.custom else 0, width(n)))
+        for k, barrier in prepared.custom:
+            pack(_checked(barrier, barrier.jet(x, t), n), jets[0, k])
+        jacobian = _NO_JACOBIAN
+        if prepared.turns:
+            jacobian = finite_array("∂f/∂x", self.model.f_jacobian(x), (n, n))[None]
+        f, g = terms
+        at = Terms(f[None], g[None], jacobian)
+        state = x[None], np.array([t], dtype=np.float64)
+        a, out = general_kernels.rows(prepared.scene, jets, state, reserved, at, self._alphas)
+        if not np.isfinite(out[H]).all():
+            for barrier in prepared.barriers:
+                if not isinstance(barrier, Function):
+                    _checked(barrier, barrier.jet(x, t), n)
+        rows = CbfRows(a[0], out[B, 0], out[H, 0], prepared.priority, out[ALPHA2_PSI, 0])
+        return rows, out[CONDITIONING, 0]
 
     def relative_degree(self, barrier: Barrier) -> int:
         """Return how often h must be differentiated until an input appears.
@@ -270,16 +296,16 @@ def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
     try:
         fields = [np.asarray(field) for field in jet]
         fits = len(fields) == len(shapes) and all(
-            field.shape == shape and field.dtype.kind in "fiu"
-            for field, shape in zip(fields, shapes, strict=False)
+            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"
+            for given, field, shape in zip(jet, fields, shapes, strict=False)
         )
     except (TypeError, ValueError):  # nothing to go through, or a ragged list
         fields = []
         fits = False
     if not fits:
         raise InvalidInputError(
-            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers: h, "
-            f"∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
+            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers and "
+            f"arrays: h, ∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
         )
     if finite and not all(np.isfinite(field).all() for field in fields):
         raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
@@ -322,32 +348,13 @@ def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
     )
 
 
-@njit(cache=True)
-def _in_input(gradients: Array, drift: Array, inputs: Array) -> tuple[Array, Array, Array]:
-    """Return ``L_g ψ`` (m, n_u), ``L_f ψ`` (m,) and the rows' conditioning (m,).
-
-    It is ``‖L_g ψ‖ / (‖∇ψ‖ ‖g‖)``; a row of none is a constant.
-
-    Args:
-        gradients: (m, n) ∇ψ.
-        drift: (n,) f.
-        inputs: (n, n_u) g.
-    """
-    a, along = np.zeros((len(gradients), inputs.shape[1])), np.zeros(len(gradients))
-    conditioning = np.zeros(len(gradients))
-    steer = (inputs * inputs).sum()
-    for k in range(len(gradients)):
-        whole = reached = 0.0
-        for i in range(drift.size):
-            along[k] += gradients[k, i] * drift[i]
-            whole += gradients[k, i] * gradients[k, i]
-        for j in range(inputs.shape[1]):
-            for i in range(drift.size):
-                a[k, j] += gradients[k, i] * inputs[i, j]
-            reached += a[k, j] * a[k, j]
-        share = np.sqrt(reached / (whole * steer)) if whole * steer > 0.0 else 0.0
-        if share > VANISHED:
-            conditioning[k] = share
-        else:
-            a[k] = 0.0
-    return a, along, conditioning
+def _scene(barriers: Sequence[Barrier], degrees: list[int]) -> Scene:
+    """Return barriers (m,) as one scene; an input enters the derivatives `degrees` (m,) of them."""
+    kind = np.full((1, len(barriers)), ELSEWHERE, dtype=np.int64)
+    parameters = np.zeros((1, len(barriers), layout.WIDTH))
+    for k, barrier in enumerate(barriers):
+        if isinstance(barrier, Shape | SpeedLimit) and type(barrier) in BUILT_IN:
+            kind[0, k] = barrier.write(parameters[0, k])
+        elif not isinstance(barrier, Function):
+            kind[0, k] = layout.CUSTOM
+    return Scene(kind, parameters, np.array([degrees], dtype=np.int64).reshape(kind.shape))

@@ -10,6 +10,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Reason
 
+_FLOAT = np.dtype(np.float64)
 _ROUNDING = 1e-6
 """Of a covariance: how far its correlations may be from those of one."""
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason >= FIRST_ALARM))
@@ -49,18 +50,21 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
         max_age: the greatest age that is believed; None for any [s].
     """
     x = _of_one(estimate.x, (n,))
-    optional = {"covariance": (n, n), "model": (n,), "lag": (n,)}
-    given = {name: getattr(estimate, name) for name in optional}
-    parts = {
-        name: None if given[name] is None else _of_one(given[name], shape)
-        for name, shape in optional.items()
-    }
-    bent = any(parts[name] is None and given[name] is not None for name in optional)
-    covariance = parts["covariance"]
-    if x is None or bent or not (covariance is None or is_covariance(covariance)):
+    if x is None or not are_near(x):
         return Reason.STATE
-    if not all(are_near(part) for part in (x, parts["model"], parts["lag"]) if part is not None):
+    model, lag, covariance = x, None, None
+    if estimate.model is not None:
+        model = _of_one(estimate.model, (n,))
+    if estimate.lag is not None:
+        lag = _of_one(estimate.lag, (n,))
+    if model is None or not are_near(model):
         return Reason.STATE
+    if estimate.lag is not None and (lag is None or not are_near(lag)):
+        return Reason.STATE
+    if estimate.covariance is not None:
+        covariance = _of_one(estimate.covariance, (n, n))
+        if covariance is None or not is_covariance(covariance):
+            return Reason.STATE
     if estimate.age is not None:
         age = real_number(estimate.age)
         if age is None or age < 0.0 or (max_age is not None and age > max_age):
@@ -71,8 +75,7 @@ def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None)
     time = None if estimate.time is None else real_number(estimate.time)
     if estimate.time is not None and (time is None or time <= last_time):
         return Reason.CLOCK
-    model = x if parts["model"] is None else parts["model"]
-    return Belief(x, time, covariance, model, parts["lag"])
+    return Belief(x, time, covariance, model, lag)
 
 
 def _of_one(value: Any, shape: tuple[int, ...]) -> Array | None:
@@ -96,6 +99,8 @@ def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
 
     What a mask hides is no number.
     """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
+        return value.copy() if np.isfinite(value).all() else None
     try:
         if np.ma.is_masked(value):
             return None

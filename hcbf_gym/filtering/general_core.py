@@ -14,12 +14,12 @@ from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
-from hcbf_gym.barriers.rows import ALPHA1, CbfRows
+from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, finite_array
 from hcbf_gym.filtering import report, solvers, verdict
-from hcbf_gym.filtering.belief import Belief, alarm_of, examine
+from hcbf_gym.filtering.belief import Belief, alarm_of, examine, real_numbers
 from hcbf_gym.filtering.brake import Brake
 from hcbf_gym.filtering.core import FilterCore, FilterSettings, check_hold
 from hcbf_gym.filtering.monitor import Monitor
@@ -27,8 +27,7 @@ from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterResult, FilterStatus
-from hcbf_gym.programs.program import check_rows
-from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.programs.program import are_finite
 
 _MEMORY = np.dtype((np.record, verdict.MEMORY))
 
@@ -41,20 +40,12 @@ class Conditions(NamedTuple):
         margin: (m,) what each reserves between h and zero.
         conditioning: (m,) see `GeneralRows`.
         strict: (m,) which are of rank 1 and on the position.
-        body: ρ, what the body reaches beyond its centre [m].
     """
 
     rows: CbfRows
     margin: Array
     conditioning: Array
     strict: NDArray[np.bool_]
-    body: float
-
-    @property
-    def unsafe(self) -> bool:
-        """Whether h of a condition of rank 1 is below zero, the body's where h is a distance."""
-        reach = self.body * self.strict  # ‖∇h‖ ≤ 1
-        return bool((self.rows.h < reach)[self.rows.priority == 1].any())
 
 
 class GeneralCore(FilterCore):
@@ -92,11 +83,21 @@ class GeneralCore(FilterCore):
         self._said_concave = False
         self._monitor = Monitor(plant.model, plant.period, input_set)
         self._braking = Brake(plant, input_set)
+        self._rules = verdict.Rules(
+            self.alpha1.parameters(),
+            self.alpha2.parameters(),
+            self.dip,
+            self.sway,
+            plant.period or 0.0,
+            self.settles,
+            self.uncertainty.body,
+            input_set.radius,
+        )
         self._last_time, self._alarm = -np.inf, Reason.NONE
         self._memory: Any = np.zeros(1, dtype=_MEMORY)
         self._follows = False  # whether the last state was believed
         self._barriers: tuple[Barrier, ...] = ()
-        self._needs_time = False
+        self._needs_time, self._late_inputs, self._checked = False, "", False
         if not callable(plant.barriers):
             late = self._check(plant.barriers)
             if late:
@@ -126,7 +127,8 @@ class GeneralCore(FilterCore):
         found = None
         if sensed is not None:
             self._braking.know(sensed.model)
-            found = self._conditions(barriers, sensed, beginning=True)
+            with np.errstate(all="ignore"):
+                found = self._conditions(barriers, sensed, self._terms(sensed), beginning=True)
         self._fresh[:] = False
         zeros = np.zeros(self.input_set.n_u)
         if found is None:
@@ -150,19 +152,18 @@ class GeneralCore(FilterCore):
         Raises:
             InvalidInputError: if u* is not made of n_u finite numbers.
         """
-        wanted = finite_array("action", u_nominal, (self.input_set.n_u,))
+        wanted = real_numbers(u_nominal, (self.input_set.n_u,))
+        if wanted is None:
+            wanted = finite_array("action", u_nominal, (self.input_set.n_u,))
         reason, sensed = self._sense(estimate)
-        if sensed is None:
-            self._braking.carry_on()
-            self._monitor.skip()
-            self._follows = False
-        else:
-            self._memory["news"] |= not self._follows
-            self._follows = True
-            self._last_time = self._last_time if sensed.time is None else sensed.time
-            self._braking.know(sensed.model)
-            self._raise(self._monitor.observe(sensed.body, sensed.model, sensed.covariance))
-        told = self._filter(wanted, barriers, sensed, reason)
+        with np.errstate(all="ignore"):
+            if sensed is None:
+                self._braking.carry_on()
+                self._monitor.skip()
+                self._follows = False
+                told = self._brake(wanted, self._braking.input(), reason)
+            else:
+                told = self._filter(wanted, barriers, sensed)
         self._steps += 1.0
         u = told["u_safe"].copy()
         self._braking.apply(u)
@@ -170,13 +171,24 @@ class GeneralCore(FilterCore):
             self._monitor.expect(sensed.body, sensed.model, u)
         return u, told
 
-    def _filter(
-        self, wanted: Array, barriers: Any, sensed: Belief | None, reason: Reason
-    ) -> dict[str, Any]:
-        """Return the report of one step: the program's answer, or the brake."""
-        if sensed is None:
-            return self._brake(wanted, self._braking.input(), reason)
-        found = self._conditions(barriers, sensed, beginning=False)
+    def _filter(self, wanted: Array, barriers: Any, sensed: Belief) -> dict[str, Any]:
+        """Return the report of a step whose state is believed: the program's answer, or the brake.
+
+        What the plant's own model or barriers raise makes it brake.
+        """
+        if not self._follows:
+            self._memory["news"] = 1
+            self._follows = True
+        self._last_time = self._last_time if sensed.time is None else sensed.time
+        self._braking.know(sensed.model)
+        terms = self._terms(sensed)
+        if terms is None:
+            self._monitor.skip()
+        else:
+            body = sensed.body
+            known = terms if body is sensed.x else None
+            self._raise(self._monitor.observe(body, sensed.model, sensed.covariance, known))
+        found = self._conditions(barriers, sensed, terms, beginning=False)
         if found is None:
             return self._brake(wanted, self._braking.input(), Reason.BARRIERS)
         if self._alarm and self.brakes_on_alarm:
@@ -185,6 +197,13 @@ class GeneralCore(FilterCore):
         if result is None:
             return self._brake(wanted, self._braking.input(), Reason.SOLVER)
         return self._report(wanted, result, found, self._alarm, self._stands(sensed.x, wanted))
+
+    def _terms(self, sensed: Belief) -> tuple[Array, Array] | None:
+        """Return f and g at the state, None where the model returns none."""
+        try:
+            return self.plant.model.terms(sensed.x)
+        except UNREADABLE:
+            return None
 
     def _stop(self, wanted: Array, found: Conditions) -> dict[str, Any]:
         """Return the report of a step after an alarm: the plant is brought to rest.
@@ -217,7 +236,13 @@ class GeneralCore(FilterCore):
             self._alarm = alarm
             self._warnings.warn(alarm)
 
-    def _conditions(self, barriers: Any, sensed: Belief, beginning: bool) -> Conditions | None:
+    def _conditions(
+        self,
+        barriers: Any,
+        sensed: Belief,
+        terms: tuple[Array, Array] | None,
+        beginning: bool,
+    ) -> Conditions | None:
         """Return the rows of the present state; None where there are none to rely on.
 
         Raises:
@@ -225,11 +250,11 @@ class GeneralCore(FilterCore):
                 policy that moves it later.
         """
         try:
-            with np.errstate(all="ignore"):
-                late = self._check(barriers)
-                found = self._rows(sensed)
-            check_rows(solvers.without_gaps(found.rows), self.input_set.n_u)
+            late = self._check(barriers)
+            found = None if terms is None else self._rows(sensed, terms)
         except UNREADABLE:
+            return None
+        if found is None or not _are_finite(found.rows):
             return None
         if late and beginning:
             raise InvalidInputError(late)
@@ -259,7 +284,10 @@ class GeneralCore(FilterCore):
                 f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
                 "barriers: a set makes rows of the planar double integrator alone"
             )
+        if _same(barriers, self._barriers) and self._checked:
+            return self._late_inputs
         own = check_barriers(barriers)
+        self._checked = False
         if not _same(own, self._barriers):
             self._memory["news"], self._barriers = 1, ()
             self._check_limits(own)
@@ -276,8 +304,9 @@ class GeneralCore(FilterCore):
         late = "; ".join(self._late.find(own, reaches))
         if late and self._allows_late:
             self._say_once(f"{late}: allowed")
-            return ""
-        return f"{late}; {REMEDY}" if late else ""
+            late = ""
+        self._late_inputs, self._checked = f"{late}; {REMEDY}" if late else "", True
+        return self._late_inputs
 
     def _check_limits(self, barriers: tuple[Barrier, ...]) -> None:
         """Refuse speed limits that an input passes within one period.
@@ -298,7 +327,7 @@ class GeneralCore(FilterCore):
             self._said_late = True
             warnings.warn(f"safety filter: {message}", stacklevel=5)
 
-    def _rows(self, sensed: Belief) -> Conditions:
+    def _rows(self, sensed: Belief, terms: tuple[Array, Array]) -> Conditions:
         """Return the rows (m,) of the present state, with their margins and conditioning.
 
         Raises:
@@ -310,12 +339,10 @@ class GeneralCore(FilterCore):
                 raise InvalidInputError("barriers: they move, and neither period nor time is known")
             time = float(self._steps[0]) * (self.plant.period or 0.0)
         distance = self.uncertainty.distance + self.uncertainty.body
-        margin = self._rows_of.prepare(barriers).margins(distance)
-        rows = self._rows_of(barriers, sensed.x, time, margin)
-        placed = np.array([barrier.reads_position for barrier in barriers], dtype=np.bool_)
-        strict = placed & (rows.priority == 1)
-        conditioning = self._rows_of.conditioning
-        return Conditions(rows, margin, conditioning, strict, self.uncertainty.body)
+        prepared = self._rows_of.prepare(barriers)
+        margin = prepared.margins(distance)
+        rows = self._rows_of(barriers, sensed.x, time, margin, terms=terms)
+        return Conditions(rows, margin, self._rows_of.conditioning, prepared.share > 0.0)
 
     def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
         """Return the report of a step in which the filter brakes, and say so once."""
@@ -336,29 +363,17 @@ class GeneralCore(FilterCore):
         stands: bool = False,
     ) -> dict[str, Any]:
         """Return what ``info["safety_filter"]`` says of a step whose state is believed."""
-        rows, alpha2 = found.rows, self.alpha2
+        rows = found.rows
         assert rows.alpha2_psi is not None
-        psi = np.array([alpha2.inverse(value) for value in rows.alpha2_psi.tolist()])
-        leaning = np.zeros(psi.size)
-        alpha1 = self.row_settings.packed[ALPHA1 : ALPHA1 + 4]
-        lacks = verdict.shortfall(
-            found.strict, rows.h, found.margin, leaning, psi, self.dip, self.sway, alpha1
+        of_rows = rows.priority, rows.h, rows.alpha2_psi
+        answer = int(result.status), result.u, result.slack
+        status, proved, psi = verdict.judge(
+            self._rules, self._memory, of_rows, found.margin, found.strict, u_nominal, answer
         )
-        violated = verdict.is_violated(
-            self._memory[0], lacks, self.plant.period or 0.0, self.settles
-        )
-        moved = np.abs(result.u - u_nominal).max() > NOMINAL * (1.0 + self.input_set.radius)
-        status = verdict.conclude(
-            int(result.status), bool(moved), found.unsafe, violated, result.slack
-        )
-        told = {
-            "status": status,
-            "deadlock": stands,
-            "proved": not lacks.any,
-        }
-        of_rows = {"margin": found.margin, "h": rows.h, "psi": psi}
-        of_rows["conditioning"] = found.conditioning
-        return self._told(u_nominal, result, reason, told, of_rows)
+        told = {"status": status, "deadlock": stands, "proved": proved}
+        kept = {"margin": found.margin, "h": rows.h, "psi": psi}
+        kept["conditioning"] = found.conditioning
+        return self._told(u_nominal, result, reason, told, kept)
 
     def _told(
         self,
@@ -369,7 +384,8 @@ class GeneralCore(FilterCore):
         rows: dict[str, Array],
     ) -> dict[str, Any]:
         """Return the fields of `filtering.report`: those of any step, and those that were told."""
-        result = result._replace(u=result.u.astype(self.told_as).astype(np.float64))
+        if self.told_as != np.float64:
+            result = result._replace(u=result.u.astype(self.told_as).astype(np.float64))
         change = result.u - u_nominal
         rows = {"slack": result.slack, "delta": result.delta} | rows
         told |= {
@@ -384,6 +400,14 @@ class GeneralCore(FilterCore):
         return report.of_one({"u_nominal": u_nominal, "u_safe": result.u}, rows, told)
 
 
-def _same(barriers: tuple[Barrier, ...], others: tuple[Barrier, ...]) -> bool:
-    """Return whether two lists hold the very same barriers."""
-    return len(barriers) == len(others) and all(map(operator.is_, barriers, others))
+def _same(barriers: Any, others: tuple[Barrier, ...]) -> bool:
+    """Return whether a list holds the very same barriers; they never change."""
+    if type(barriers) not in (list, tuple) or len(barriers) != len(others):
+        return False
+    return all(map(operator.is_, barriers, others))
+
+
+def _are_finite(rows: CbfRows) -> bool:
+    """Return whether rows are made of finite numbers."""
+    assert rows.alpha2_psi is not None
+    return are_finite(rows.a, rows.b, rows.h) and bool(np.isfinite(rows.alpha2_psi).all())

@@ -16,12 +16,13 @@ misses are significant there: where more than `FEW` of them are off by ``OFF_EXA
 alarms, too. So every third input that is reversed, or braking that is weakened, is seen.
 """
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Reason
@@ -56,6 +57,7 @@ CONFIDENCE = 3.0
 """κ, standard deviations of the state that explain what is missed."""
 
 _ROUNDING = 1e-9
+_EPSILON, _MOST_SWEEPS = 1e-15, 30  # of `pseudo_inverse`
 _WRAPPED = 0.5  # how near to a whole turn a jump must be to be one [rad]
 
 ACCOUNT = [
@@ -66,7 +68,8 @@ ACCOUNT = [
     ("samples", "f8"),  # that tell
 ]
 """What is remembered of the input's signal; zeros at a reset."""
-_ACCOUNT = np.dtype((np.record, ACCOUNT))
+_MEMORY = np.dtype((np.record, [*ACCOUNT, ("bend", "f8"), ("in_a_row", "f8")]))  # c, samples off
+_NO_COVARIANCE = np.zeros((0, 0))
 
 
 @njit(cache=True)
@@ -100,6 +103,22 @@ def breaks_off(memory: Any) -> bool:
     return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
 
 
+class Watched(NamedTuple):
+    """What a monitor never changes.
+
+    Attributes:
+        period: T [s].
+        radius: the largest norm of an input.
+        largest: (n_u,) of each input.
+        steered: (n,) the states that Δu is read from.
+    """
+
+    period: float
+    radius: float
+    largest: Array
+    steered: Mask
+
+
 class Monitor:
     r"""Whether one plant of any model does what was chosen, and moves as its state says.
 
@@ -129,119 +148,234 @@ class Monitor:
     """
 
     def __init__(self, model: ReducedOrderModel, period: float | None, input_set: InputSet):
-        self._model = model
-        self._period = period
-        self._radius = input_set.radius
+        self._model, self._period = model, period
         largest = np.full(model.n_u, input_set.radius)
-        self._largest = (
-            np.maximum(-input_set.low, input_set.high) if isinstance(input_set, Box) else largest
-        )
-        self._steered = ~_driven_alone(model)
-        self._memory = np.zeros(1, dtype=_ACCOUNT)
-        self._inverses: list[tuple[Array, Array]] = []
+        if isinstance(input_set, Box):
+            largest = np.maximum(-input_set.low, input_set.high)
+        steered = ~_driven_alone(model)
+        self._watched = Watched(period or 1.0, input_set.radius, largest, steered)
+        self._memory = np.zeros(1, dtype=_MEMORY)
+        self._sums = np.zeros((3, model.n))  # r, m and m'
         self.forget()
 
     def forget(self) -> None:
         """Start a new episode."""
         self._memory[:] = 0
+        self._sums[:] = 0.0
         self._last: tuple[Array, Array, Array] | None = None
-        self._sums = np.zeros((3, self._model.n))  # r, m and m'
-        self._change, self._in_a_row = 0.0, 0
+        self._terms: tuple[Array, Array] | None = None
 
     def skip(self) -> None:
         """Expect nothing of the next state, as the present one is not known."""
         self._last = None
 
     def expect(self, x: Array, model: Array, u: Array) -> None:
-        """Note the states (n,) of the plant and of its model, and the input (n_u,) chosen now."""
+        """Note the states (n,) of the plant and of its model, and the input (n_u,) chosen now.
+
+        Args:
+            x: as it was observed last.
+            model: likewise.
+            u: held for one period.
+        """
         if self._period is not None:
             self._last = x, model, u
 
     @property
     def error(self) -> float:
         """How far the plant's response is from the chosen input [unit of u]."""
-        return float(np.sqrt(self._memory[0]["error"]))
+        return math.sqrt(self._memory["error"][0])
 
-    def observe(self, x: Array, model: Array, covariance: Array | None) -> Reason:
+    def observe(
+        self,
+        x: Array,
+        model: Array,
+        covariance: Array | None,
+        terms: tuple[Array, Array] | None = None,
+    ) -> Reason:
         """Account for what came of the last input, and return the alarm that this raises.
 
         Args:
             x: (n,) state of the body.
             model: (n,) the reduced-order model's own state; x where there is no other.
             covariance: (n, n) of x; None where it is the truth.
+            terms: f (n,) and g (n, n_u) of the model at x, where they are known already.
         """
-        if self._last is None or self._period is None:
+        now = self._model.terms(x) if terms is None else terms
+        before, self._terms = self._terms, now
+        if self._last is None or before is None:
             return Reason.NONE
         last, last_model, u = self._last
-        with np.errstate(all="ignore"):
-            spread = covariance if model is x else None
-            input_alarm = self._input_missed(last_model, model, u, spread)
-            motion_alarm = self._motion_missed(last, x, u, covariance)
-        if input_alarm:
+        watched, memory, period = self._watched, self._memory, self._watched.period
+        spread = _NO_COVARIANCE if covariance is None else covariance
+        alone = last is last_model
+        g = before[1] if alone else self._model.terms(last_model)[1]
+        expected = self._model.step(last_model, u, period)
+        of_model = spread if model is x else _NO_COVARIANCE
+        missed = _misses(watched, memory, model, expected, g, u, of_model)
+        if not alone:
+            expected = self._model.step(last, u, period)
+        arrived, other, unreached = _arrival(watched, x, expected, before[1], u)
+        if other:
+            expected = self._model.step(last, arrived, period)
+        sample = last, x, arrived, expected
+        strays = _strays(watched, memory, self._sums, sample, before, now, unreached, spread)
+        if missed:
             return Reason.INPUT
-        return Reason.MOTION if motion_alarm else Reason.NONE
-
-    def _input_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
-        """Account for Δu, where the state's noise does not hide it; tell whether that alarms."""
-        period = self._period or 1.0
-        g = self._model.g(last)
-        to_input = self._inverse(g)
-        off = to_input @ _missed(x, self._model.step(last, u, period)) / period
-        error, chosen = float(off @ off), float(u @ u)
-        if not np.isfinite(error):
-            return False
-        if covariance is not None:
-            noise = 2.0 * CONFIDENCE**2 * np.trace(to_input @ covariance @ to_input.T)
-            chosen *= float(SHARE**2 * chosen > noise / period**2)
-        missed = account(self._memory[0], error, chosen, period / WINDOW, self._radius)
-        return bool(missed)
-
-    def _motion_missed(self, last: Array, x: Array, u: Array, covariance: Array | None) -> bool:
-        """Account for what no input explains, and tell whether that alarms."""
-        model = self._model
-        period = self._period or 1.0
-        g = model.g(last)
-        steered = g * self._steered[:, None]
-        to_input = self._inverse(steered)
-        unreached = np.eye(model.n) - steered @ to_input
-        expected = model.step(last, u, period)
-        off = to_input @ _missed(x, expected) / period
-        arrived = u + np.clip(off, -2.0 * self._largest, 2.0 * self._largest)
-        if np.abs(arrived - u).max() > _ROUNDING * self._radius:
-            expected = model.step(last, arrived, period)
-        missed = _missed(x, expected)
-        meant = expected - last
-        turned = model.f(x) + model.g(x) @ arrived - model.f(last) - g @ arrived
-        new = np.array([missed, meant + missed, meant]) @ unreached.T
-        change = float(np.linalg.norm(unreached @ turned))
-        if not np.isfinite(new).all() or not np.isfinite(change):
-            return False
-        fade = max(0.0, 1.0 - period / WINDOW)
-        self._sums = fade * self._sums + new
-        self._change = fade * self._change + APART * period * change
-        strayed, moved, expected_move = np.linalg.norm(self._sums, axis=1).tolist()
-        bound = STILL * WINDOW * float(np.linalg.norm(g * self._largest))
-        bound += OFF * max(moved, expected_move) + self._change + _ROUNDING * np.abs(x).max()
-        if covariance is not None:
-            bound += CONFIDENCE * np.sqrt(np.trace(unreached @ covariance @ unreached.T))
-        self._in_a_row = self._in_a_row + 1 if strayed > bound else 0
-        return self._in_a_row >= IN_A_ROW
-
-    def _inverse(self, g: Array) -> Array:
-        """Return g⁺ (n_u, n), computed anew only where g has changed: mostly it is constant."""
-        for known, inverse in self._inverses:
-            if np.array_equal(known, g):
-                return inverse
-        inverse = np.linalg.pinv(g).astype(np.float64)
-        self._inverses = [(g.copy(), inverse), *self._inverses[:1]]
-        return inverse
+        return Reason.MOTION if strays else Reason.NONE
 
 
+@njit(cache=True, error_model="numpy")
+def _misses(
+    watched: Watched,
+    memory: Records,
+    x: Array,
+    expected: Array,
+    g: Array,
+    u: Array,
+    covariance: Array,
+) -> bool:
+    """Account for Δu, where the state's noise does not hide it; return whether that alarms.
+
+    Args:
+        watched: what never changes.
+        memory: (1,) written to.
+        x: (n,) state of the model.
+        expected: (n,) what was expected of it.
+        g: (n, n_u) at the state before.
+        u: (n_u,) chosen there.
+        covariance: (n, n) of x; (0, 0) where it is the truth.
+    """
+    period = watched.period
+    to_input = pseudo_inverse(g)
+    off = to_input @ _missed(x, expected) / period
+    error, chosen = (off * off).sum(), (u * u).sum()
+    if not np.isfinite(error):
+        return False
+    if covariance.size > 0:
+        noise = 2.0 * CONFIDENCE**2 * _trace(to_input, covariance) / period**2
+        chosen *= SHARE**2 * chosen > noise
+    return account(memory[0], error, chosen, period / WINDOW, watched.radius)
+
+
+@njit(cache=True, error_model="numpy")
+def _arrival(
+    watched: Watched, x: Array, expected: Array, g: Array, u: Array
+) -> tuple[Array, bool, Array]:
+    """Return û (n_u,), whether it is not u, and Π (n, n).
+
+    Args:
+        watched: what never changes.
+        x: (n,) state of the body.
+        expected: (n,) what was expected of it.
+        g: (n, n_u) at the state before.
+        u: (n_u,) chosen there.
+    """
+    steered = g * watched.steered.reshape(-1, 1)
+    to_input = pseudo_inverse(steered)
+    off = to_input @ _missed(x, expected) / watched.period
+    arrived = u + np.minimum(np.maximum(off, -2.0 * watched.largest), 2.0 * watched.largest)
+    other = np.abs(arrived - u).max() > _ROUNDING * watched.radius
+    return arrived, other, np.eye(x.size) - steered @ to_input
+
+
+@njit(cache=True, error_model="numpy")
+def _strays(
+    watched: Watched,
+    memory: Records,
+    sums: Array,
+    sample: tuple[Array, Array, Array, Array],
+    before: tuple[Array, Array],
+    now: tuple[Array, Array],
+    unreached: Array,
+    covariance: Array,
+) -> bool:
+    """Account for what no input explains, and return whether that alarms.
+
+    Args:
+        watched: what never changes.
+        memory: (1,) written to.
+        sums: (3, n) r, m and m', written to.
+        sample: (n,) the state before, (n,) the present one, (n_u,) û, and (n,) what û leads to.
+        before: f (n,) and g (n, n_u) at the state before.
+        now: at the present one.
+        unreached: Π.
+        covariance: (n, n) of x; (0, 0) where it is the truth.
+    """
+    (last, x, arrived, expected), (f, g), period = sample, before, watched.period
+    missed, meant = _missed(x, expected), expected - last
+    strayed, expected_move = unreached @ missed, unreached @ meant
+    turned = unreached @ (now[0] + now[1] @ arrived - f - g @ arrived)
+    change = np.sqrt((turned * turned).sum())
+    if not (np.isfinite(strayed.sum() + expected_move.sum()) and np.isfinite(change)):
+        return False
+    note = memory[0]
+    fade = max(0.0, 1.0 - period / WINDOW)
+    sums[0] = fade * sums[0] + strayed
+    sums[1] = fade * sums[1] + expected_move + strayed
+    sums[2] = fade * sums[2] + expected_move
+    note.bend = fade * note.bend + APART * period * change
+    off, moved, meant_to = np.sqrt((sums * sums).sum(axis=1))
+    driven = g * watched.largest
+    bound = STILL * WINDOW * np.sqrt((driven * driven).sum())
+    bound += OFF * max(moved, meant_to) + note.bend + _ROUNDING * np.abs(x).max()
+    if covariance.size > 0:
+        bound += CONFIDENCE * np.sqrt(_trace(unreached, covariance))
+    note.in_a_row = note.in_a_row + 1.0 if off > bound else 0.0
+    return note.in_a_row >= IN_A_ROW
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _trace(a: Array, covariance: Array) -> float:
+    """Return tr(A P Aᵀ)."""
+    return (a @ covariance * a).sum()
+
+
+@njit(cache=True, error_model="numpy")
+def pseudo_inverse(g: Array) -> Array:
+    """Return g⁺ (n_u, n), by turning pairs of columns until all are orthogonal (Jacobi).
+
+    Where the columns of g V are orthogonal, ``g⁺ = V diag(1/σ²) (g V)ᵀ``, σ their lengths; those
+    below `_EPSILON` of the greatest count as 0.
+    """
+    columns, turns = g.copy(), np.eye(g.shape[1])
+    for _ in range(_MOST_SWEEPS):
+        still = True
+        for i in range(g.shape[1]):
+            for j in range(i + 1, g.shape[1]):
+                a, b = (columns[:, i] ** 2).sum(), (columns[:, j] ** 2).sum()
+                along = (columns[:, i] * columns[:, j]).sum()
+                if not abs(along) > _EPSILON * np.sqrt(a * b):
+                    continue
+                still = False
+                twist = (b - a) / (2.0 * along)
+                tan = 1.0 / (abs(twist) + np.sqrt(1.0 + twist * twist))
+                tan = tan if twist >= 0.0 else -tan
+                cos = 1.0 / np.sqrt(1.0 + tan * tan)
+                for part in (columns, turns):
+                    for k in range(part.shape[0]):
+                        first, second = part[k, i], part[k, j]
+                        part[k, i] = cos * (first - tan * second)
+                        part[k, j] = cos * (second + tan * first)
+        if still:
+            break
+    sizes = (columns * columns).sum(axis=0)
+    for j in range(sizes.size):
+        if sizes[j] > _EPSILON**2 * sizes.max():
+            turns[:, j] /= sizes[j]
+        else:
+            turns[:, j] = 0.0
+    return turns @ columns.T
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _missed(x: Array, expected: Array) -> Array:
     """Return x − expected (n,), without the whole turn of an angle that is wrapped."""
     missed = x - expected
-    turn = 2.0 * np.pi * np.sign(missed)
-    return np.where(np.abs(missed - turn) < _WRAPPED, missed - turn, missed)
+    for k in range(missed.size):
+        turned = missed[k] - 2.0 * np.pi * np.sign(missed[k])
+        if abs(turned) < _WRAPPED:
+            missed[k] = turned
+    return missed
 
 
 def _driven_alone(model: ReducedOrderModel) -> Mask:

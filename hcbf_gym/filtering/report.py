@@ -51,6 +51,7 @@ ROW = np.dtype(
 
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()
+_SCALARS = {name: PLANT[name].type for name in _PLANTS if PLANT[name].shape == ()}
 _WORD = 8  # bytes of a number or a code
 
 
@@ -62,9 +63,10 @@ def of_one(u: dict[str, Array], rows: dict[str, Array], told: dict[str, Any]) ->
         rows: what is said of the rows (m,) by its names.
         told: numbers and codes by their names; the others are 0.
     """
-    scalars = {name: PLANT[name] for name in _PLANTS if PLANT[name].shape == ()}
     report: dict[str, Any] = {name: value.copy() for name, value in (u | rows).items()}
-    return report | {name: kind.type(told.get(name, 0)) for name, kind in scalars.items()}
+    for name, number in _SCALARS.items():
+        report[name] = number(told.get(name, 0))
+    return report
 
 
 class ReportBuffer:

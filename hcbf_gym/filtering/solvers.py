@@ -8,6 +8,7 @@ from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
 from hcbf_gym.filtering.planar_records import Work
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
+from hcbf_gym.programs.program import has_no_gap
 
 
 def answer(program: Program, work: Work) -> bool:
@@ -42,9 +43,9 @@ def without_gaps(rows: CbfRows) -> CbfRows:
 
     Where nothing strict is in sight, a last row of rank 1 asks for nothing.
     """
-    ranks = np.unique(rows.priority)
-    if np.array_equal(ranks, np.arange(1, ranks.size + 1)):
+    if has_no_gap(rows.priority):
         return rows
+    ranks = np.unique(rows.priority)
     lower = ranks[ranks > 1]
     priority = np.where(rows.priority == 1, 1, 2 + np.searchsorted(lower, rows.priority))
     rows = rows._replace(priority=priority)

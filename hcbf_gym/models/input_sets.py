@@ -135,13 +135,19 @@ class Ball:
 
     def halfspaces(self) -> tuple[Array, Array]:
         """Return A (sides, 2) and b (sides,) with ``U = {u : A u ≥ b}`` and unit rows."""
+        inward, below = self._halfspaces
+        return inward.copy(), below.copy()
+
+    @cached_property
+    def _halfspaces(self) -> tuple[Array, Array]:
         angle = 2.0 * np.pi * (np.arange(self.sides) + 0.5) / self.sides
         inward = -np.column_stack((np.cos(angle), np.sin(angle)))
-        return inward, np.full(self.sides, -self.radius * np.cos(np.pi / self.sides))
+        below = np.full(self.sides, -self.radius * np.cos(np.pi / self.sides))
+        return inward, below
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Tell whether u (2,) lies in the polygon, or at most `tolerance` outside a side."""
-        a, b = self.halfspaces()
+        a, b = self._halfspaces
         return bool((a @ np.asarray(u) >= b - tolerance).all())
 
     def support(self, a: Array) -> float:

@@ -39,12 +39,28 @@ class ReducedOrderModel(ABC):
     def g(self, x: Any) -> Any:
         """Return (n, n_u) the input matrix."""
 
+    def terms(self, x: Array) -> tuple[Array, Array]:
+        """Return f (n,) and g (n, n_u) at x (n,), as compiled code reads them.
+
+        Raises:
+            InvalidInputError: if they are of other shapes.
+        """
+        f = np.ascontiguousarray(self.f(x), dtype=np.float64)
+        g = np.ascontiguousarray(self.g(x), dtype=np.float64)
+        if f.shape != (self.n,) or g.shape != (self.n, self.n_u):
+            raise InvalidInputError(
+                f"{self}: got f of shape {f.shape} and g of shape {g.shape}, expected "
+                f"({self.n},) and ({self.n}, {self.n_u})"
+            )
+        return f, g
+
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x, by central differences unless a model knows better."""
-        steps = 6e-6 * np.diag(1.0 + np.abs(x))
-        ahead = np.array([self.f(x + step) for step in steps])
-        behind = np.array([self.f(x - step) for step in steps])
-        return ((ahead - behind) / (2.0 * np.diag(steps))[:, None]).T
+        sizes = 6e-6 * (1.0 + np.abs(x))
+        steps = np.diag(sizes)
+        ahead = np.array([self.f(state) for state in x + steps])
+        behind = np.array([self.f(state) for state in x - steps])
+        return ((ahead - behind) / (2.0 * sizes)[:, None]).T
 
     def brake(self, x: Array, dt: float) -> Array:
         """Return (n_u,) the input that brings the plant to rest within dt [s]: 0 unless it coasts.
@@ -145,6 +161,8 @@ class DoubleIntegrator(ReducedOrderModel):
 
     def f(self, x: Any) -> Any:
         """Return (n,) the drift (v, −c v)."""
+        if type(x) is np.ndarray:
+            return _damped_drift(x, self.drag)
         velocity = x[self.n_u :]
         return namespace(x).concatenate([velocity, -self.drag * velocity])
 
@@ -158,10 +176,48 @@ class DoubleIntegrator(ReducedOrderModel):
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
-        k = self.n_u
-        jacobian = np.eye(self.n, k=k)
-        jacobian[k:, k:] = -self.drag * np.eye(k)
-        return jacobian
+        return _damped_jacobian(self.n_u, self.drag)
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
+        own = type(self) is DoubleIntegrator
+        return _damped_step(x, u, dt, self.drag) if own else super().step(x, u, dt)
+
+
+@njit(cache=True, error_model="numpy")
+def _damped_drift(x: Array, drag: float) -> Array:
+    """Return (v, −c v) at x = (p, v)."""
+    k = x.size // 2
+    f = np.empty(x.size)
+    f[:k], f[k:] = x[k:], -drag * x[k:]
+    return f
+
+
+@njit(cache=True)
+def _damped_jacobian(k: int, drag: float) -> Array:
+    """Return (2 k, 2 k) ∂f/∂x."""
+    jacobian = np.zeros((2 * k, 2 * k))
+    for i in range(k):
+        jacobian[i, k + i], jacobian[k + i, k + i] = 1.0, -drag
+    return jacobian
+
+
+@njit(cache=True, error_model="numpy")
+def _damped_step(x: Array, u: Array, dt: float, drag: float) -> Array:
+    """Return x (n,) after dt; see `ReducedOrderModel.step`."""
+    after = np.empty(x.size)
+    for i in range(u.size):
+        v = x[u.size + i]
+        a1 = u[i] - drag * v
+        v2 = v + 0.5 * dt * a1
+        a2 = u[i] - drag * v2
+        v3 = v + 0.5 * dt * a2
+        a3 = u[i] - drag * v3
+        v4 = v + dt * a3
+        a4 = u[i] - drag * v4
+        after[i] = x[i] + dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        after[u.size + i] = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return after
 
 
 @njit(cache=True)

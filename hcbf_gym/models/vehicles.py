@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_float
@@ -31,6 +32,8 @@ class Unicycle(ReducedOrderModel):
 
     def g(self, x: Any) -> Any:
         """Return (3, 2) the input matrix."""
+        if type(x) is np.ndarray:
+            return _unicycle_inputs(x)
         xp = namespace(x)
         zero = 0.0 * x[2]
         drive = xp.stack([xp.cos(x[2]), xp.sin(x[2]), zero])
@@ -39,6 +42,11 @@ class Unicycle(ReducedOrderModel):
     def f_jacobian(self, x: Array) -> Array:
         """Return (3, 3) ∂f/∂x."""
         return np.zeros((3, 3))
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance x (3,) by dt [s] under a constant u (2,): one Runge–Kutta step, 4th order."""
+        own = type(self) is Unicycle
+        return _unicycle_step(x, u, dt) if own else super().step(x, u, dt)
 
 
 @dataclass(frozen=True)
@@ -75,12 +83,16 @@ class KinematicBicycle(ReducedOrderModel):
 
     def f(self, x: Any) -> Any:
         """Return (4,) the drift (v cos θ, v sin θ, 0, 0)."""
+        if type(x) is np.ndarray:
+            return _bicycle_rate(x, 0.0, 0.0, self.rear)
         xp = namespace(x)
         zero = 0.0 * x[3]
         return xp.stack([x[3] * xp.cos(x[2]), x[3] * xp.sin(x[2]), zero, zero])
 
     def g(self, x: Any) -> Any:
         """Return (4, 2) the input matrix."""
+        if type(x) is np.ndarray:
+            return _bicycle_inputs(x, self.rear)
         xp = namespace(x)
         zero = 0.0 * x[3]
         v = x[3]
@@ -100,3 +112,58 @@ class KinematicBicycle(ReducedOrderModel):
         jacobian = np.zeros((4, 4))
         jacobian[0, 2:], jacobian[1, 2:] = (-v * sin, cos), (v * cos, sin)
         return jacobian
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance x (4,) by dt [s] under a constant u (2,): one Runge–Kutta step, 4th order."""
+        own = type(self) is KinematicBicycle
+        return _bicycle_step(x, u, dt, self.rear) if own else super().step(x, u, dt)
+
+
+@njit(cache=True, error_model="numpy")
+def _unicycle_inputs(x: Array) -> Array:
+    """Return g (3, 2) at x (3,)."""
+    g = np.zeros((3, 2))
+    g[0, 0], g[1, 0], g[2, 1] = np.cos(x[2]), np.sin(x[2]), 1.0
+    return g
+
+
+@njit(cache=True, error_model="numpy")
+def _unicycle_step(x: Array, u: Array, dt: float) -> Array:
+    """Return x (3,) after dt; where θ̇ is constant, the four rates are those of Simpson's rule."""
+    half, end = x[2] + 0.5 * dt * u[1], x[2] + dt * u[1]
+    forward = dt / 6.0 * u[0]
+    after = np.empty(3)
+    after[0] = x[0] + forward * (np.cos(x[2]) + 4.0 * np.cos(half) + np.cos(end))
+    after[1] = x[1] + forward * (np.sin(x[2]) + 4.0 * np.sin(half) + np.sin(end))
+    after[2] = end
+    return after
+
+
+@njit(cache=True, error_model="numpy")
+def _bicycle_inputs(x: Array, rear: float) -> Array:
+    """Return g (4, 2) at x (4,)."""
+    g = np.zeros((4, 2))
+    g[3, 0] = 1.0
+    g[0, 1], g[1, 1], g[2, 1] = -x[3] * np.sin(x[2]), x[3] * np.cos(x[2]), x[3] / rear
+    return g
+
+
+@njit(cache=True, error_model="numpy")
+def _bicycle_rate(x: Array, a: float, slip: float, rear: float) -> Array:
+    """Return ẋ (4,) under the inputs a and β."""
+    cos, sin = np.cos(x[2]), np.sin(x[2])
+    rate = np.empty(4)
+    rate[0], rate[1] = x[3] * (cos - slip * sin), x[3] * (sin + slip * cos)
+    rate[2], rate[3] = x[3] * slip / rear, a
+    return rate
+
+
+@njit(cache=True, error_model="numpy")
+def _bicycle_step(x: Array, u: Array, dt: float, rear: float) -> Array:
+    """Return x (4,) after dt; see `ReducedOrderModel.step`."""
+    a, slip = u[0], u[1]
+    k1 = _bicycle_rate(x, a, slip, rear)
+    k2 = _bicycle_rate(x + 0.5 * dt * k1, a, slip, rear)
+    k3 = _bicycle_rate(x + 0.5 * dt * k2, a, slip, rear)
+    k4 = _bicycle_rate(x + dt * k3, a, slip, rear)
+    return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)

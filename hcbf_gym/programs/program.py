@@ -111,18 +111,33 @@ def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bo
         h: (m,) barrier values.
         priority: (m,).
     """
-    levels = 0
+    return are_finite(a, b, h) and has_no_gap(priority)
+
+
+@njit(cache=True)
+def are_finite(a: Array, b: Array, h: Array) -> bool:
+    """Tell whether the rows of one state are made of finite numbers."""
     for k in range(b.size):
-        if not (np.isfinite(b[k]) and np.isfinite(h[k]) and 1 <= priority[k] <= b.size):
+        if not (np.isfinite(b[k]) and np.isfinite(h[k])):
             return False
         for j in range(a.shape[1]):
             if not np.isfinite(a[k, j]):
                 return False
-        levels = max(levels, priority[k])
+    return True
+
+
+@njit(cache=True)
+def has_no_gap(priority: NDArray[np.int64]) -> bool:
+    """Tell whether priorities (m,) are 1, 2, … without a gap."""
+    levels = 0
+    for rank in priority:
+        if not 1 <= rank <= priority.size:
+            return False
+        levels = max(levels, rank)
     for level in range(1, levels + 1):
         present = False
-        for k in range(b.size):
-            present |= priority[k] == level
+        for rank in priority:
+            present |= rank == level
         if not present:
             return False
     return True

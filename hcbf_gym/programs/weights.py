@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
@@ -67,9 +68,8 @@ class Weights(NamedTuple):
 
     def of(self, priority: NDArray[np.int64], h: Array) -> Array:
         """Return λ_δ(h) (m,) of one state's rows; those of priority 1 have no use for it."""
-        table = self.table[0]
-        gamma0 = table[np.minimum(np.maximum(priority - 1, 1), table.size - 1)]
-        return gamma0 * (1.0 + table[0] * np.maximum(0.0, -h))
+        ranked = zip(priority.tolist(), h.tolist(), strict=True)
+        return np.array([weight_of(self.table[0], rank, value) for rank, value in ranked])
 
     def check(self, states: int) -> None:
         """Refuse a batch of another number of states.
@@ -81,6 +81,13 @@ class Weights(NamedTuple):
             raise InvalidInputError(
                 f"gamma0, delta_gamma: got weights of {self.states} states, expected {states}"
             )
+
+
+@njit(cache=True)
+def weight_of(table: Array, priority: int, h: float) -> float:
+    """Return λ_δ(h) of one row; `table` is a row of that of `Weights`."""
+    gamma0 = table[min(max(priority - 1, 1), table.size - 1)]
+    return gamma0 * (1.0 + table[0] * max(0.0, -h))
 
 
 def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:

@@ -4,14 +4,13 @@ It is written in terms of `polyhedron.SolverInputs`, the inputs that the stages 
 `planar.cascade` is the same for two inputs, compiled; the tests hold them together.
 """
 
-from collections.abc import Iterator
 from itertools import takewhile
 
 import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.programs.general.polyhedron import SolverInputs as Inputs
-from hcbf_gym.programs.general.stage_rows import StageRows
+from hcbf_gym.programs.general.stage_rows import StageRows, in_stages
 from hcbf_gym.programs.plans import Plan
 
 
@@ -26,7 +25,7 @@ def decide(plan: Plan, inputs: Inputs, rows: StageRows, lambda_u: float) -> tupl
     """
     if plan.lower == "drawn":
         rows = rows._replace(target=_targets(inputs, rows))
-    stages = list(_stages(rows))
+    stages = in_stages(rows)
     u = None
     met = list(takewhile(lambda stage: stage.strict.all(), stages))
     inputs = _meet_in_turn(inputs, met)
@@ -43,12 +42,6 @@ def decide(plan: Plan, inputs: Inputs, rows: StageRows, lambda_u: float) -> tupl
         elif u is not None and plan.lock == "bound":
             inputs = inputs.bound(stage, u)
     return inputs.nearest() if u is None else u, rows.target
-
-
-def _stages(rows: StageRows) -> Iterator[StageRows]:
-    """Yield the rows of each stage that has any."""
-    for stage in np.unique(rows.stage):
-        yield rows.only(rows.stage == stage)
 
 
 def _targets(inputs: Inputs, rows: StageRows) -> Array:
@@ -68,8 +61,7 @@ def _meet_in_turn(inputs: Inputs, stages: list[StageRows]) -> Inputs:
     As many as can be met together are met in one step, and the next one is violated least.
     """
     for count in range(len(stages), 0, -1):
-        together = StageRows(*map(np.concatenate, zip(*stages[:count], strict=True)))
-        met = inputs.meeting(together)
+        met = inputs.meeting(*_together(stages[:count]))
         if met is not None:
             break
     else:
@@ -81,3 +73,8 @@ def _meet_in_turn(inputs: Inputs, stages: list[StageRows]) -> Inputs:
     for stage in stages[count + 1 :]:
         met = met.meet(stage)
     return met
+
+
+def _together(stages: list[StageRows]) -> tuple[Array, Array]:
+    """Return a (s, n_u) and b (s,) of the rows of several stages."""
+    return np.concatenate([stage.a for stage in stages]), np.concatenate([s.b for s in stages])

@@ -16,9 +16,9 @@ class SolverInputs(Remaining):
 
     __slots__ = ()
 
-    def meeting(self, rows: StageRows) -> "SolverInputs | None":
-        """Keep those that meet the rows; None where none does."""
-        met = self.intersect(rows.a, rows.b)
+    def meeting(self, a: Array, b: Array) -> "SolverInputs | None":
+        """Keep those that meet ``a u ≥ b``; None where none does."""
+        met = self.intersect(a, b)
         u = met.attempt()
         return None if u is None else met._replace(known=u)
 
@@ -32,7 +32,7 @@ class SolverInputs(Remaining):
 
     def meet(self, rows: StageRows) -> "SolverInputs":
         """Keep those that meet the rows or, where none does, violate them least."""
-        met = self.meeting(rows)
+        met = self.meeting(rows.a, rows.b)
         return self.violating_least(rows) if met is None else met
 
     def relax(self, rows: StageRows, lambda_u: float) -> Array:

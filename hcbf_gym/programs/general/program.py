@@ -42,10 +42,11 @@ class GeneralProgram(Program):
         """Filter one nominal input; see :class:`Program`."""
         desired = finite_array("u_nominal", u_nominal, (self.input_set.n_u,))
         check_rows(rows, desired.size)
-        staged = stage_rows(self.plan, self.prices, rows)
+        least = self.prices.least_slack(rows)
         if self.input_set.contains(desired, 0.0) and (rows.a @ desired >= rows.b).all():
             slack = np.zeros(rows.b.size)
-            return FilterResult(desired, slack, staged.least, FilterStatus.NOMINAL, 0)
+            return FilterResult(desired, slack, least, FilterStatus.NOMINAL, 0)
+        staged = stage_rows(self.plan, self.prices, rows, least)
         solver = Solver(self.solver)
         radius = self.input_set.radius
         try:
