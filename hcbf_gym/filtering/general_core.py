@@ -98,6 +98,7 @@ class GeneralCore(FilterCore):
         self._follows = False  # whether the last state was believed
         self._barriers: tuple[Barrier, ...] = ()
         self._needs_time, self._late_inputs, self._checked = False, "", False
+        self._margin, self._strict = np.zeros(0), np.zeros(0, dtype=np.bool_)
         if not callable(plant.barriers):
             late = self._check(plant.barriers)
             if late:
@@ -254,7 +255,7 @@ class GeneralCore(FilterCore):
             found = None if terms is None else self._rows(sensed, terms)
         except UNREADABLE:
             return None
-        if found is None or not _are_finite(found.rows):
+        if found is None or not are_finite(found.rows.a, found.rows.b, found.rows.h):
             return None
         if late and beginning:
             raise InvalidInputError(late)
@@ -298,7 +299,10 @@ class GeneralCore(FilterCore):
             if not self._said_concave:
                 self._said_concave = True
                 warn_of_concave([b for b in own if isinstance(b, Function)], self.plant.model)
-        reaches = self._rows_of.prepare(own).reaches
+        prepared = self._rows_of.prepare(own)
+        self._margin = prepared.margins(self.uncertainty.distance + self.uncertainty.body)
+        self._strict = prepared.share > 0.0
+        reaches = prepared.reaches
         if self.plant.period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(self.plant.period, alpha1=self.alpha1)
         late = "; ".join(self._late.find(own, reaches))
@@ -338,11 +342,8 @@ class GeneralCore(FilterCore):
             if self._needs_time:
                 raise InvalidInputError("barriers: they move, and neither period nor time is known")
             time = float(self._steps[0]) * (self.plant.period or 0.0)
-        distance = self.uncertainty.distance + self.uncertainty.body
-        prepared = self._rows_of.prepare(barriers)
-        margin = prepared.margins(distance)
-        rows = self._rows_of(barriers, sensed.x, time, margin, terms=terms)
-        return Conditions(rows, margin, self._rows_of.conditioning, prepared.share > 0.0)
+        rows = self._rows_of(barriers, sensed.x, time, self._margin, terms=terms)
+        return Conditions(rows, self._margin, self._rows_of.conditioning, self._strict)
 
     def _brake(self, u_nominal: Array, u: Array, reason: Reason) -> dict[str, Any]:
         """Return the report of a step in which the filter brakes, and say so once."""
@@ -405,9 +406,3 @@ def _same(barriers: Any, others: tuple[Barrier, ...]) -> bool:
     if type(barriers) not in (list, tuple) or len(barriers) != len(others):
         return False
     return all(map(operator.is_, barriers, others))
-
-
-def _are_finite(rows: CbfRows) -> bool:
-    """Return whether rows are made of finite numbers."""
-    assert rows.alpha2_psi is not None
-    return are_finite(rows.a, rows.b, rows.h) and bool(np.isfinite(rows.alpha2_psi).all())
