@@ -4,12 +4,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import VectorEnv
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, as_array, shown
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
+
+JOINED = "; around single environments put a SafetyFilter on each before they are joined"
 
 
 def real_input(action: Any, shape: tuple[int, ...]) -> Array:
@@ -38,6 +41,8 @@ def plant_of(env: Any) -> Plant:
         raise InvalidInputError(
             f"environment: got {env}, which brings no plant; expected one of this package's, or "
             "plant=hcbf_gym.Plant(model, barriers, state, …), which says what the filter must know"
+            + JOINED
+            * isinstance(env, VectorEnv)
         )
     return plant
 

@@ -5,10 +5,8 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
-from point_mass import DISC, PERIOD, Point
 
-import hcbf_gym
-from hcbf_gym import models, wrappers
+from hcbf_gym import wrappers
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
@@ -47,20 +45,10 @@ def test_the_native_batch_brakes_the_plants_that_are_not_known_and_no_other(monk
     assert np.linalg.norm(envs.unwrapped.rom_state[2, 2:]) <= 1e-9
 
 
-def test_a_vector_environment_that_is_not_compiled_is_refused():
-    class Pretender(gym.vector.VectorEnv):
-        num_envs = 3
-        metadata = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}  # noqa: RUF012
-        single_action_space = Point.action_space
-        single_observation_space = Point.observation_space
-        action_space = gym.vector.utils.batch_space(single_action_space, 3)
-        observation_space = gym.vector.utils.batch_space(single_observation_space, 3)
-        plant = hcbf_gym.Plant(
-            models.DoubleIntegrator(), (DISC,), lambda *_: np.zeros((3, 4)), period=PERIOD
-        )
-
-    with pytest.raises(InvalidInputError, match="compiles"):
-        wrappers.VectorSafetyFilter(Pretender())
+def test_single_environments_that_are_joined_are_refused_with_the_remedy():
+    joined = gym.make_vec("HCBF-Regions-v0", num_envs=2, vectorization_mode="sync")
+    with pytest.raises(InvalidInputError, match="put a SafetyFilter on each"):
+        wrappers.VectorSafetyFilter(joined)
 
 
 @pytest.mark.parametrize("states", [2, 5])
