@@ -19,7 +19,7 @@ from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, finite_array
 from hcbf_gym.filtering import report, solvers, verdict
-from hcbf_gym.filtering.belief import Belief, alarm_of, examine, real_numbers
+from hcbf_gym.filtering.belief import Belief, alarm_of, examine, real_number, real_numbers
 from hcbf_gym.filtering.brake import Brake
 from hcbf_gym.filtering.core import FilterCore, FilterSettings, check_hold
 from hcbf_gym.filtering.monitor import Monitor
@@ -157,6 +157,8 @@ class GeneralCore(FilterCore):
         if wanted is None:
             wanted = finite_array("action", u_nominal, (self.input_set.n_u,))
         reason, sensed = self._sense(estimate)
+        if estimate.elapsed is not None and real_number(estimate.elapsed) != self.plant.period:
+            self._monitor.skip()
         with np.errstate(all="ignore"):
             if sensed is None:
                 self._braking.carry_on()

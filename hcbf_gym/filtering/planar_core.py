@@ -2,6 +2,7 @@
 
 import contextlib
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -299,7 +300,8 @@ class PlanarCore(FilterCore):
         if _same(barriers, self._listed):
             return self._scene
         scene = scenes_of(barriers, self.count)
-        self._listed = () if isinstance(barriers, BarrierSet) else tuple(barriers)
+        flat = isinstance(barriers, Sequence) and not any(isinstance(b, Sequence) for b in barriers)
+        self._listed = tuple(barriers) if flat else ()  # a list of each plant may change in place
         return scene
 
     def _make_room(self, m: int) -> None:

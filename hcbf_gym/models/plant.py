@@ -93,7 +93,9 @@ class Estimate(NamedTuple):
         lag: (n,) the body's state minus the reduced-order model's; None where they are one.
         heading: of the body [rad]; None where it has none.
         age: how long ago this was true [s]; None where it is so now, infinite where it is missing.
-        elapsed: since the sample before [s]; None takes the plant's period.
+        elapsed: since the sample before [s]; None takes the plant's period. Of models other than
+            the planar double integrator a sample after another time is not compared with the one
+            before.
         fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; None or 0 for none.
     """
 

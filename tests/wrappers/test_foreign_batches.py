@@ -159,6 +159,17 @@ def test_barriers_may_be_a_list_for_all_a_list_each_or_a_reader(barriers):
     assert [one.name for one in envs.conditions] == ["strict", "soft", "cap"]
 
 
+def test_a_list_that_a_reader_changes_in_place_is_read_again():
+    listed = [scene(i) for i in range(N)]
+    envs = VectorSafetyFilter(Batch(), plant=plant(lambda *_: listed))
+    envs.reset()
+    *_, info = envs.step(np.zeros((N, 2)))
+    listed[3][0] = Disc("nearer", 1, center=(0.7, 0.0), radius=0.4)
+    *_, other = envs.step(np.zeros((N, 2)))
+    fallen = other["safety_filter"]["h"][:, 0] < info["safety_filter"]["h"][:, 0] - 0.1
+    assert fallen.nonzero()[0].tolist() == [3]
+
+
 def test_actions_are_translated_both_ways():
     half = plant(to_action=lambda u: 0.5 * u, from_action=lambda a: 2.0 * np.asarray(a))
     envs, plain = (
