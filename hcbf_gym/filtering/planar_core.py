@@ -2,7 +2,6 @@
 
 import contextlib
 import operator
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -300,8 +299,9 @@ class PlanarCore(FilterCore):
         if _same(barriers, self._listed):
             return self._scene
         scene = scenes_of(barriers, self.count)
-        flat = isinstance(barriers, Sequence) and not any(isinstance(b, Sequence) for b in barriers)
-        self._listed = tuple(barriers) if flat else ()  # a list of each plant may change in place
+        self._listed = ()
+        if not isinstance(barriers, BarrierSet) and not any(isinstance(b, list) for b in barriers):
+            self._listed = tuple(barriers)  # a list of each plant may change in place
         return scene
 
     def _make_room(self, m: int) -> None:
