@@ -11,7 +11,7 @@ import numpy as np
 import hcbf_gym
 from hcbf_gym import models
 from hcbf_gym.barriers import ConvexPolygon
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.models import Uncertainty
 
 gym.register_envs(gymnasium_robotics)
 

@@ -67,7 +67,7 @@ def filter_plants(
 
     Returns:
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
-        written; or `ASKS` where there is a reason to speak.
+        written; or `ASKS` where a warning is due.
     """
     c = borrowed(constants)[0]
     numbers = borrowed(program)
@@ -93,7 +93,7 @@ def filter_plants(
 
 @njit(cache=True)
 def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
-    """Filter as many plants as there is room for, and tell whether there is a reason to speak."""
+    """Filter as many plants as there is room for, and return whether a warning is due."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count = p.kind.shape[0]
     asks = False
@@ -110,7 +110,7 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
 
 @njit(cache=True)
 def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
-    """Filter plant `i` with what is at hand of its map, and tell whether there is one to speak."""
+    """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, p, i)
     count, total = part.kind.shape[1], part.rows.shape[1]
     asks = _filter(c, settings, part, make_work(settings, 1, count, total))
@@ -120,7 +120,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
 
 @njit(cache=True)
 def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
-    """Return plant `i` with what is at hand of its map, and which condition each row stands for."""
+    """Return plant `i` with the nearby pieces of its map, and which condition each row is of."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
     hand = map_rows.of_plant(c, scene, p.atlas, p.sensed[i])

@@ -20,8 +20,8 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
     The policy's action u* goes to the program. The environment receives the program's input u.
     ``info["safety_filter"]`` holds the fields of `hcbf_gym.filtering.report`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
-    `hcbf_gym.models.plant.Reason`, 0 where there is none), `covered` (a
-    `hcbf_gym.models.plant.Coverage`), `covered_by` (why, a `hcbf_gym.models.plant.CoveredBy`), and
+    `hcbf_gym.models.Reason`, 0 where there is none), `covered` (a
+    `hcbf_gym.models.Coverage`), `covered_by` (why, a `hcbf_gym.models.CoveredBy`), and
     what is measured on the way, such as `intervention` ‖u − u*‖ and `deadlock`, 1 where the plant
     stands (‖v‖ < 0.05 m/s) though u* asks it to move (‖u*‖ > 0.3 m/s²).
     `reset` reports the same keys.
