@@ -170,8 +170,11 @@ def as_array(name: str, value: Any) -> NDArray[Any]:
         value: anything.
 
     Raises:
-        InvalidInputError: on ragged lists, and on objects that do not tell their entries.
+        InvalidInputError: on ragged lists, on objects that do not tell their entries, and on
+            arrays of which a mask hides some.
     """
+    if np.ma.is_masked(value):
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected an array without a mask")
     try:
         return np.asarray(value)
     except Exception as error:  # whatever a foreign object raises when it is asked for its entries

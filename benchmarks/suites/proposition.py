@@ -48,6 +48,8 @@ CORNERS = 5
 WIDTH = 2 + 2 * CORNERS
 DIRECTIONS = 8
 """In which the robot may be off."""
+FAR = 0.5
+"""[m], more than any body: a region that stays so far away for a whole hold is looked at once."""
 
 BOTH_SIDES = 1e-13
 
@@ -115,6 +117,8 @@ def least_while_held(
 ) -> None:
     """Write the least distance (N,) from any region, seen from all places where the robot may be.
 
+    Of regions that stay farther away than `FAR` a lower bound of it is taken.
+
     Args:
         kind: (m,) of `SHAPES`.
         numbers: (N, m, WIDTH).
@@ -127,15 +131,25 @@ def least_while_held(
         least: (N,) written to.
     """
     looks = spread.shape[0] - 1
+    widest = 0.0
+    for look in range(looks + 1):
+        widest = max(widest, np.sqrt((spread[look] ** 2).sum()))
     for i in range(x.shape[0]):
         least[i] = np.inf
-        for look in range(looks + 1):
-            s = period * look / looks
-            px = x[i, 0] + s * x[i, 2] + 0.5 * s * s * u[i, 0]
-            py = x[i, 1] + s * x[i, 3] + 0.5 * s * s * u[i, 1]
-            root = spread[look]
-            count = DIRECTIONS if root[0, 0] > 0.0 or root[1, 1] > 0.0 else 1
-            for k in range(kind.size):
+        way = period * (np.hypot(x[i, 2], x[i, 3]) + 0.5 * period * np.hypot(u[i, 0], u[i, 1]))
+        for k in range(kind.size):
+            px, py = x[i, 0] - velocity[i, k, 0] * t, x[i, 1] - velocity[i, k, 1] * t
+            moves = period * np.hypot(velocity[i, k, 0], velocity[i, k, 1])
+            bound = distance(kind[k], numbers[i, k], px, py) - way - moves - widest
+            if bound > FAR:  # distances change no faster than places
+                least[i] = min(least[i], bound)
+                continue
+            for look in range(looks + 1):
+                s = period * look / looks
+                px = x[i, 0] + s * x[i, 2] + 0.5 * s * s * u[i, 0]
+                py = x[i, 1] + s * x[i, 3] + 0.5 * s * s * u[i, 1]
+                root = spread[look]
+                count = DIRECTIONS if root[0, 0] > 0.0 or root[1, 1] > 0.0 else 1
                 qx = px - velocity[i, k, 0] * (t + s)
                 qy = py - velocity[i, k, 1] * (t + s)
                 for turn in range(count):

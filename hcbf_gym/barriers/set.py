@@ -98,7 +98,7 @@ class BarrierSet:
             )
         self.version[i] += 1
         self.edits += 1
-        self.entries[i] = scene
+        self.entries[i] = tuple(scene)
         k = 0
         for barrier in _each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)

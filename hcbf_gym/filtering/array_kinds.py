@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import InvalidInputError, as_array, shown
@@ -41,6 +42,8 @@ def numpy_of(name: str, value: Any) -> Numbers:
                 f"{name}: got {shown(value)}, which JAX traces, expected an array; inside jit call "
                 "the filter by jax.pure_callback"
             )
+    if np.ma.is_masked(value) and value.dtype.kind in "fiu":  # what a mask hides is no number
+        return np.ma.filled(value.astype(np.float64), np.nan)
     return as_array(name, value)
 
 

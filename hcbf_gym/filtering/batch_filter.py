@@ -12,7 +12,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.filtering.array_kinds import like, numpy_of
 from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -154,15 +154,13 @@ class BatchFilter:
                     f"mask: got {chosen.dtype} {chosen.shape}, expected bool ({self._count},)"
                 )
         if goal is not None:
-            goals = np.array(numpy_of("goal", goal), dtype=np.float64)
-            if goals.shape not in ((2,), (self._count, 2)):
-                raise InvalidInputError(
-                    f"goal: got shape {goals.shape}, expected (2,) or ({self._count}, 2)"
-                )
+            given = numpy_of("goal", goal)
+            goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
             kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
             self._goal = np.where(chosen[:, None], goals, kept)
         if self._core.guides and (self._goal is None or not np.isfinite(self._goal[chosen]).all()):
             raise InvalidInputError("goal: got none for a plant that begins, expected (x, y) [m]")
+        self._begun &= ~chosen  # a reset that fails leaves them without an episode
         self._core.restart(chosen)
         self._core.cover(Coverage.OUTSIDE)
         report = self._core.begin(
@@ -218,8 +216,13 @@ class BatchFilter:
         if elapsed is not None:
             estimate = estimate._replace(elapsed=self._of_all("elapsed", elapsed))
         if missing is not None:
-            absent = np.broadcast_to(numpy_of("missing", missing), self._count)
-            estimate = estimate._replace(age=np.where(absent, math.inf, 0.0))
+            absent = self._of_all("missing", missing)
+            if absent.dtype != np.bool_ or absent.shape != (self._count,):
+                raise InvalidInputError(
+                    f"missing: got {absent.dtype} {absent.shape}, expected bool ({self._count},)"
+                )
+            age = 0.0 if estimate.age is None else estimate.age
+            estimate = estimate._replace(age=np.where(absent, math.inf, age))
         return estimate
 
     def _of_all(self, name: str, value: Any) -> Any:

@@ -178,6 +178,43 @@ def test_a_missing_sample_brakes_and_a_varying_period_is_no_alarm():
     assert (report["reason"] == Reason.STATE).all()
 
 
+def test_what_a_mask_hides_is_no_number_and_brakes_alone():
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
+    filt.set_scene(*DISC)
+    filt.reset(x=np.zeros((3, 4)))
+    hidden = np.ma.masked_array(np.zeros((3, 4)), np.arange(12).reshape(3, 4) == 5)
+    with pytest.warns(SafetyWarning, match="not finite"):
+        _, report = filt(np.ones((3, 2)), hidden)
+    assert report["reason"].tolist() == [Reason.NONE, Reason.STATE, Reason.NONE]
+
+
+def test_a_sample_that_is_old_stays_old_where_another_is_missing():
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
+    filt.set_scene(*DISC)
+    filt.reset(x=np.zeros((3, 4)))
+    old = Estimate(np.zeros((3, 4)), age=np.array([0.0, np.inf, 0.0]))
+    with pytest.warns(SafetyWarning, match="older"):
+        _, report = filt(np.ones((3, 2)), old, missing=[False, False, True])
+    assert report["reason"].tolist() == [Reason.NONE, Reason.AGE, Reason.AGE]
+    for bad in ([0, 1, 0], [True, False], "all"):
+        with pytest.raises(InvalidInputError, match="missing"):
+            filt(np.ones((3, 2)), old, missing=bad)
+
+
+def test_a_reset_that_fails_leaves_no_episode():
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 2, guidance="geodesic")
+    filt.set_scene(*DISC)
+    x = np.zeros((2, 4))
+    filt.reset(x=x, goal=(3.0, 0.0))
+    with pytest.raises(InvalidInputError, match="goal"):
+        filt.reset([False, True], x, goal=(1.0, 0.0))  # within the strict disc
+    with pytest.raises(InvalidInputError, match="1 of 2"):
+        filt(np.ones((2, 2)), x)
+    for bad in ("there", [1.0], np.full(2, np.nan), np.zeros((3, 2))):
+        with pytest.raises(InvalidInputError, match="goal"):
+            filt.reset(x=x, goal=bad)
+
+
 def test_some_begin_anew_while_the_others_go_on():
     x, numbers = drawn(4, 6)
     one, other = (hcbf_gym.BatchFilter(U, PERIOD, 6) for _ in range(2))
