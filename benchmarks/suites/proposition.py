@@ -198,7 +198,7 @@ def draw(rng: np.random.Generator) -> Draw:
     log = LogClassK(rng.uniform(0.5, 2.0), 0.5, rng.uniform(0.1, 0.4))
     alpha1 = log if rng.random() < 0.6 else LinearClassK(rng.uniform(0.5, 3.0))
     if alpha1.derivative(0.0) > steepest:
-        alpha1 = alpha1.scaled(steepest / alpha1.derivative(0.0))
+        alpha1 = alpha1.scaled((1.0 - ROUNDING) * steepest / alpha1.derivative(0.0))
     size = rng.uniform(1.5, 6.0)
     sets = (
         Box.symmetric(size),
