@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+Field = NDArray[np.float32]
+"""One number for each cell of a grid."""
+Ranks = NDArray[np.int8]
+"""One rank for each cell of a grid."""
+Places = NDArray[np.int32]
+"""Cells of a grid by their numbers."""
 Records = NDArray[Any]
 """Structured arrays, whose records have named fields."""
 

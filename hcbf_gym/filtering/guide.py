@@ -68,11 +68,11 @@ class Guide:
         guide, plants = self._guidance, samples.plants
         if isinstance(guide, Local):
             guide.barriers = scenes
-            a, b = guide.rows(samples.x, samples.time, u_nominal)
-            plants["way"][:, :2], plants["way"][:, 2] = a, b
+            guide.write_rows(samples.x, samples.time, u_nominal, plants["way"])
         elif guide is not None:
             guide.follow(scenes, samples.time)
             guide.update(samples.time)
-            fields = guide.field, guide.through, guide.zone, guide.geometry, guide.goal
-            told = plants["way"], plants["reachable"], plants["zone"]
-            guidance_row.lead(*fields, samples.x, guide.pull, *told)
+            x, place = samples.x, guide.geometry
+            guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
+            ranks = plants["reachable"], plants["zone"]
+            guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)

@@ -1,12 +1,15 @@
-"""How far a scene reaches: where a field is needed, and how fine its grid is."""
+"""The grid of a field: that of the scene's map, or one over all that the scene holds.
+
+Its geometry (7,) says where the cells lie, see `guidance.field`.
+"""
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, shapes
 from hcbf_gym.barriers.shapes import half_plane
+from hcbf_gym.models.grid import Grid
 
 PAD = 1.5
 """Room around start, goal and regions, for the ways round them [m]."""
@@ -20,9 +23,9 @@ MAX_CELLS = 10_000
 
 @njit(cache=True)
 def scene_extent(
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
-    priority: NDArray[np.int64],
+    priority: Integers,
     start: Array,
     goal: Array,
     extent: Array,
@@ -61,8 +64,8 @@ def scene_extent(
 
 
 @njit(cache=True)
-def geometry_of(extent: Array, cell: float, geometry: Array) -> None:
-    """Write (7,) the grid over an extent, see `guidance.field`."""
+def geometry_over(extent: Array, cell: float, geometry: Array) -> None:
+    """Write the geometry (7,) of a grid over an extent, its cells larger where it is large."""
     width, height = extent[1, 0] - extent[0, 0], extent[1, 1] - extent[0, 1]
     side = max(cell, np.sqrt(width * height / MAX_CELLS))
     side = max(side, 4.0 * max(width, height) / MAX_CELLS)  # a strip is two cells wide at least
@@ -70,3 +73,9 @@ def geometry_of(extent: Array, cell: float, geometry: Array) -> None:
     geometry[3] = max(2.0, np.ceil(height / side) + 1.0)
     geometry[4] = max(2.0, np.ceil(width / side) + 1.0)
     geometry[5], geometry[6] = 1.0, 0.0
+
+
+def geometry_of(grid: Grid) -> Array:
+    """Return the geometry (7,) of a map's grid."""
+    first = grid.to_world([[0.5, 0.5]])[0]
+    return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])

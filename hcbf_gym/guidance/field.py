@@ -9,11 +9,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Field, Integers, Ranks
 from hcbf_gym.barriers import kernels
-from hcbf_gym.guidance import march
-from hcbf_gym.guidance.ground import Ground, open_ground, paint_barrier
-from hcbf_gym.guidance.march import Field, Ranks
+from hcbf_gym.guidance.ground import Ground, paint_barrier
+from hcbf_gym.guidance.march import Cells, is_open, march
 
 Number = TypeVar("Number", float, Array)
 
@@ -83,8 +82,8 @@ def paint_barriers(
 @njit(cache=True, error_model="numpy")
 def solve(
     ground: Ground, geometry: Array, goal: Array, opened: int, field: Field, through: Ranks
-) -> Array:
-    """Write the field of a painted ground; return the tolls of its stages, see `march`.
+) -> None:
+    """Write the field of a painted ground.
 
     Args:
         ground: with its border.
@@ -94,111 +93,20 @@ def solve(
         field: (capacity,) T, of which the first ny·nx entries are written.
         through: (capacity,) through which rank the goal is reached: 0 none, 1 not at all.
     """
-    view, ranks = _bordered(field, through, geometry)
-    nx = view.shape[1]
+    rows, nx = ground.cost.shape
+    arrival, ranks = np.empty(rows * nx, dtype=np.float32), np.empty(rows * nx, dtype=np.int8)
+    cells = Cells(ground.cost.ravel(), ground.rank.ravel(), nx, arrival, ranks)
     j, i = cell_of(goal[0], goal[1], geometry)
-    tolls = march.march(
-        ground.cost.ravel(), ground.rank.ravel(), nx, geometry[2], opened,
-        (j + 1) * nx + i + 1, view.ravel(), ranks.ravel(),
-    )  # fmt: skip
-    _keep(view, ranks, geometry, field, through)
-    return tolls
-
-
-@njit(cache=True, error_model="numpy")
-def solve_again(
-    ground: Ground,
-    before: Ground,
-    geometry: Array,
-    goal: Array,
-    opened: int,
-    tolls: Array,
-    field: Field,
-    through: Ranks,
-) -> Array:
-    """Bring a field into agreement with another ground of the same grid; see `solve`.
-
-    Args:
-        ground: as it is now.
-        before: as it was when the field was computed, for the same goal.
-        geometry: (7,) of the grid.
-        goal: (2,) [m].
-        opened: as `paint_barriers` takes it.
-        tolls: as they were returned last.
-        field: (capacity,) T, written to.
-        through: (capacity,) written to.
-    """
-    cost, rank = ground.cost.ravel(), ground.rank.ravel()
-    cost_before, rank_before = before.cost.ravel(), before.rank.ravel()
-    changed = np.empty(cost.size, dtype=np.int32)
-    count = 0
-    for cell in range(cost.size):
-        if cost[cell] != cost_before[cell] or rank[cell] != rank_before[cell]:
-            changed[count] = cell
-            count += 1
-    if count == 0:
-        return tolls
-    view, ranks = _bordered(field, through, geometry)
-    nx = view.shape[1]
-    j, i = cell_of(goal[0], goal[1], geometry)
-    tolls = march.repair(
-        cost, rank, rank_before, nx, geometry[2], opened, (j + 1) * nx + i + 1, changed[:count],
-        tolls, view.ravel(), ranks.ravel(),
-    )  # fmt: skip
-    _keep(view, ranks, geometry, field, through)
-    return tolls
-
-
-@njit(cache=True, error_model="numpy")
-def _bordered(field: Field, through: Ranks, geometry: Array) -> tuple[Field, Ranks]:
-    """Return (ny + 2, nx + 2) copies of T and ranks with a border that is never reached."""
-    ny, nx = int(geometry[3]), int(geometry[4])
-    view = np.full((ny + 2, nx + 2), np.inf, dtype=np.float32)
-    ranks = np.zeros((ny + 2, nx + 2), dtype=np.int8)
-    view[1:-1, 1:-1] = grid(field, geometry)
-    ranks[1:-1, 1:-1] = grid(through, geometry)
-    return view, ranks
-
-
-@njit(cache=True, error_model="numpy")
-def _keep(view: Field, ranks: Ranks, geometry: Array, field: Field, through: Ranks) -> None:
-    """Write T and ranks without their border to where they are kept."""
-    grid(field, geometry)[:, :] = view[1:-1, 1:-1]
-    grid(through, geometry)[:, :] = ranks[1:-1, 1:-1]
-
-
-@njit(cache=True, error_model="numpy")
-def solve_batch(
-    mask: Mask,
-    kind: Integers,
-    parameters: Array,
-    priority: Integers,
-    clearance: Array,
-    t: Array,
-    goal: Array,
-    geometry: Array,
-    opened: int,
-    field: Field,
-    through: Ranks,
-) -> None:
-    """Write the fields of the masked (N,) scenes without maps.
-
-    Arrays are as in `paint_barriers` and `solve`, with a leading N.
-    """
-    for n in range(mask.size):
-        if mask[n]:
-            ground = open_ground(int(geometry[n, 3]), int(geometry[n, 4]), geometry[n, 2])
-            paint_barriers(
-                ground, geometry[n], kind[n], parameters[n], priority[n], clearance[n], t[n], opened
-            )
-            solve(ground, geometry[n], goal[n], opened, field[n], through[n])
+    march(cells, geometry[2], opened, (j + 1) * nx + i + 1)
+    grid(field, geometry)[:, :] = arrival.reshape(rows, nx)[1:-1, 1:-1]
+    grid(through, geometry)[:, :] = ranks.reshape(rows, nx)[1:-1, 1:-1]
 
 
 @njit(cache=True, error_model="numpy")
 def crossing(rank: Ranks, view: Field, j: int, i: int, opened: int) -> tuple[int, int, int]:
-    """Return rank, row and column of the first closed region that the way from a cell enters.
+    """Return rank, row and column of the first closed region that the path from a cell enters.
 
-    What the way begins in counts only where it leads on into a higher rank; rank 0 is no region.
+    What the path begins in counts only where it leads on into a higher rank; rank 0 is no region.
 
     Args:
         rank: (ny + 2, nx + 2) of the ground.
@@ -219,7 +127,7 @@ def crossing(rank: Ranks, view: Field, j: int, i: int, opened: int) -> tuple[int
             return 1, j, i
         j, i = low_j, low_i
         here = rank[j + 1, i + 1]
-        if not march.is_open(here, opened) and not 0 < within <= here:
+        if not is_open(here, opened) and not 0 < within <= here:
             return here, j, i
         within = 0 if within == 0 or here == 0 else here
     return 0, j, i

@@ -2,42 +2,44 @@
 
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
-from hcbf_gym.guidance import doors
 from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.guidance.ground import Ground
-from hcbf_gym.guidance.grounds import MapGround
+from hcbf_gym.guidance import validation
+from hcbf_gym.guidance.ground import Ground, open_ground
+from hcbf_gym.guidance.map_ground import MapGround
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import FARTHEST
 
 LEAST_CLEARANCE = 0.01
-"""What strict edges reserve at least: where two of them touch there is no way between [m]."""
+"""What strict edges reserve at least: where two of them touch no path leads between [m]."""
+
+_Question = tuple[MapGround | None, bytes]
+"""What a field answers: the ground of the scene's map, and all the numbers of the scene."""
 
 
 class Geodesic:
-    """The way to the goal in N scenes, as the guidance row of N states.
+    """The shortest paths to the goal in N scenes, as the guidance row of N states.
 
-    A scene's field is computed when it is reset; where regions move, again after every `period`,
-    with the regions where they will be half a period later. Scenes that are equal share one
-    computation, and a scene that comes back unchanged needs none. Where a scene has a map, the
-    field walks on the map's own cells, and is repaired where they change.
+    A scene's field is computed when it is reset, and when the cells of its map change; where
+    regions move, again after every `period`, with the regions where they will be half a period
+    later. Scenes that are equal share one computation, and a scene that comes back unchanged needs
+    none. Where a scene has a map, the field's cells are the map's.
 
     Args:
         count: N.
         through: ranks from it on may be crossed at their price, above 1; 0 for none. All others
-            are crossed only where no other way is left, see `march`.
+            are crossed only where no other path is left, see `march`.
         cell: side of a grid cell [m]; larger in scenes of more than 10⁴ cells.
         period: after which the field of a scene that moves is computed anew [s].
         pull: how the row pulls.
@@ -82,13 +84,12 @@ class Geodesic:
         self.zone = np.zeros((count, 0), dtype=np.int8)
         self._opened = through
         self._grounds: list[MapGround | None] = [None] * count
-        self._walked: list[_Walked | None] = [None] * count
+        self._solved: list[_Question | None] = [None] * count
         self._held: dict[tuple[int, int], Mapped] = {}
         self._next = np.full(count, np.inf)
         self._moving = False
         self._set: BarrierSet | None = None
         self._clearance = np.zeros((count, 0))
-        self._solved = np.full((count, 0), np.nan)
 
     def reset(
         self,
@@ -115,7 +116,7 @@ class Geodesic:
         Raises:
             InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
                 outside the extent or the map, or a goal inside a strict region; the fields stay as
-                they were. On a map, too, if no way leads from the start to the goal; the message
+                they were. On a map, too, if no path leads from the start to the goal; the message
                 says what lies on it.
         """
         count = len(self.geometry)
@@ -128,14 +129,14 @@ class Geodesic:
                 f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
             )
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
-        goals = doors.points("goal", goal, count)
-        starts = doors.points("start", start, count)
+        goals = validation.points("goal", goal, count)
+        starts = validation.points("start", start, count)
         grounds = self._grounds_of(chosen, scenes, clearance)
         geometry = self._geometry(chosen, scenes, goals, starts, extent, grounds)
         kept = self._clearances(scenes, clearance)
-        doors.check_extent(chosen, goals, starts, geometry)
-        doors.check_on_maps(chosen, grounds, goals)
-        doors.check_goal(chosen, scenes, goals)
+        validation.check_extent(chosen, goals, starts, geometry)
+        validation.check_on_maps(chosen, grounds, goals)
+        validation.check_goal(chosen, scenes, goals)
 
         self._set, self._clearance, self._grounds = scenes, kept, grounds
         self._held = dict(scenes.atlas.held)
@@ -146,9 +147,10 @@ class Geodesic:
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
         self._next[chosen] = np.where(moves, self.period, np.inf)[chosen]
         self._moving = bool((self._next < np.inf).any())
-        self._solve(chosen, np.where(moves, 0.5 * self.period, 0.0))
+        t = np.where(moves, 0.5 * self.period, 0.0)
+        self._solve(chosen, t)
         for n in np.flatnonzero(chosen).tolist():
-            self._refuse(n, starts[n])
+            self._refuse(n, starts[n], float(t[n]))
 
     def update(self, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields that are a period old and move."""
@@ -160,7 +162,7 @@ class Geodesic:
             self._solve(due, t + 0.5 * self.period)
 
     def follow(self, scenes: BarrierSet, t: Array) -> None:
-        """Repair, at the times t (N,), the fields of the scenes whose maps have changed.
+        """Compute anew, at the times t (N,), the fields of the scenes whose maps have changed.
 
         Args:
             scenes: of all N, their maps on the grids that they had.
@@ -195,29 +197,25 @@ class Geodesic:
         if self._set is None:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
-        a, b = np.empty((len(x), 2)), np.empty(len(x))
-        guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, a, b)
-        return a, b
+        out = np.empty((len(x), 3))
+        guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, out)
+        return out[:, :2], out[:, 2]
 
     def row(self, x: Array, t: float) -> tuple[Array, float]:
         """Return a (2,) and b of the row at one state x (4,) and time t, where N is 1."""
         a, b = self.rows(np.asarray(x, dtype=np.float64)[None], np.array([t]))
         return a[0], float(b[0])
 
-    def reachable(self, x: Array) -> NDArray[np.int64]:
+    def reachable(self, x: Array) -> Integers:
         """Return (N,) through which rank the goal can be reached from the states x (N, 4).
 
-        0: through the open. p > 1: a region of rank p lies on every way, or the robot stands in
-        one, and none of a higher rank has to be entered. 1: a strict region lies on every way, so
+        0: through the open. p > 1: a region of rank p lies on every path, or the robot stands in
+        one, and none of a higher rank has to be entered. 1: a strict region lies on every path, so
         not at all.
         """
-        return np.array(
-            [
-                guidance_row.rank_at(self.through[n], self.geometry[n], x[n, 0], x[n, 1])
-                for n in range(len(x))
-            ],
-            dtype=np.int64,
-        )
+        reachable, zone = np.empty((2, len(x)))
+        guidance_row.ranks_at(self.through, self.zone, self.geometry, x, reachable, zone)
+        return reachable.astype(np.int64)
 
     def _grounds_of(
         self, mask: Mask, scenes: BarrierSet, clearance: ArrayLike
@@ -264,7 +262,7 @@ class Geodesic:
         for n in np.flatnonzero(mask).tolist():
             ground = grounds[n]
             if ground is None:
-                extents.geometry_of(corners[n], self.cell, geometry[n])
+                extents.geometry_over(corners[n], self.cell, geometry[n])
             else:
                 geometry[n] = ground.geometry
         return geometry
@@ -294,67 +292,54 @@ class Geodesic:
             scenes.kind, scenes.parameters, scenes.priority, self._clearance, t, self.goal,
             self.geometry,
         )  # fmt: skip
-        at = np.flatnonzero(mask)
-        for n in at.tolist():
-            self._solve_on_map(n, float(t[n]))
-        at = np.array([n for n in at.tolist() if self._grounds[n] is None], dtype=np.int64)
-        if at.size == 0:
-            return
-        asked = np.column_stack([part[at].reshape(len(at), -1) for part in parts])
-        if asked.shape[1] != self._solved.shape[1]:  # another number of barriers
-            self._solved = np.full((len(mask), asked.shape[1]), np.nan)
-        new = (asked != self._solved[at]).any(axis=1)
-        if not new.any():
-            return
-        at, asked = at[new], asked[new]
-        self._solved[at] = asked
-        first: dict[bytes, int] = {}
-        source = [first.setdefault(row.tobytes(), n) for row, n in zip(asked, at, strict=True)]
-        todo = np.zeros_like(mask)
-        todo[source] = True
-        fields.solve_batch(todo, *parts, self._opened, self.field, self.through)
-        alike = at != source
-        to, of = at[alike], np.array(source)[alike]
-        self.field[to], self.through[to] = self.field[of], self.through[of]
-        self.zone[at] = 0
+        first: dict[_Question, int] = {}
+        for n in np.flatnonzero(mask).tolist():
+            base = self._grounds[n]
+            question = base, b"".join(part[n].tobytes() for part in parts)
+            if question == self._solved[n]:
+                continue
+            self._solved[n] = question
+            of = first.setdefault(question, n)
+            if of != n:
+                for array in (self.field, self.through, self.zone):
+                    array[n] = array[of]
+                continue
+            ground = self._ground(n, float(t[n]))
+            place = self.geometry[n], self.goal[n], self._opened
+            fields.solve(ground, *place, self.field[n], self.through[n])
+            self.zone[n] = 0
+            if base is not None:
+                rank = base.ground.rank[1:-1, 1:-1]
+                fields.grid(self.zone[n], base.geometry)[:] = np.where(rank > 1, rank, 0)
 
-    def _solve_on_map(self, n: int, t: float) -> None:
-        """Compute the field of a scene at time t where it has a map, or repair what has changed."""
-        base, scenes = self._grounds[n], self._set
-        if base is None:
-            self._walked[n] = None
-            return
+    def _ground(self, n: int, t: float) -> Ground:
+        """Return what a scene's field walks on at time t: the map's ground, with its barriers."""
+        base, scenes, geometry = self._grounds[n], self._set, self.geometry[n]
         assert scenes is not None
-        ground = base.ground
-        if scenes.is_region[n].any():
-            ground = Ground(ground.cost.copy(), ground.rank.copy())
-            fields.paint_barriers(
-                ground, base.geometry, scenes.kind[n], scenes.parameters[n], scenes.priority[n],
-                self._clearance[n], t, self._opened,
-            )  # fmt: skip
-        place = base.geometry, self.goal[n].copy()
-        kept = self._opened, self.field[n], self.through[n]
-        last = self._walked[n]
-        if last is not None and all(map(np.array_equal, last.place, place)):
-            tolls = fields.solve_again(ground, last.ground, *place, kept[0], last.tolls, *kept[1:])
+        if base is None:
+            ground = open_ground(int(geometry[3]), int(geometry[4]), geometry[2])
+        elif not scenes.is_region[n].any():
+            return base.ground
         else:
-            tolls = fields.solve(ground, *place, *kept)
-        self._walked[n] = _Walked(ground, place, tolls)
-        cells = base.ground.rank[1:-1, 1:-1]
-        fields.grid(self.zone[n], base.geometry)[:] = np.where(cells > 1, cells, 0)
+            ground = Ground(base.ground.cost.copy(), base.ground.rank.copy())
+        fields.paint_barriers(
+            ground, geometry, scenes.kind[n], scenes.parameters[n], scenes.priority[n],
+            self._clearance[n], t, self._opened,
+        )  # fmt: skip
+        return ground
 
-    def _refuse(self, n: int, start: Array) -> None:
-        """Refuse a scene on a map where no way leads from the start to the goal.
+    def _refuse(self, n: int, start: Array, t: float) -> None:
+        """Refuse a scene on a map where no path leads from the start to the goal.
 
         Raises:
             InvalidInputError: if there is none; the message says what lies on the cheapest.
         """
-        base, walked = self._grounds[n], self._walked[n]
-        if base is None or walked is None:
+        base = self._grounds[n]
+        if base is None:
             return
         field = fields.grid(self.field[n], base.geometry)
         at = fields.cell_of(start[0], start[1], base.geometry)
-        rank, j, i = fields.crossing(walked.ground.rank, field, *at, self._opened)
+        rank, j, i = fields.crossing(self._ground(n, t).rank, field, *at, self._opened)
         if rank > 0:
             x, y = fields.to_world(j, i, base.geometry)
             what = "the body does not fit through there" if rank == 1 else "it may not be crossed"
@@ -364,20 +349,6 @@ class Geodesic:
                 f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
                 f"expected a goal that can be reached{remedy}"
             )
-
-
-class _Walked(NamedTuple):
-    """What the field of a scene on a map was computed from.
-
-    Attributes:
-        ground: with the barriers on it.
-        place: geometry and goal.
-        tolls: of its stages, see `march`.
-    """
-
-    ground: Ground
-    place: tuple[Array, Array]
-    tolls: Array
 
 
 def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:

@@ -1,6 +1,6 @@
 """What a field walks on: cells of a grid, what each costs, and the highest rank that it lies in.
 
-A metre costs 1 in the open, a little more close to an edge, so that the way leaves some distance
+A metre costs 1 in the open, a little more close to an edge, so that the path leaves some distance
 where there is room, and far more in a region, so that it leads out by a short way. A cell of a map
 lies in a region where its centre is nearer to the occupied squares than the clearance: the body's
 radius and what the edges reserve.
@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Field, Mask, Ranks
 from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.shapes import half_plane
-from hcbf_gym.guidance.march import Cost, Ranks, is_open
+from hcbf_gym.guidance.march import is_open
 
 CLOSED_COST = 100.0
 """What a metre costs inside a region through which no way leads: out of it by a short one."""
@@ -35,7 +34,7 @@ class Ground(NamedTuple):
         rank: (ny + 2, nx + 2) the highest rank among the regions that a cell lies in, 0 in none.
     """
 
-    cost: Cost
+    cost: Field
     rank: Ranks
 
 
@@ -111,7 +110,7 @@ def paint_barrier(
 
 
 @njit(cache=True, error_model="numpy")
-def distances(cells: Mask, reach: int) -> NDArray[np.float32]:
+def distances(cells: Mask, reach: int) -> Field:
     """Return (ny, nx) exact distances of the cells' centres from the nearest occupied square.
 
     In sides of a cell; infinite beyond `reach` of them along either axis. With n(j, i) the cells

@@ -1,4 +1,4 @@
-r"""The way round without a goal: a row that walks along the edge which stops the policy.
+r"""Guidance without a goal: a row that walks along the edge which stops the policy.
 
 Where u* presses against a region within `REACH`, the row asks for speed along the edge,
 
@@ -8,7 +8,7 @@ Where u* presses against a region within `REACH`, the row asks for speed along t
 n the unit gradient of the nearest such barrier and σ = ±1 the side. The side is the one that u*
 leans to when the edge is met; it is retained while something stops the policy, and flipped when
 the robot stands still for `STUCK` all the same. So single convex regions are passed; a cluster or
-a trap may not be, for which only a field knows the way.
+a trap may not be: that takes a field.
 
 Source: the circulation of Gonçalves, Krishnamurthy, Tzes and Khorrami, Control barrier functions
 with circulation inequalities, IEEE TCST 2024, with a latched side.
@@ -18,9 +18,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
@@ -38,7 +37,7 @@ STUCK = 1.0
 
 @njit(cache=True)
 def circulation(
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
     x: Array,
     t: float,
@@ -88,19 +87,18 @@ def circulation(
 
 @njit(cache=True)
 def rows(
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
     x: Array,
     t: Array,
     u_nominal: Array,
     pull: Pull,
     memory: Array,
-    a: Array,
-    b: Array,
+    out: Array,
 ) -> None:
-    """Write a (N, 2) and b (N,) of N states; each array as in `circulation` with a leading N."""
+    """Write (N, 3) a_x, a_y and b of N states; see `circulation`, each array with a leading N."""
     for n in range(x.shape[0]):
-        a[n, 0], a[n, 1], b[n] = circulation(
+        out[n, 0], out[n, 1], out[n, 2] = circulation(
             kind[n], parameters[n], x[n], t[n], u_nominal[n], pull, memory[n]
         )
 
@@ -125,9 +123,7 @@ class Local:
         self.memory = np.zeros((count, 2))
         self.barriers: BarrierSet | None = None
 
-    def reset(
-        self, barriers: BarrierSet | Sequence[Barrier], *, mask: NDArray[np.bool_] | None = None
-    ) -> None:
+    def reset(self, barriers: BarrierSet | Sequence[Barrier], *, mask: Mask | None = None) -> None:
         """Forget the sides in scenes that begin.
 
         Args:
@@ -145,33 +141,20 @@ class Local:
         self.barriers = scenes
         self.memory[slice(None) if mask is None else mask] = 0.0
 
-    def rows(self, x: Array, t: Array, u_nominal: Array) -> tuple[Array, Array]:
-        """Return a (N, 2) and b (N,) of the rows at N states x (N, 4), times t (N,) and u* (N, 2).
+    def write_rows(self, x: Array, t: Array, u_nominal: Array, out: Array) -> None:
+        """Write (N, 3) a_x, a_y and b at N states x (N, 4), times t (N,) and u* (N, 2).
 
         Raises:
             InvalidInputError: before the first reset.
         """
         if self.barriers is None:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
-        a, b = np.empty((len(x), 2)), np.empty(len(x))
-        rows(
-            self.barriers.kind,
-            self.barriers.parameters,
-            x,
-            t,
-            u_nominal,
-            Pull(),
-            self.memory,
-            a,
-            b,
-        )
-        return a, b
+        kind, parameters = self.barriers.kind, self.barriers.parameters
+        rows(kind, parameters, x, t, u_nominal, Pull(), self.memory, out)
 
     def row(self, x: Array, t: float, u_nominal: Array) -> tuple[Array, float]:
         """Return a (2,) and b of the row at one state x (4,), time t and u* (2,), where N is 1."""
-        a, b = self.rows(
-            np.asarray(x, dtype=np.float64)[None],
-            np.array([t]),
-            np.asarray(u_nominal, dtype=np.float64)[None],
-        )
-        return a[0], float(b[0])
+        state = np.asarray(x, dtype=np.float64)[None]
+        out = np.empty((1, 3))
+        self.write_rows(state, np.array([t]), np.asarray(u_nominal, dtype=np.float64)[None], out)
+        return out[0, :2], float(out[0, 2])

@@ -10,9 +10,8 @@ all that is settled. So no closed rank lies on a way where one without it exists
 is, and from within a closed region the field leads out, through strict cells only where nothing
 else is left.
 
-Cells wait in buckets of equal T, and one whose T falls is looked at again. So the order is a
-matter of speed alone, the result solves the equations whatever is known at the beginning, and a
-window of cells that changes is repaired from the cells that do not depend on it.
+Cells wait in buckets of equal T, and one whose T falls is looked at again: the order is a matter of
+speed alone.
 
 Source: J. A. Sethian, A fast marching level set method for monotonically advancing fronts,
 PNAS 93, 1996; L. Yatziv, A. Bartesaghi, G. Sapiro, O(N) implementation of the fast marching
@@ -23,22 +22,34 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Mask
-
-Cost = NDArray[np.float32]
-Field = NDArray[np.float32]
-Ranks = NDArray[np.int8]
-Places = NDArray[np.int32]
+from hcbf_gym.arrays import Field, Mask, Places, Ranks
 
 BUCKETS = 1 << 15
 """So many lists of waiting cells, in a ring."""
-SPARE = 4.0
-"""A stage begins so many times above what is settled: repairs that lengthen ways fit below."""
+APART = 4.0
+"""A stage begins so many times above what is settled: T alone says which cells are settled."""
 
 RING = BUCKETS - 1
 NOWHERE = -1
+
+
+class Cells(NamedTuple):
+    """A grid's cells in one row each, with a border that is never entered.
+
+    Attributes:
+        cost: (cells,) what a step through a cell costs, infinite on the border.
+        rank: (cells,) the highest rank among the regions that a cell lies in, 0 in the open.
+        nx: cells of a row.
+        field: (cells,) T, written to; infinity where it is not known.
+        through: (cells,) through which rank the goal is reached: 0 none, 1 not at all; written to.
+    """
+
+    cost: Field
+    rank: Ranks
+    nx: int
+    field: Field
+    through: Ranks
 
 
 class Queue(NamedTuple):
@@ -97,7 +108,7 @@ def _put(queue: Queue, cell: int, bucket: int) -> None:
 
 @njit(cache=True, inline="always", error_model="numpy")
 def is_open(rank: int, level: int) -> bool:
-    """Tell whether a cell of this rank may be entered where ranks from `level` on may; 0: none."""
+    """Return whether a cell of this rank may be entered: ranks from `level` on may, for 0 none."""
     return rank == 0 or (level > 0 and rank >= level)
 
 
@@ -141,11 +152,11 @@ def _arrive(
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _way(rank: Ranks, through: Ranks, cell: int, source: int) -> int:
-    """Return through which rank the goal is reached from a cell by way of a neighbour.
+def _reached(rank: Ranks, through: Ranks, cell: int, source: int) -> int:
+    """Return through which rank the goal is reached from a cell over a neighbour.
 
     A robot that presses against a strict edge stands within its clearance, and often in a cell of
-    rank 1. It is told of the way that it has from there; what leads *into* rank 1 is no way.
+    rank 1. Its own cell does not count; a path *into* rank 1 is none.
     """
     if rank[cell] == 1:
         return through[source]
@@ -155,23 +166,14 @@ def _way(rank: Ranks, through: Ranks, cell: int, source: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _begin(
-    cost: Cost,
-    rank: Ranks,
-    nx: int,
-    level: int,
-    toll: float,
-    ceiling: float,
-    queue: Queue,
-    field: Field,
-    through: Ranks,
-) -> tuple[int, float]:
-    """Put what a stage can settle from what is known into the queue; return how many, and width.
+def _begin(cells: Cells, level: int, toll: float, queue: Queue) -> tuple[int, float]:
+    """Put what a stage can settle from what is settled into the queue; return how many, and width.
 
     A bucket is as wide as the cheapest step, so that about equal T wait together.
 
-    Args: as `_relax`; from `ceiling` on T is of later stages, of which nothing follows here.
+    Args: as `_relax`.
     """
+    cost, rank, nx, field, through = cells
     found = np.empty(field.size, dtype=np.int32)
     arrivals = np.empty(field.size, dtype=np.float32)
     sources = np.empty(field.size, dtype=np.int32)
@@ -183,14 +185,14 @@ def _begin(
             continue
         cheapest, dearest = min(cheapest, cost[cell]), max(dearest, cost[cell])
         arrival, source = _arrive(field, nx, level, toll, cost[cell], cell)
-        if np.float32(arrival) < here and arrival <= ceiling:
+        if np.float32(arrival) < here:
             lowest, highest = min(lowest, arrival), max(highest, arrival)
             found[count], arrivals[count], sources[count] = cell, arrival, source
             count += 1
     width = max(cheapest, (highest - lowest + 2.0 * dearest) / (BUCKETS - 2))
     for k in range(count):
         cell = found[k]
-        through[cell] = _way(rank, through, cell, sources[k])
+        through[cell] = _reached(rank, through, cell, sources[k])
         field[cell] = arrivals[k]
         _put(queue, cell, int(field[cell] / width) & RING)
     return count, width
@@ -198,31 +200,19 @@ def _begin(
 
 @njit(cache=True, error_model="numpy")
 def _relax(
-    cost: Cost,
-    rank: Ranks,
-    nx: int,
-    level: int,
-    toll: float,
-    width: float,
-    queue: Queue,
-    waiting: int,
-    field: Field,
-    through: Ranks,
+    cells: Cells, level: int, toll: float, width: float, queue: Queue, waiting: int
 ) -> float:
     """Settle what waits and all that follows from it; return the highest T among it.
 
     Args:
-        cost: (cells,) what a step through a cell costs.
-        rank: (cells,) the ranks.
-        nx: cells of a row.
+        cells: of the grid.
         level: ranks from it on may be entered, 0 for none.
         toll: what settled in the stages before, up to this T, pays so much.
         width: T of a bucket.
         queue: with the cells that begin.
         waiting: how many they are; the least T waits in the list of its own bucket.
-        field: (cells,) T, written to.
-        through: (cells,) written to.
     """
+    cost, rank, nx, field, through = cells
     highest = 0.0
     lowest = np.inf
     for bucket in range(BUCKETS):
@@ -247,7 +237,7 @@ def _relax(
             arrival, source = _arrive(field, nx, level, toll, cost[near], near)
             if np.float32(arrival) < field[near]:
                 field[near] = arrival
-                through[near] = _way(rank, through, near, source)
+                through[near] = _reached(rank, through, near, source)
                 waiting += not queue.waiting[near]
                 _put(queue, near, max(turn, int(field[near] / width)) & RING)
     return highest
@@ -275,139 +265,21 @@ def _stages(rank: Ranks, opened: int) -> Ranks:
 
 
 @njit(cache=True, error_model="numpy")
-def settle(
-    cost: Cost,
-    rank: Ranks,
-    nx: int,
-    side: float,
-    levels: Ranks,
-    tolls: NDArray[np.float64],
-    field: Field,
-    through: Ranks,
-) -> bool:
-    """Bring a field into agreement with its costs, from the goal or from what is known.
+def march(cells: Cells, side: float, opened: int, goal: int) -> None:
+    """Write T and `through` of a whole grid.
 
     Args:
-        cost: (cells,) what a step through a cell costs, infinite along the grid's border.
-        rank: (cells,) the highest rank among the regions that a cell lies in, 0 in the open.
-        nx: cells of a row.
+        cells: of the grid.
         side: of a cell [m].
-        levels: of the stages, see `_stages`.
-        tolls: of the stages; those that are not finite are chosen here.
-        field: (cells,) T; infinity where it is not known.
-        through: (cells,) through which rank the goal is reached: 0 none, 1 not at all.
-
-    Returns:
-        Whether every stage stayed below the next one's toll; if not, the field is of no use.
+        opened: as `_stages` takes it.
+        goal: the goal's cell.
     """
-    queue = _make_queue(field.size)
-    highest = 0.0
-    for k in range(levels.size):
-        if not np.isfinite(tolls[k]):
-            tolls[k] = SPARE * highest + side if k > 0 else -1.0
-        if highest > tolls[k] and k > 0:
-            return False
-        level, toll = levels[k], tolls[k]
-        ceiling = tolls[k + 1] if k + 1 < levels.size else np.inf
-        count, width = _begin(cost, rank, nx, level, toll, ceiling, queue, field, through)
-        reached = _relax(cost, rank, nx, level, toll, width, queue, count, field, through)
-        highest = max(highest, reached)
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def march(
-    cost: Cost, rank: Ranks, nx: int, side: float, opened: int, goal: int, field: Field,
-    through: Ranks,
-) -> NDArray[np.float64]:  # fmt: skip
-    """Write T and `through` of a whole grid; return the stages' tolls.
-
-    Args: as `settle`; `opened` as `_stages` takes it, `goal` is the goal's cell.
-    """
-    levels = _stages(rank, opened)
-    tolls = np.full(levels.size, np.inf)
-    field[:] = np.inf
-    through[:] = 0
-    field[goal] = 0.0
-    through[goal] = 0
-    settle(cost, rank, nx, side, levels, tolls, field, through)
-    return tolls
-
-
-@njit(cache=True, error_model="numpy")
-def _rests_on(
-    cost: Cost,
-    nx: int,
-    levels: Ranks,
-    tolls: NDArray[np.float64],
-    field: Field,
-    cell: int,
-    near: int,
-) -> bool:
-    """Tell whether T of a cell was computed with that of a neighbour."""
-    level, toll = levels[0], tolls[0]
-    for k in range(1, tolls.size):
-        if tolls[k] < field[cell]:
-            level, toll = levels[k], tolls[k]
-    along_x, side_x = _lower(field, level, toll, cell - 1, cell + 1)
-    along_y, side_y = _lower(field, level, toll, cell - nx, cell + nx)
-    if near == side_x:
-        return along_x - along_y < cost[cell]
-    return near == side_y and along_y - along_x < cost[cell]
-
-
-@njit(cache=True, error_model="numpy")
-def forget(
-    cost: Cost,
-    nx: int,
-    levels: Ranks,
-    tolls: NDArray[np.float64],
-    changed: Places,
-    goal: int,
-    field: Field,
-) -> None:
-    """Forget T of cells whose cost or rank has changed, and of all that was computed from them.
-
-    Args: as `settle`; `changed` (n,) are the cells.
-    """
-    known = np.ones(field.size, dtype=np.bool_)
-    stack = np.empty(field.size, dtype=np.int32)
-    top = 0
-    for cell in changed:
-        if cell != goal and known[cell]:
-            known[cell] = False
-            stack[top] = cell
-            top += 1
-    count = top
-    done = 0
-    while done < count:
-        cell = stack[done]
-        done += 1
-        for side in (-1, 1, -nx, nx):
-            near = cell + side
-            if not known[near] or not field[near] < np.inf or near == goal:
-                continue
-            if _rests_on(cost, nx, levels, tolls, field, near, cell):
-                known[near] = False
-                stack[count] = near
-                count += 1
-    for k in range(count):
-        field[stack[k]] = np.inf
-
-
-@njit(cache=True, error_model="numpy")
-def repair(
-    cost: Cost, rank: Ranks, before: Ranks, nx: int, side: float, opened: int, goal: int,
-    changed: Places, tolls: NDArray[np.float64], field: Field, through: Ranks,
-) -> NDArray[np.float64]:  # fmt: skip
-    """Bring a field into agreement with cells that have changed; return the tolls, as `march`.
-
-    Args: as `march`, and `before` (cells,), the ranks as they were, `changed` (n,), the cells whose
-        cost or rank is another, `tolls` as they were returned last.
-    """
-    levels = _stages(rank, opened)
-    if np.array_equal(levels, _stages(before, opened)):
-        forget(cost, nx, levels, tolls, changed, goal, field)
-        if settle(cost, rank, nx, side, levels, tolls, field, through):
-            return tolls
-    return march(cost, rank, nx, side, opened, goal, field, through)
+    queue = _make_queue(cells.field.size)
+    cells.field[:] = np.inf
+    cells.through[:] = 0
+    cells.field[goal] = 0.0
+    highest, toll = 0.0, -1.0
+    for level in _stages(cells.rank, opened):
+        count, width = _begin(cells, level, toll, queue)
+        highest = max(highest, _relax(cells, level, toll, width, queue, count))
+        toll = APART * highest + side

@@ -13,11 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Field, Integers, Ranks
 from hcbf_gym.guidance.field import cell_of, grid, to_cells, to_world
-from hcbf_gym.guidance.march import Field, Ranks
 
 
 class Pull(NamedTuple):
@@ -25,7 +23,7 @@ class Pull(NamedTuple):
 
     Attributes:
         gain: k [1/s].
-        speed: β, the least speed along the way [m/s].
+        speed: β, the least speed along the path [m/s].
         look_ahead: how far down the field the row aims [m].
         ease: r₀, the distance from the goal within which β falls to zero [m].
     """
@@ -130,10 +128,8 @@ def row(
 
 
 @njit(cache=True, error_model="numpy")
-def rows(
-    field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, a: Array, b: Array
-) -> None:
-    """Write a (N, 2) and b (N,) of N states x (N, 4), each in its own field.
+def rows(field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, out: Array) -> None:
+    """Write a_x, a_y and b of N states, each in its own field, see `row`.
 
     Args:
         field: (N, capacity).
@@ -141,16 +137,15 @@ def rows(
         goal: (N, 2) [m].
         x: (N, 4) positions [m] and velocities [m/s].
         pull: gain, speed and ranges.
-        a: (N, 2) to be written.
-        b: (N,) to be written [m/s²].
+        out: (N, 3) to be written.
     """
     for n in range(x.shape[0]):
-        a[n, 0], a[n, 1], b[n] = row(field[n], geometry[n], goal[n], x[n], pull)
+        out[n, 0], out[n, 1], out[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
 
 
 @njit(cache=True, error_model="numpy")
 def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
-    """Return what stands at a point's cell in (capacity,) ranks, of ways or of zones; 0 for none.
+    """Return what stands at a point's cell in (capacity,) ranks, of paths or zones; 0 for none.
 
     There is none where no field was computed, or the point is not finite.
     """
@@ -161,42 +156,26 @@ def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def lead(
-    field: Field,
-    through: Ranks,
-    zones: Ranks,
-    geometry: Array,
-    goal: Array,
-    x: Array,
-    pull: Pull,
-    way: Array,
-    rank: Array,
-    zone: Array,
+def ranks_at(
+    through: Ranks, zones: Ranks, geometry: Array, x: Array, reachable: Array, zone: Array
 ) -> None:
-    """Write the rows of N states, through which ranks their ways lead, and where they stand.
+    """Write through which ranks N states reach their goals, and in which zones they lie.
 
     Args:
-        field: (N, capacity).
-        through: (N, capacity) through which rank the goal is reached from each cell.
-        zones: (N, capacity) the rank of the map's zone that each lies in.
+        through: (N, capacity) as `Geodesic` holds it.
+        zones: (N, capacity) likewise.
         geometry: (N, 7).
-        goal: (N, 2) [m].
-        x: (N, 4) positions [m] and velocities [m/s].
-        pull: gain, speed and ranges.
-        way: (N, 3) a_x, a_y and b, to be written.
-        rank: (N,) of `through`, to be written.
+        x: (N, 4) positions first [m].
+        reachable: (N,) of `through`, to be written.
         zone: (N,) of `zones`, to be written.
     """
     for n in range(x.shape[0]):
-        way[n, 0], way[n, 1], way[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
-        rank[n] = rank_at(through[n], geometry[n], x[n, 0], x[n, 1])
+        reachable[n] = rank_at(through[n], geometry[n], x[n, 0], x[n, 1])
         zone[n] = rank_at(zones[n], geometry[n], x[n, 0], x[n, 1])
 
 
 @njit(cache=True, error_model="numpy")
-def insert(
-    priority: NDArray[np.int64], way: int, zone: int, through: int, out: NDArray[np.int64]
-) -> None:
+def insert(priority: Integers, reachable: int, zone: int, through: int, out: Integers) -> None:
     """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
 
     The guidance row comes last of all. Where the goal can be reached only through a rank that the
@@ -205,7 +184,7 @@ def insert(
 
     Args:
         priority: (m,) of the safety rows, from 1 without a gap.
-        way: through which rank the goal can be reached, see `march`.
+        reachable: through which rank the goal can be reached, see `march`.
         zone: the rank of the map's zone that the robot stands in, above 1; 0 for none.
         through: the highest rank that gives way to guidance, above 1; 0 for none.
         out: (m + 1,) to be written.
@@ -217,8 +196,8 @@ def insert(
     place = lowest + 1
     if zone > 1:
         place = zone
-    if through > 1 and way >= through:
-        place = min(place, way)
+    if through > 1 and reachable >= through:
+        place = min(place, reachable)
     place = min(place, lowest + 1)
     out[m] = place
     for k in range(m):

@@ -205,23 +205,21 @@ def test_a_reset_of_one_scene_leaves_the_others_alone():
 
 def test_equal_scenes_are_solved_once_and_one_that_comes_back_not_again(monkeypatch):
     solved = []
-    solve_batch = fields.solve_batch
-    monkeypatch.setattr(
-        fields, "solve_batch", lambda m, *rest: (solved.append(m.sum()), solve_batch(m, *rest))
-    )
+    solve = fields.solve
+    monkeypatch.setattr(fields, "solve", lambda *given: (solved.append(1), solve(*given)))
     scene, other = (scenarios.make("random", np.random.default_rng(n)) for n in (3, 4))
     walls = BarrierSet([scene.barriers, other.barriers, scene.barriers])
     goals = np.array([scene.goal, other.goal, scene.goal])
     way = guidance.Geodesic(3)
     way.reset(walls, goals)
-    assert solved == [2]
+    assert len(solved) == 2
     np.testing.assert_array_equal(way.field[0], way.field[2])
     assert (way.field[0] != way.field[1]).any()
     way.reset(walls, goals, mask=np.array([True, False, True]))
-    assert solved == [2]
+    assert len(solved) == 2
     before = way.field.copy()
     way.reset(walls, goals, clearance=0.2, mask=np.array([False, False, True]))
-    assert solved == [2, 1]
+    assert len(solved) == 3
     np.testing.assert_array_equal(way.field[:2], before[:2])
     assert (way.field[2] != before[2]).any()
 

@@ -25,7 +25,9 @@ def walk(barriers, guided, steps=1000):
         u_nominal = 2.0 * (GOAL - x[:, :2]) - 3.0 * x[:, 2:]
         rows = scenes.rows(x, t, RowSettings(), 0.03)
         if guided:
-            a, b = around.rows(x, t, u_nominal)
+            out = np.empty((len(x), 3))
+            around.write_rows(x, t, u_nominal, out)
+            a, b = out[:, :2], out[:, 2]
             rows = CbfRows(
                 np.concatenate([rows.a, a[:, None]], axis=1),
                 np.concatenate([rows.b, b[:, None]], axis=1),

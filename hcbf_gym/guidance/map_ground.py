@@ -4,9 +4,10 @@ from copy import copy
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance.extent import geometry_of
 from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
 from hcbf_gym.models.grid import Grid
 
@@ -110,12 +111,6 @@ class MapGround:
         self.ground.rank[inner] = 0
         for (rank, kept), cells in self._layers.items():
             paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
-
-
-def geometry_of(grid: Grid) -> Array:
-    """Return (7,) x and y of the first cell's centre, side [m], ny, nx, cos and sin of the yaw."""
-    first = grid.to_world([[0.5, 0.5]])[0]
-    return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])
 
 
 def _bordered(one: MappedRegion) -> Mask:

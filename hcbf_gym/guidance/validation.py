@@ -10,7 +10,7 @@ from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance.grounds import MapGround
+from hcbf_gym.guidance.map_ground import MapGround
 
 
 def points(name: str, value: ArrayLike | None, count: int) -> Array:
