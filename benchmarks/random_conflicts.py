@@ -189,6 +189,9 @@ def _nominal(
     return u + noise.normal(0.0, 3.0, u.shape) if policy == "noisy" else u
 
 
+_NO_MAP = np.zeros(1)
+
+
 @njit(cache=True)
 def advance(
     kind: NDArray[np.int64],
@@ -213,7 +216,7 @@ def advance(
                 state[axis] = x[i, axis] + tau * (x[i, 2 + axis] + 0.5 * tau * u[i, axis])
                 state[2 + axis] = x[i, 2 + axis] + tau * u[i, axis]
             for k in range(kind.shape[1]):
-                h = kernels.value(kind[i, k], parameters[i, k], state, t[i] + tau)
+                h = kernels.value(kind[i, k], parameters[i, k], _NO_MAP, state, t[i] + tau)
                 least[i, k] = min(least[i, k], h)
                 if h < 0.0:
                     inside[i, k] += dt / looks

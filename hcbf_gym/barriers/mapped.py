@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.kernels import is_mapped, of_map
 from hcbf_gym.barriers.layout import MAPPED, ZONE, ZONES
+from hcbf_gym.barriers.margins import Known
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
 from hcbf_gym.barriers.shapes import convex_polygon
@@ -26,8 +28,8 @@ from hcbf_gym.models.grid import Grid
 LONGEST_HOLD = 0.2
 """Within which rows that know no period look ahead [s]: no held row allows a longer one."""
 
-AT_HAND = 256
-"""Pieces for which there is room at first."""
+ROOM = 256
+"""For so many pieces at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Mapped(Barrier):
     code: ClassVar[int] = MAPPED
 
     def __eq__(self, other: object) -> bool:
-        """Tell whether they are the same object: to compare all cells would take too long."""
+        """Return whether they are the same object: to compare all cells would take too long."""
         return self is other
 
     __hash__ = object.__hash__
@@ -96,12 +98,7 @@ class Mapped(Barrier):
 
     def nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
-        packed = self.pieces.packed
-        found = pieces.nearest(packed, 0, float(x[0]), float(x[1]))
-        if found.block < 0:
-            return FARTHEST, np.zeros(2)
-        block = packed[found.block : found.block + layout.WIDTH]
-        h, gx, gy, *_ = convex_polygon.jet(block, float(x[0]), float(x[1]))
+        h, gx, gy = pieces.jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
         return h, np.array([gx, gy])
 
 
@@ -147,7 +144,7 @@ class MappedZone(Mapped):
         return self.code
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its derivatives, but for those of the way's own turn."""
+        """Return h and its derivatives, but for how the gradient of the distance turns."""
         n = len(x)
         distance, normal = self.nearest(x)
         away = max(0.0, distance - self.margin)
@@ -160,7 +157,7 @@ class MappedZone(Mapped):
 
 
 class Scene(NamedTuple):
-    """m conditions of one plant as `BarrierSet` holds them; of a map, or what is at hand of it.
+    """m conditions of one plant as `BarrierSet` holds them; of a map, or of its nearby pieces.
 
     Attributes:
         kind: (m,) which kernel evaluates each.
@@ -177,26 +174,11 @@ class Scene(NamedTuple):
     source: Integers
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def is_mapped(kind: int) -> bool:
-    """Tell whether a condition is a class of a map."""
-    return MAPPED <= kind <= ZONES
-
-
 @njit(cache=True, error_model="numpy")
 def nearby(
-    settings: Any,
-    rows: Array,
-    radius: float,
-    scene: Scene,
-    atlas: Array,
-    x: Array,
-    model: Array,
-    lag: Array,
-    covariance: Array,
-    growth: float,
+    settings: Any, rows: Array, radius: float, scene: Scene, atlas: Array, known: Known
 ) -> Scene:
-    """Return the conditions of a state, classes of a map replaced by their pieces at hand.
+    """Return the conditions of a state, classes of a map replaced by their nearby pieces.
 
     Args:
         settings: what the rows reserve, as `margins.derive` takes it.
@@ -204,40 +186,22 @@ def nearby(
         radius: the largest norm of an input [m/s²].
         scene: the conditions; `source` is not read.
         atlas: where the pieces stand.
-        x: (4,) position [m] and velocity [m/s].
-        model: (4,) the reduced-order model's own state.
-        lag: (4,) the body's state minus the reduced-order model's.
-        covariance: (4, 4) of x.
-        growth: by how much that of the velocity grows until the next sample [m²/s²].
+        known: of the plant.
     """
-    m = scene.kind.size
-    most = margins.most(settings, x, model, lag, covariance)
-    fastest = margins.fastest_drift(settings, covariance, growth)
-    over = margins.of_speed(settings, lag, covariance)
-    held = rows[HELD] != 0.0
-    period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)
-    speed = np.sqrt(x[2] * x[2] + x[3] * x[3])
-    later = speed + u_max * period
-    way = (speed + fastest) * period + u_max * period * period  # with a corner's rounding
-    stopping = class_k.inverse(rows[ALPHA1 : ALPHA1 + 4], later + fastest)
-    found = np.empty(m + AT_HAND, dtype=np.int64)
+    m, x = scene.kind.size, known.x
+    most = margins.most(settings, known)
+    reach = _reaches(settings, rows, radius, scene, known, most)
+    found = np.empty(m + ROOM, dtype=np.int64)
     ends = np.zeros(m + 1, dtype=np.int64)
     total = 0
     for k in range(m):
-        which, c = scene.kind[k], scene.parameters[k]
         ends[k] = total
-        if not is_mapped(which):
+        if not is_mapped(scene.kind[k]):
             total += 1
             continue
-        reach = most + way
-        if which == MAPPED:
-            reach += stopping + scene.own_margin[k]
-        else:
-            kept = over + scene.own_margin[k]
-            reach += c[layout.KEPT] + zone.reach(c[layout.V_MAX], kept, later)
-        at = int(c[layout.PIECES])
+        at = int(scene.parameters[k, layout.PIECES])
         while True:
-            got = pieces.near(atlas, at, x[0], x[1], reach, found[total:])
+            got = pieces.near(atlas, at, x[0], x[1], reach[k], found[total:])
             if total + got <= found.size:
                 break
             more = np.empty(2 * (total + got), dtype=np.int64)
@@ -271,8 +235,32 @@ def nearby(
 
 
 @njit(cache=True, error_model="numpy")
+def _reaches(
+    settings: Any, rows: Array, radius: float, scene: Scene, known: Known, most: float
+) -> Array:
+    """Return (m,) the braking horizon of each class of a map [m]; see `nearby`."""
+    x, lag, covariance = known.x, known.lag, known.covariance
+    fastest = margins.fastest_drift(settings, covariance, known.growth)
+    over = margins.of_speed(settings, lag, covariance)
+    held = rows[HELD] != 0.0
+    period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)
+    speed = np.sqrt(x[2] * x[2] + x[3] * x[3])
+    later = speed + u_max * period
+    passed = (speed + fastest) * period + u_max * period * period  # with a corner's rounding
+    stopping = class_k.inverse(rows[ALPHA1 : ALPHA1 + 4], later + fastest)
+    reach = np.full(scene.kind.size, most + passed)
+    for k in range(scene.kind.size):
+        if scene.kind[k] == MAPPED:
+            reach[k] += stopping + scene.own_margin[k]
+        elif scene.kind[k] == ZONES:
+            limit, kept = scene.parameters[k, layout.V_MAX], over + scene.own_margin[k]
+            reach[k] += scene.parameters[k, layout.KEPT] + zone.reach(limit, kept, later)
+    return reach
+
+
+@njit(cache=True, error_model="numpy")
 def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, block: Array) -> None:
-    """Write the block (WIDTH,) of one zone: its limit, the way to it, and the way's gradient."""
+    """Write the block (WIDTH,) of one zone: its limit, the distance to it, and its gradient."""
     distance, gx, gy, _, _, _ = convex_polygon.jet(atlas[piece : piece + layout.WIDTH], x[0], x[1])
     block[:] = 0.0
     block[layout.V_MAX] = limit
@@ -282,59 +270,11 @@ def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, blo
 
 
 @njit(cache=True, error_model="numpy")
-def write_values(kind: Integers, parameters: Array, atlas: Array, x: Array, h: Array) -> None:
-    """Write into h (N, m) the values of classes of maps at N states x (N, 4)."""
-    for i in range(x.shape[0]):
-        for k in range(kind.shape[1]):
-            if is_mapped(kind[i, k]):
-                h[i, k] = value(kind[i, k], parameters[i, k], atlas, x[i])
-
-
-@njit(cache=True, error_model="numpy")
-def value(kind: int, c: Array, atlas: Array, x: Array) -> float:
-    """Return h of a class of a map at the state x (4,)."""
-    distance = pieces.nearest(atlas, int(c[layout.PIECES]), x[0], x[1]).distance
-    distance = min(distance, FARTHEST)  # where there is no piece at all
-    if kind == MAPPED:
-        return distance
-    return zone.value(c[layout.V_MAX], max(0.0, distance - c[layout.KEPT]), x[2], x[3])
-
-
-@njit(cache=True, error_model="numpy")
-def write_sensed(
-    kind: Integers, parameters: Array, atlas: Array, x: Array, h: Array, seen: Array
-) -> None:
-    """Write h (N, m) of classes of maps, and what a policy sees of them, (N, m, 4).
-
-    That is h, unit gradient, ∂h/∂t; three zeros follow h of a zone.
-    """
-    for i in range(x.shape[0]):
-        for k in range(kind.shape[1]):
-            if not is_mapped(kind[i, k]):
-                continue
-            c = parameters[i, k]
-            seen[i, k, :] = 0.0
-            if kind[i, k] == ZONES:
-                h[i, k] = seen[i, k, 0] = value(ZONES, c, atlas, x[i])
-                continue
-            found = pieces.nearest(atlas, int(c[layout.PIECES]), x[i, 0], x[i, 1])
-            h[i, k] = seen[i, k, 0] = min(found.distance, FARTHEST)
-            if found.block >= 0:
-                block = atlas[found.block : found.block + layout.WIDTH]
-                _, seen[i, k, 1], seen[i, k, 2], _, _, _ = convex_polygon.jet(
-                    block, x[i, 0], x[i, 1]
-                )
-
-
-@njit(cache=True, error_model="numpy")
-def least_on_way(kind: int, c: Array, atlas: Array, way: Array) -> float:
-    """Return the least h of a class of a map over states `way` (k, 4) close to one another."""
-    distance = np.empty(len(way))
-    pieces.along(atlas, int(c[layout.PIECES]), way, distance)
+def least_along(kind: int, c: Array, atlas: Array, path: Array) -> float:
+    """Return the least h of a class of a map over states `path` (k, 4) close to one another."""
+    distance = np.empty(len(path))
+    pieces.along(atlas, int(c[layout.PIECES]), path, distance)
     least = np.inf
-    for s in range(len(way)):
-        h = min(distance[s], FARTHEST)
-        if kind == ZONES:
-            h = zone.value(c[layout.V_MAX], max(0.0, h - c[layout.KEPT]), way[s, 2], way[s, 3])
-        least = min(least, h)
+    for s in range(len(path)):
+        least = min(least, of_map(kind, c, distance[s], path[s, 2], path[s, 3]))
     return least

@@ -27,11 +27,12 @@ own growth m̈. The tracking error's part decays where the model is right, and i
 that one sample can take at most that much away.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, zone
 from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.models.plant import Uncertainty
@@ -41,17 +42,32 @@ MARGIN, RATE, QUICKENING, LEANING = range(4)
 m, less what `cap` cuts off of it."""
 
 
+class Known(NamedTuple):
+    """What is known of a plant at a sample; compiled code reads a record of these fields as well.
+
+    Attributes:
+        x: (4,) position [m] and velocity [m/s], as the rows read them.
+        time: [s].
+        model: (4,) the reduced-order model's own state.
+        lag: (4,) the body's state minus the reduced-order model's.
+        covariance: (4, 4) of x.
+        growth: g, by how much that of the velocity grows until the next sample [m²/s²].
+    """
+
+    x: Array
+    time: float
+    model: Array
+    lag: Array
+    covariance: Array
+    growth: float
+
+
 @njit(cache=True, error_model="numpy")
 def derive(
     settings: Uncertainty,
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
-    x: Array,
-    t: float,
-    model: Array,
-    lag: Array,
-    covariance: Array,
-    growth: float,
+    known: Known,
     period: float,
     out: Array,
 ) -> None:
@@ -61,15 +77,12 @@ def derive(
         settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
         kind: (m,) which kernel evaluates each barrier.
         parameters: (m, WIDTH) what it reads.
-        x: (4,) position [m] and velocity [m/s], as the rows read them.
-        t: time [s].
-        model: (4,) the reduced-order model's own state.
-        lag: (4,) the body's state minus the reduced-order model's.
-        covariance: (4, 4) of x.
-        growth: g, by how much that of the velocity grows until the next sample [m²/s²].
+        known: of the plant.
         period: T [s]; 0 where it is not known.
         out: (4, m) to be written, m [m], ṁ [m/s], m̈ [m/s²], leaning [m]; of speed limits m in m/s.
     """
+    x, t, model, lag = known.x, known.time, known.model, known.lag
+    covariance, growth = known.covariance, known.growth
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
     exact = is_exact(covariance)
     certain = exact and ahead_x == 0.0 and ahead_y == 0.0
@@ -90,7 +103,7 @@ def derive(
                 out[RATE, k] += zone.BRAKING * drift / parameters[k, layout.V_MAX]
             continue
         if kind[k] == layout.CUSTOM or kind[k] == layout.MAPPED:  # whose gradient is not known here
-            out[MARGIN, k] = most(settings, x, model, lag, covariance)
+            out[MARGIN, k] = most(settings, known)
             out[RATE, k], out[QUICKENING, k] = drift, quickening
             out[LEANING, k] = settings.cap
             continue
@@ -104,23 +117,24 @@ def derive(
         lead = max(0.0, nx * lag[0] + ny * lag[1])
         faster = max(0.0, -nx * lag[2] - ny * lag[3])
         tracking = settings.per_velocity * faster + settings.per_lead * lead
-        known = spread
+        deviation = spread
         out[RATE, k], out[QUICKENING, k] = drift, quickening
         if kind[k] == half_plane.CODE and not exact:
-            known = settings.confidence * np.sqrt(_along(covariance, 0, nx, ny))
+            deviation = settings.confidence * np.sqrt(_along(covariance, 0, nx, ny))
             out[RATE, k], out[QUICKENING, k] = _growing(
                 settings, _along(covariance, 2, nx, ny), growth, period
             )
         out[LEANING, k] = settings.cap - abs(settings.cap - tracking)
-        out[MARGIN, k] += min(tracking, settings.cap) + ahead + known
+        out[MARGIN, k] += min(tracking, settings.cap) + ahead + deviation
 
 
 @njit(cache=True, error_model="numpy")
-def most(settings: Uncertainty, x: Array, model: Array, lag: Array, covariance: Array) -> float:
+def most(settings: Uncertainty, known: Known) -> float:
     """Return what a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`."""
+    x, model, lag = known.x, known.model, known.lag
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]
     ahead = np.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
-    spread = settings.confidence * np.sqrt(_largest(covariance, 0))
+    spread = settings.confidence * np.sqrt(_largest(known.covariance, 0))
     return settings.distance + settings.cap + ahead + spread + settings.body
 
 
@@ -166,7 +180,7 @@ def _growing(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def is_exact(covariance: Array) -> bool:
-    """Tell whether a covariance (4, 4) is zero: no deviation is, so nothing is correlated."""
+    """Return whether a covariance (4, 4) is zero: no deviation is, so nothing is correlated."""
     deviates = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3]
     return deviates == 0.0
 

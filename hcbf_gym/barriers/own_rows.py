@@ -9,7 +9,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.row_kernels import beside_core, half_step, held_row, late, reach_of, support
-from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, RowSettings
+from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
@@ -98,8 +98,6 @@ def _held_row(
         speed,
         float(np.sqrt(max(0.0, bending))),
         float(core.distance),
-        packed[ALPHA1 : ALPHA1 + 4],
-        packed[ALPHA2 : ALPHA2 + 4],
         packed,
     )
     if psi < 0.0:

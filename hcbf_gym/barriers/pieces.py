@@ -4,6 +4,9 @@ The array is what compiled code reads; several stand behind one another in an *a
 where one of them begins. Buckets are squares in the frame of the map's grid, so that pieces along
 its axes lie in few of them. A piece stands in all buckets that its box meets, and is reported from
 the first of those that a search visits.
+
+Places in the array are numbers of it, exact as doubles up to 2⁵³: one array is one argument of
+every compiled call, and the pieces of another map follow without a table of their own.
 """
 
 from functools import cached_property
@@ -15,6 +18,7 @@ from numba import njit
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
+from hcbf_gym.models.constants import FARTHEST
 
 COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BOXES, BLOCKS = range(13)
 """Where the head of the array holds how many pieces there are, the buckets' side [m], columns and
@@ -170,6 +174,33 @@ def _rings(held: Integers) -> Array:
     return rings
 
 
+class Lists(NamedTuple):
+    """Where the lists of pieces begin in the atlas.
+
+    Attributes:
+        starts: of each bucket's entries among the items.
+        items: numbers of pieces, bucket after bucket.
+        boxes: of the pieces.
+        blocks: likewise.
+    """
+
+    starts: int
+    items: int
+    boxes: int
+    blocks: int
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def lists_of(atlas: Array, at: int) -> Lists:
+    """Return where the lists begin of the pieces that begin at `at`."""
+    return Lists(
+        at + int(atlas[at + STARTS]),
+        at + int(atlas[at + ITEMS]),
+        at + int(atlas[at + BOXES]),
+        at + int(atlas[at + BLOCKS]),
+    )
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def in_frame(atlas: Array, at: int, x: float, y: float) -> tuple[float, float]:
     """Return a point of the world in the frame of the buckets [m]."""
@@ -191,6 +222,17 @@ def height(atlas: Array, block: int, x: float, y: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def jet(atlas: Array, at: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return the signed distance from the nearest piece [m] and its gradient, 0 without a piece."""
+    found = nearest(atlas, at, x, y)
+    if found.block < 0:
+        return FARTHEST, 0.0, 0.0
+    block = atlas[found.block : found.block + layout.WIDTH]
+    _, gx, gy, _, _, _ = convex_polygon.jet(block, x, y)
+    return min(found.distance, FARTHEST), gx, gy
+
+
+@njit(cache=True, error_model="numpy")
 def box_distance(atlas: Array, box: int, u: float, v: float) -> float:
     """Return the distance of a point of the frame from a piece's box [m]."""
     du = max(atlas[box] - u, u - atlas[box + 2], 0.0)
@@ -206,13 +248,9 @@ def near(atlas: Array, at: int, x: float, y: float, reach: float, found: Integer
     """
     columns, rows = int(atlas[at + COLUMNS]), int(atlas[at + ROWS])
     u, v = in_frame(atlas, at, x, y)
-    c0, c1 = (
-        bucket_of(atlas, at, u - reach, columns),
-        bucket_of(atlas, at, u + reach, columns),
-    )
+    c0, c1 = bucket_of(atlas, at, u - reach, columns), bucket_of(atlas, at, u + reach, columns)
     r0, r1 = bucket_of(atlas, at, v - reach, rows), bucket_of(atlas, at, v + reach, rows)
-    starts, items = at + int(atlas[at + STARTS]), at + int(atlas[at + ITEMS])
-    boxes, blocks = at + int(atlas[at + BOXES]), at + int(atlas[at + BLOCKS])
+    starts, items, boxes, blocks = lists_of(atlas, at)
     total = 0
     for r in range(r0, r1 + 1):
         for c in range(c0, c1 + 1):
@@ -246,8 +284,7 @@ def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
     columns, rows, side = int(atlas[at + COLUMNS]), int(atlas[at + ROWS]), atlas[at + SIDE]
     u, v = in_frame(atlas, at, x, y)
     c, r = bucket_of(atlas, at, u, columns), bucket_of(atlas, at, v, rows)
-    starts, items = at + int(atlas[at + STARTS]), at + int(atlas[at + ITEMS])
-    boxes, blocks = at + int(atlas[at + BOXES]), at + int(atlas[at + BLOCKS])
+    starts, items, boxes, blocks = lists_of(atlas, at)
     inside_u = min(max(u - c * side, 0.0), side)
     inside_v = min(max(v - r * side, 0.0), side)
     edge = min(inside_u, side - inside_u, inside_v, side - inside_v)
@@ -283,26 +320,26 @@ def distances(atlas: Array, at: int, points: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def along(atlas: Array, at: int, way: Array, distance: Array) -> None:
-    """Write the signed distances (k,) of points, the first columns of `way` (k, …), from pieces.
+def along(atlas: Array, at: int, path: Array, distance: Array) -> None:
+    """Write the signed distances (k,) of points, the first columns of `path` (k, …), from pieces.
 
     The points lie close to one another: what is near the first is looked up once.
     """
-    x, y = way[0, 0], way[0, 1]
+    x, y = path[0, 0], path[0, 1]
     first = nearest(atlas, at, x, y)
     distance[:] = first.distance
     if first.block < 0:
         return
     far = 0.0
-    for s in range(1, len(way)):
-        far = max(far, np.hypot(way[s, 0] - x, way[s, 1] - y))
+    for s in range(1, len(path)):
+        far = max(far, np.hypot(path[s, 0] - x, path[s, 1] - y))
     found = np.empty(64, dtype=np.int64)
     reach = max(first.distance, 0.0) + 2.0 * far
     total = near(atlas, at, x, y, reach, found)
     if total > found.size:
         found = np.empty(total, dtype=np.int64)
         near(atlas, at, x, y, reach, found)
-    for s in range(1, len(way)):
+    for s in range(1, len(path)):
         distance[s] = np.inf
         for k in range(total):
-            distance[s] = min(distance[s], height(atlas, found[k], way[s, 0], way[s, 1]))
+            distance[s] = min(distance[s], height(atlas, found[k], path[s, 0], path[s, 1]))

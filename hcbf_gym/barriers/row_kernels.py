@@ -61,7 +61,7 @@ def rows(
             if which == CUSTOM:
                 continue
             if which == layout.MAPPED or which == layout.ZONES:
-                out[:, i, k], a[i, k, :] = np.nan, np.nan  # only what is at hand of a map has rows
+                out[:, i, k], a[i, k, :] = np.nan, np.nan  # only the nearby pieces have rows
                 continue
             if which == ZONE:
                 limit = c[layout.V_MAX]
@@ -97,9 +97,8 @@ def rows(
                     kept -= beside_core(radius, settings)
                     across = sideways if is_point else 0.0
                     b, alpha2_psi, psi, lost = held_row(
-                        kept, rate, margin[2, i, k], speed, across, distance, alpha1, alpha2,
-                        settings,
-                    )  # fmt: skip
+                        kept, rate, margin[2, i, k], speed, across, distance, settings
+                    )
                 if psi < 0.0:
                     b = max(b, late(kept, rate, lost, support(settings, gx, gy)))
             out[B, i, k], out[H, i, k] = b, h
@@ -116,7 +115,7 @@ def _usual_row(
     alpha1: Array,
     alpha2: Array,
 ) -> PlacedRow:
-    """Return the row of a barrier on the position, looked at in this instant alone."""
+    """Return the row of a barrier on the position at this instant alone."""
     psi = rate + class_k.value(alpha1, kept)
     alpha2_psi = class_k.value(alpha2, psi)
     lost = quickening - sideways * sideways / distance  # what turns, turns h away by itself
@@ -131,8 +130,6 @@ def held_row(
     speed: float,
     sideways: float,
     distance: float,
-    alpha1: Array,
-    alpha2: Array,
     s: Array,
 ) -> PlacedRow:
     """Return the row of a barrier on the position while u is held for T.
@@ -144,10 +141,9 @@ def held_row(
         speed: ‖r‖ in the barrier's frame [m/s].
         sideways: the speed across the direction from the core, 0 if that is no point [m/s].
         distance: from the core, as in `Core` [m]; infinite where the gradient does not turn.
-        alpha1: (4,) α₁.
-        alpha2: (4,) α₂.
         s: (15,) `RowSettings.packed`.
     """
+    alpha1, alpha2 = s[ALPHA1 : ALPHA1 + 4], s[ALPHA2 : ALPHA2 + 4]
     period = s[PERIOD]
     half = half_step(s)
     psi = rate + class_k.value(alpha1, kept)
@@ -183,7 +179,7 @@ def beside_core(radius: float, s: Array) -> float:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def late(kept: float, rate: float, lost: float, most: float) -> float:
-    """Return what a row asks where ψ < 0: to stop at h = m at a constant rate, if U can.
+    """Return what a row requests where ψ < 0: to stop at h = m at a constant rate, if U can.
 
     Args:
         kept: h − m [m].
@@ -200,7 +196,7 @@ def late(kept: float, rate: float, lost: float, most: float) -> float:
 def support(s: Array, ax: float, ay: float) -> float:
     """Return the most that an input of U gives of a·u; −∞ where U is not known.
 
-    U is looked at as what its limits and its radius leave.
+    U counts as the intersection of its limits and its radius.
     """
     if s[U_MAX] == 0.0:
         return -np.inf

@@ -1,7 +1,6 @@
 """The scenes of N plants as users hand them over: one list for all, a list each, or arrays."""
 
 from collections.abc import Sequence
-from dataclasses import MISSING, fields
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several, Shapes
-from hcbf_gym.barriers.set import BarrierSet, Entry
-from hcbf_gym.barriers.shape import Shape
+from hcbf_gym.barriers.set import BarrierSet, each, length
 from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
@@ -48,7 +46,7 @@ def scenes_of(barriers: Any, count: int) -> BarrierSet:
             f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
             f"barriers for all plants, or {count} lists, one for each"
         )
-    most = max(map(_length, barriers))
+    most = max(map(length, barriers))
     return BarrierSet([_filled(tuple(scene), most) for scene in barriers])
 
 
@@ -111,15 +109,11 @@ def _blocks(cls: Any, values: Array) -> Array:
         blocks = np.zeros((len(limits), layout.WIDTH))
         blocks[:, layout.V_MAX] = limits
         return blocks
-    own = values.reshape(len(values), -1, 2) if cls is ConvexPolygon else values[:, : _fields(cls)]
+    if cls is ConvexPolygon:
+        own = values.reshape(len(values), -1, 2)
+    else:
+        own = values[:, : sum(cls.widths().values())]
     return cls.pack(f"numbers of the kind {cls.kind!r}", own)
-
-
-def _fields(cls: type[Shape]) -> int:
-    """Return how many numbers a shape has beside its velocity."""
-    defaults: dict[str, Any] = {field.name: field.default for field in fields(cls)}
-    own = [d for name, d in defaults.items() if d is not MISSING and name != "velocity"]
-    return sum(map(np.size, own))
 
 
 def _last(array: Any, count: int, name: str) -> tuple[int, ...]:
@@ -151,24 +145,11 @@ def _is_list(scene: Any) -> bool:
     return isinstance(scene, Sequence) and not isinstance(scene, str)
 
 
-def _length(scene: Sequence[Entry]) -> int:
-    """Return how many barriers a scene has; what is none counts as one."""
-    lengths = [
-        len(entry)
-        if isinstance(entry, Shapes)
-        else len(entry.conditions)
-        if isinstance(entry, Several)
-        else 1
-        for entry in scene
-    ]
-    return sum(lengths)
-
-
 def _filled(scene: tuple[Any, ...], most: int) -> tuple[Any, ...]:
     """Return a scene with conditions that always hold behind it, so that it has `most`."""
-    missing = most - _length(scene)
+    missing = most - length(scene)
     if not missing:
         return scene
-    ranks = [c.priority for e in scene for c in (e.conditions if isinstance(e, Several) else (e,))]
-    nothing = HalfPlane("nothing", max(ranks, default=1), normal=(1.0, 0.0), offset=-FARTHEST)
+    lowest = max((one.priority for one in each(scene)), default=1)
+    nothing = HalfPlane("nothing", lowest, normal=(1.0, 0.0), offset=-FARTHEST)
     return (*scene, *[nothing] * missing)

@@ -12,6 +12,7 @@ from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped
+from hcbf_gym.barriers.margins import Known
 from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shape import Shape
@@ -66,7 +67,7 @@ class BarrierSet:
     """
 
     def __init__(self, scenes: Sequence[Sequence[Entry]]):
-        lengths = {_length(scene) for scene in scenes}
+        lengths = {length(scene) for scene in scenes}
         if len(lengths) != 1:
             raise InvalidInputError(
                 f"barrier set: got scenes of {sorted(lengths)} barriers, expected one length"
@@ -91,16 +92,16 @@ class BarrierSet:
         Raises:
             InvalidInputError: if there are not m of them, or an entry is no `Barrier`.
         """
-        if _length(scene) != self.kind.shape[1]:
+        if length(scene) != self.kind.shape[1]:
             raise InvalidInputError(
-                f"barrier set: got a scene of {_length(scene)} barriers, "
+                f"barrier set: got a scene of {length(scene)} barriers, "
                 f"expected {self.kind.shape[1]}"
             )
         self.version[i] += 1
         self.edits += 1
         self.entries[i] = tuple(scene)
         k = 0
-        for barrier in _each(scene):
+        for barrier in each(scene):
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
             self.priority[i, k:end] = barrier.priority
             self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
@@ -130,7 +131,7 @@ class BarrierSet:
 
     @property
     def moves(self) -> Mask:
-        """(N,) whether a scene depends on time, as far as that can be told; see `reads_time`."""
+        """(N,) whether a scene depends on time, as far as samples show it; see `reads_time`."""
         velocity = self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         moving = (self.is_region[..., None] & (velocity != 0.0)).any(axis=(1, 2))
         for (i, _), barrier in self.own.items():
@@ -181,7 +182,7 @@ class BarrierSet:
         """Return name and rank of the barriers of scene `i`, in the order of the report's rows."""
         names = [
             barrier.name
-            for barrier in _each(self.entries[i])
+            for barrier in each(self.entries[i])
             for _ in range(len(barrier) if isinstance(barrier, Shapes) else 1)
         ]
         ranks = self.priority[i].tolist()
@@ -215,9 +216,7 @@ class BarrierSet:
     def values(self, x: Array, t: Array) -> Array:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""
         h = np.empty(self.kind.shape)
-        kernels.values(self.kind, self.parameters, x, t, h)
-        if self.atlas:
-            mapped.write_values(self.kind, self.parameters, self.atlas.numbers, x, h)
+        kernels.values(self.kind, self.parameters, self.atlas.numbers, x, t, h)
         self.write_own_values(x, t, h)
         return h
 
@@ -229,10 +228,7 @@ class BarrierSet:
     def along(self, x: Array, t: Array) -> Array:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
         h = np.empty((len(x), self.kind.shape[1]))
-        kernels.along(self.kind[0], self.parameters[0], x, t, h)
-        if self.atlas:
-            one = np.zeros(len(x), dtype=np.int64)
-            mapped.write_values(self.kind[one], self.parameters[one], self.atlas.numbers, x, h)
+        kernels.values(self.kind[:1], self.parameters[:1], self.atlas.numbers, x, t, h)
         for (i, k), barrier in self.own.items():
             if i == 0:
                 h[:, k] = barrier.batch(x, t).h
@@ -244,9 +240,7 @@ class BarrierSet:
         The gradient is that in the position; where there is none, three zeros follow h.
         """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
-        kernels.sense(self.kind, self.parameters, x, t, h, sensed)
-        if self.atlas:
-            mapped.write_sensed(self.kind, self.parameters, self.atlas.numbers, x, h, sensed)
+        kernels.sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)
         for scenes, k, barrier in self._shared():
             jet = barrier.batch(x[scenes], t[scenes])
             h[scenes, k] = jet.h
@@ -288,7 +282,9 @@ class BarrierSet:
         a, out = np.empty((*shape, 2)), np.empty((4, *shape))
         row_kernels.rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
         for (i, k), barrier in self.own.items():
-            self._write_own(i, k, barrier, x[i], float(t[i]), settings, kept, a, out)
+            row = own_row(barrier, x[i], float(t[i]), settings, *kept[:, i, k].tolist())
+            a[i, k] = row.a
+            out[:, i, k] = row.b, row.h, row.alpha2_psi, row.psi  # as `row_kernels.B` …
         return CbfRows(
             a,
             out[row_kernels.B],
@@ -325,8 +321,8 @@ class BarrierSet:
         out = np.zeros((4, *self.kind.shape))
         for i in range(len(x)):
             grown = 0.0 if growth is None else float(growth[i])
-            state = x[i], t[i], model[i], lag[i], covariance[i], grown, period
-            margins.derive(numbers, self.kind[i], self.parameters[i], *state, out[:, i])
+            known = Known(x[i], float(t[i]), model[i], lag[i], covariance[i], grown)
+            margins.derive(numbers, self.kind[i], self.parameters[i], known, period, out[:, i])
         out[margins.MARGIN] += self.own_margin
         return out
 
@@ -341,7 +337,7 @@ class BarrierSet:
         covariance: Array,
         growth: float = 0.0,
     ) -> "tuple[BarrierSet, Integers]":
-        """Return scene 0 at a state, a map replaced by its pieces at hand, and (M,) what is whose.
+        """Return scene 0 at a state, maps replaced by their nearby pieces, and (M,) what is whose.
 
         Args:
             settings: how rows are made.
@@ -357,8 +353,8 @@ class BarrierSet:
             self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0], self.kind[0]
         )
         numbers = Uncertainty(*map(float, uncertainty))
-        state = x, model, lag, covariance, growth
-        found = mapped.nearby(numbers, settings.packed, radius, whole, self.atlas.numbers, *state)
+        known = Known(x, 0.0, model, lag, covariance, float(growth))
+        found = mapped.nearby(numbers, settings.packed, radius, whole, self.atlas.numbers, known)
         part = BarrierSet([()])
         for name in ("kind", "parameters", "priority", "own_margin"):
             setattr(part, name, getattr(found, name)[None])
@@ -366,24 +362,6 @@ class BarrierSet:
         first = [(r, int(k)) for r, k in enumerate(found.source)]
         part.own = {(0, r): self.own[0, k] for r, k in first if (0, k) in self.own}
         return part, found.source
-
-    def _write_own(
-        self,
-        i: int,
-        k: int,
-        barrier: Barrier,
-        x: Array,
-        t: float,
-        settings: RowSettings,
-        kept: Array,
-        a: Array,
-        out: Array,
-    ) -> None:
-        """Write the row of a user's own barrier where `row_kernels.rows` passed it over."""
-        reserved = kept[:, i, k].tolist()
-        row = own_row(barrier, x, t, settings, *reserved)
-        a[i, k] = row.a
-        out[:, i, k] = row.b, row.h, row.alpha2_psi, row.psi  # in the order of `row_kernels.B` …
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""
@@ -393,7 +371,7 @@ class BarrierSet:
         yield from groups.values()
 
 
-def _each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
+def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
     """Yield the entries of a scene, those that stand for several one by one.
 
     Raises:
@@ -411,13 +389,13 @@ def _each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
             )
 
 
-def _length(scene: Sequence[Entry]) -> int:
+def length(scene: Sequence[Entry]) -> int:
     """Return how many barriers there are.
 
     Raises:
         InvalidInputError: if an entry is none.
     """
-    return sum(len(entry) if isinstance(entry, Shapes) else 1 for entry in _each(scene))
+    return sum(len(entry) if isinstance(entry, Shapes) else 1 for entry in each(scene))
 
 
 def _seen(jet: Jet) -> Array:

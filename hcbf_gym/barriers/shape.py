@@ -101,6 +101,15 @@ class Shape(PlanarBarrier):
         """Write the block c (WIDTH,) and return the code."""
 
     @classmethod
+    def widths(cls) -> dict[str, int]:
+        """Return how many numbers each field has, but for the velocity."""
+        return {
+            field.name: np.size(field.default)
+            for field in fields(cls)
+            if field.default is not MISSING and field.name != "velocity"
+        }
+
+    @classmethod
     def pack(cls, name: str, values: Array) -> Array:
         """Return (k, WIDTH) the blocks of k standing shapes.
 
@@ -111,11 +120,7 @@ class Shape(PlanarBarrier):
         Raises:
             InvalidInputError: if a value is out of range or the array of another shape.
         """
-        sizes = {
-            field.name: np.size(field.default)
-            for field in fields(cls)
-            if field.default is not MISSING and field.name != "velocity"
-        }
+        sizes = cls.widths()
         numbers = finite_array(name, values, (None, sum(sizes.values())), largest=FARTHEST)
         blocks = np.zeros((len(numbers), layout.WIDTH))
         ends = np.cumsum(list(sizes.values()))[:-1]

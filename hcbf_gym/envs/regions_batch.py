@@ -246,8 +246,8 @@ def _advance(
             if which == layout.SPEED_LIMIT:
                 min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue
-            if mapped.is_mapped(which):
-                min_h[i, k] = mapped.least_on_way(which, c, atlas, way)
+            if kernels.is_mapped(which):
+                min_h[i, k] = mapped.least_along(which, c, atlas, way)
                 continue
             least = np.inf
             for s in range(SUBSTEPS):

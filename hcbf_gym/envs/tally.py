@@ -86,12 +86,12 @@ class Tally:
             success: whether the robot stands at the goal and the reference has ended.
         """
         x, task = known.x, (u, *distances, success, self._reaches)
-        if scene.own or scene.atlas:
+        if scene.own:
             h = scene.along(walk.path, walk.times)
             _, sensed = scene.sense(x[None], np.array([known.time]))
             _count(h, sensed[0], x, reference, task, self._memory)
         else:
-            barriers = scene.kind, scene.parameters
+            barriers = scene.kind, scene.parameters, scene.atlas.numbers
             _look(barriers, walk.path, walk.times, x, known.time, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
@@ -100,7 +100,7 @@ class Tally:
 
 @njit(cache=True)
 def _look(
-    barriers: tuple[Integers, Array],
+    barriers: tuple[Integers, Array, Array],
     path: Array,
     times: Array,
     x: Array,
@@ -110,11 +110,11 @@ def _look(
     memory: Array,
 ) -> None:
     """Look at barriers that are all built in, and count."""
-    kind, parameters = borrowed(barriers)
+    kind, parameters, atlas = borrowed(barriers)
     h, last = np.empty((len(path), kind.shape[1])), np.empty(kind.shape)
     sensed = np.empty((*kind.shape, 4))
-    kernels.along(kind[0], parameters[0], path, times, h)
-    kernels.sense(kind, parameters, x.reshape(1, 4), np.full(1, time), last, sensed)
+    kernels.values(kind, parameters, atlas, path, times, h)
+    kernels.sense(kind, parameters, atlas, x.reshape(1, 4), np.full(1, time), last, sensed)
     _count(h, sensed[0], x, reference, task, memory)
 
 

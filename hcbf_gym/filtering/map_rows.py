@@ -20,8 +20,7 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
         atlas: where the pieces stand.
         plant: `planar_belief.PLANT`, looked at.
     """
-    state = plant.x, plant.model, plant.lag, plant.covariance, plant.growth
-    return mapped.nearby(c, c.rows, c.radius, scene, atlas, *state)
+    return mapped.nearby(c, c.rows, c.radius, scene, atlas, plant)
 
 
 @njit(cache=True)

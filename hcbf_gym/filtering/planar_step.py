@@ -229,19 +229,7 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
     x, t = p.sensed["x"], p.sensed["time"]
     for i in range(count):
         plant = p.sensed[i]
-        margins.derive(
-            c,
-            p.kind[i],
-            p.parameters[i],
-            plant.x,
-            plant.time,
-            plant.model,
-            plant.lag,
-            plant.covariance,
-            plant.growth,
-            c.period,
-            w.margin[:, i],
-        )
+        margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
         for k in range(m):
             w.margin[0, i, k] += p.own_margin[i, k]
             w.priority[i, k] = p.priority[i, k]
