@@ -16,5 +16,7 @@ Places = NDArray[np.int32]
 """Cells of a grid by their numbers."""
 Records = NDArray[Any]
 """Structured arrays, whose records have named fields."""
+Rationals = NDArray[np.object_]
+"""Exact numbers, as objects."""
 
 Pair = tuple[float, float]

@@ -10,9 +10,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.kernels import is_mapped, of_map
@@ -50,7 +49,7 @@ class Mapped(Barrier):
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
     grid: Grid = field(kw_only=True)
-    cells: NDArray[np.bool_] = field(kw_only=True, repr=False)
+    cells: Mask = field(kw_only=True, repr=False)
     code: ClassVar[int] = MAPPED
 
     def __eq__(self, other: object) -> bool:

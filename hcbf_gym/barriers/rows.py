@@ -5,9 +5,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Pair
+from hcbf_gym.arrays import Array, Integers, Pair
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError, finite_float
 
@@ -30,11 +29,11 @@ class CbfRows(NamedTuple):
         alpha2_psi: (m,) α₂(ψ_k), from which R-CBF-QP's ``epsilon="known"`` takes its least slack.
     """
 
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
-    h: NDArray[np.float64]
-    priority: NDArray[np.int64]
-    alpha2_psi: NDArray[np.float64] | None = None
+    a: Array
+    b: Array
+    h: Array
+    priority: Integers
+    alpha2_psi: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class RowSettings:
         return self.period is not None
 
     @cached_property
-    def packed(self) -> NDArray[np.float64]:
+    def packed(self) -> Array:
         """(15,) the same numbers as the compiled kernel reads them."""
         packed = np.zeros(SETTINGS_WIDTH)
         packed[ALPHA1 : ALPHA1 + 4] = self.alpha1.parameters()

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, margins, row_kernels, zone
@@ -200,7 +199,7 @@ class BarrierSet:
         chosen.atlas = self.atlas.repeated(count)
         return chosen
 
-    def of(self, mask: NDArray[np.bool_]) -> "BarrierSet":
+    def of(self, mask: Mask) -> "BarrierSet":
         """Return the masked scenes (N,), as a set of their own; this one where all are."""
         if mask.all():
             return self

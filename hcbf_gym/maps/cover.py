@@ -10,11 +10,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Integers, Mask
-
-Labels = NDArray[np.int32]
+from hcbf_gym.arrays import Array, Integers, Mask, Places
 
 MOST_CORNERS = 8
 """Of a piece, as many as a convex polygon's block of numbers holds."""
@@ -36,7 +33,7 @@ class Cover(NamedTuple):
 
     corners: Integers
     sizes: Integers
-    owner: Labels
+    owner: Places
 
     @classmethod
     def of(cls, cells: Mask) -> Self:
@@ -93,7 +90,7 @@ def boxes(cells: Mask) -> Array:
 
 @njit(cache=True)
 def _cover(
-    cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Labels, first: int
+    cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Places, first: int
 ) -> tuple[Integers, Integers]:
     """Cover the true cells of a window that no piece owns, and note who owns them.
 
@@ -126,7 +123,7 @@ def _cover(
 
 @njit(cache=True)
 def _rectangles(
-    cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Labels, first: int
+    cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Places, first: int
 ) -> Integers:
     """Return (R, 4) boxes of cells: low row, low column, and the row and column after the last.
 
@@ -170,7 +167,7 @@ def _rectangles(
 
 
 @njit(cache=True)
-def _strangers(cells: Mask, r0: int, c0: int, r1: int, c1: int) -> NDArray[np.int32]:
+def _strangers(cells: Mask, r0: int, c0: int, r1: int, c1: int) -> Places:
     """Return (h, w + 1) how many cells left of here in their row share no edge with a true one."""
     rows, columns = cells.shape
     counted = np.zeros((r1 - r0, c1 - c0 + 1), dtype=np.int32)
@@ -186,12 +183,12 @@ def _strangers(cells: Mask, r0: int, c0: int, r1: int, c1: int) -> NDArray[np.in
 @njit(cache=True)
 def _merge(
     boxes: Integers,
-    strangers: NDArray[np.int32],
+    strangers: Places,
     r0: int,
     c0: int,
-    owner: Labels,
+    owner: Places,
     first: int,
-    piece_of: NDArray[np.int32],
+    piece_of: Places,
 ) -> tuple[Integers, Integers]:
     """Merge touching boxes for as long as their hull meets no stranger; write who went where."""
     rows, columns = owner.shape
@@ -284,7 +281,7 @@ def _turn(a: Integers, b: Integers, x: int, y: int) -> int:
 
 
 @njit(cache=True)
-def _meets(hull: Integers, strangers: NDArray[np.int32], r0: int, c0: int) -> bool:
+def _meets(hull: Integers, strangers: Places, r0: int, c0: int) -> bool:
     """Tell whether a hull meets the inside of a stranger, row by row.
 
     Corners lie on crossings, so that a row's outermost points are those on its lower or upper line.

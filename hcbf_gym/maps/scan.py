@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import SeenRegion
@@ -55,7 +55,7 @@ class Scan(Several):
     speed: float = 0.0
     rank: int = 1
     margin: float = 0.0
-    _pieces: tuple[Grid, NDArray[np.bool_], Pieces] | None = field(default=None, repr=False)
+    _pieces: tuple[Grid, Mask, Pieces] | None = field(default=None, repr=False)
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -141,7 +141,7 @@ def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
 
 def _covered(
     name: str, points: ArrayLike, pose: tuple[float, float, float]
-) -> tuple[Grid, NDArray[np.bool_], Pieces]:
+) -> tuple[Grid, Mask, Pieces]:
     """Return the cells in which points lie, in a grid around the sensor, and what covers them.
 
     Raises:

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.input_sets import InputSet
@@ -66,7 +66,7 @@ def conflict_report(
     )
 
 
-def _feasible(rows: CbfRows, kept: NDArray[np.int64], admissible: Remaining) -> bool:
+def _feasible(rows: CbfRows, kept: Integers, admissible: Remaining) -> bool:
     a = rows.a[kept]
     b = rows.b[kept]
     constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2

@@ -5,9 +5,9 @@ from typing import NoReturn
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
@@ -102,7 +102,7 @@ def explain(rows: CbfRows) -> NoReturn:
 
 
 @njit(cache=True)
-def well_formed(a: Array, b: Array, h: Array, priority: NDArray[np.int64]) -> bool:
+def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
     """Tell whether the rows of one state are finite, with priorities 1, 2, … without a gap.
 
     Args:
@@ -127,7 +127,7 @@ def are_finite(a: Array, b: Array, h: Array) -> bool:
 
 
 @njit(cache=True)
-def has_no_gap(priority: NDArray[np.int64]) -> bool:
+def has_no_gap(priority: Integers) -> bool:
     """Tell whether priorities (m,) are 1, 2, … without a gap."""
     levels = 0
     for rank in priority:

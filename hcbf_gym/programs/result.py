@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.programs.tolerances import NOMINAL, SLACK
 
@@ -46,14 +46,14 @@ class FilterResult(NamedTuple):
             arithmetic had to answer; 0 where two inputs need no solver.
     """
 
-    u: NDArray[np.float64]
-    slack: NDArray[np.float64]
-    delta: NDArray[np.float64]
+    u: Array
+    slack: Array
+    delta: Array
     status: Any
     fallbacks: Any
 
 
-def violation(rows: CbfRows, u: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+def violation(rows: CbfRows, u: Array, radius: float) -> Array:
     """Return ``max(0, b_k − a_k·u)`` (m,), with what rounding leaves set to 0.
 
     Args:
@@ -65,26 +65,36 @@ def violation(rows: CbfRows, u: NDArray[np.float64], radius: float) -> NDArray[n
 
 
 @njit(cache=True)
-def _violation(
-    a: NDArray[np.float64], b: NDArray[np.float64], u: NDArray[np.float64], radius: float
-) -> NDArray[np.float64]:
-    slack = np.zeros(b.size)
+def _violation(a: Array, b: Array, u: Array, radius: float) -> Array:
+    slack = np.empty(b.size)
     for k in range(b.size):
         square = 0.0
         lack = b[k]
         for j in range(u.size):
             square += a[k, j] * a[k, j]
             lack -= a[k, j] * u[j]
-        if lack > SLACK * (np.sqrt(square) * radius + abs(b[k])):
-            slack[k] = lack
+        slack[k] = slack_of(lack, np.sqrt(square), b[k], radius)
     return slack
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def slack_of(lack: float, norm: float, b: float, radius: float) -> float:
+    """Return by how much a row is violated, 0 where that is rounding.
+
+    Args:
+        lack: b − a·u.
+        norm: ‖a‖.
+        b: its bound.
+        radius: the largest norm of an input.
+    """
+    return lack if lack > SLACK * (norm * radius + abs(b)) else 0.0
+
+
 def classify(
-    u: NDArray[np.float64],
-    u_nominal: NDArray[np.float64],
-    slack: NDArray[np.float64],
-    strict: NDArray[np.bool_],
+    u: Array,
+    u_nominal: Array,
+    slack: Array,
+    strict: Mask,
     radius: float,
 ) -> FilterStatus:
     """Return the status of an input that a program found.

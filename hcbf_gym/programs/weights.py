@@ -5,9 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 
@@ -66,8 +65,8 @@ class Weights(NamedTuple):
         ]
         return cls(np.array([[slope, *levels, np.inf]]))
 
-    def of(self, priority: NDArray[np.int64], h: Array) -> Array:
-        """Return λ_δ(h) (m,) of one state's rows; those of priority 1 have no use for it."""
+    def of(self, priority: Integers, h: Array) -> Array:
+        """Return λ_δ(h) (m,) of one state's rows; infinity for those of strict levels."""
         ranked = zip(priority.tolist(), h.tolist(), strict=True)
         return np.array([weight_of(self.table[0], rank, value) for rank, value in ranked])
 
@@ -83,11 +82,16 @@ class Weights(NamedTuple):
             )
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
+def gamma0_of(table: Array, priority: int) -> float:
+    """Return γ₀ of a priority, `table` a row of that of `Weights`; infinity for a strict level."""
+    return np.inf if priority == 1 else table[min(priority - 1, table.size - 1)]
+
+
+@njit(cache=True, inline="always")
 def weight_of(table: Array, priority: int, h: float) -> float:
-    """Return λ_δ(h) of one row; `table` is a row of that of `Weights`."""
-    gamma0 = table[min(max(priority - 1, 1), table.size - 1)]
-    return gamma0 * (1.0 + table[0] * max(0.0, -h))
+    """Return λ_δ(h) of one row; infinity for one of a strict level."""
+    return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h))
 
 
 def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:

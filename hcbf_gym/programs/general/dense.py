@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
 
 
@@ -220,7 +219,7 @@ def lock(rows: Array, bounds: Array, a: Array, b: Array, u: Array) -> tuple[Arra
 
 
 @njit(cache=True)
-def _violated(a: Array, b: Array, u: Array) -> NDArray[np.bool_]:
+def _violated(a: Array, b: Array, u: Array) -> Mask:
     """Return (s,) which rows ``a u ≥ b`` u violates, rounding aside."""
     allowed = MET * (1.0 + np.abs(u).max())
     total = 0.0

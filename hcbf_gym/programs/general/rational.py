@@ -10,27 +10,26 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hcbf_gym.arrays import Array, Rationals
 
 try:  # ten times faster, the same numbers
     rational: Any = importlib.import_module("gmpy2").mpq
 except ImportError:
     rational = Fraction
 
-Array = NDArray[Any]
-
 # The price of a distance beside that of a violation: no double can tell the minimum from its limit.
 _TINY = 2**-600
 
 
-def to_rational(x: NDArray[np.float64]) -> Array:
+def to_rational(x: Array) -> Rationals:
     """Return doubles as the rational numbers that they are, in an array of objects."""
     exact = np.empty(x.size, dtype=object)
     exact[:] = [rational(value) for value in x.ravel().tolist()]
     return exact.reshape(x.shape)
 
 
-def to_doubles(x: Array) -> NDArray[np.float64]:
+def to_doubles(x: Rationals) -> Array:
     """Return rational numbers (k,) correctly rounded."""
     return np.array([int(value.numerator) / int(value.denominator) for value in x], dtype=float)
 
@@ -45,19 +44,19 @@ class SoftRows(NamedTuple):
         least: (s,) the least δ_k, or None for the equality ``a_k u + δ_k = t_k``.
     """
 
-    a: NDArray[np.float64]
-    target: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    least: NDArray[np.float64] | None
+    a: Array
+    target: Array
+    weight: Array
+    least: Array | None
 
 
 class Affine(NamedTuple):
     """``u = point + basis z``."""
 
-    point: NDArray[np.float64]
-    basis: NDArray[np.float64]
+    point: Array
+    basis: Array
 
-    def rows(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[Array, Array]:
+    def rows(self, a: Array, b: Array) -> tuple[Rationals, Rationals]:
         """Return the rows ``a u ≥ b`` as they act on z, unrounded: parallel ones stay parallel."""
         exact = to_rational(a)
         return exact @ to_rational(self.basis), to_rational(b) - exact @ to_rational(self.point)
@@ -65,11 +64,11 @@ class Affine(NamedTuple):
 
 def least_cost(
     soft: SoftRows,
-    centre: NDArray[np.float64],
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
+    centre: Array,
+    a: Array,
+    b: Array,
     inputs: Affine,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the minimiser u (n,) of a stage's cost over ``a u ≥ b`` that is nearest ``u(c)``.
 
     Args:
@@ -97,7 +96,7 @@ def least_cost(
     return inputs.point + inputs.basis @ to_doubles(z)
 
 
-def project(centre: Array, ease: Array, a: Array, b: Array) -> Array:
+def project(centre: Rationals, ease: Rationals, a: Rationals, b: Rationals) -> Rationals:
     """Return ``argmin Σ (x_i − c_i)² / e_i`` over ``a x ≥ b``.
 
     Args:
@@ -141,7 +140,7 @@ def project(centre: Array, ease: Array, a: Array, b: Array) -> Array:
             )
 
 
-def _solve(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Rationals, right: Rationals) -> Rationals:
     """Return x with ``matrix x = right``, the matrix positive definite."""
     m, x = matrix.copy(), right.copy()
     for i in range(len(x)):

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
@@ -29,8 +29,8 @@ class StageRows(NamedTuple):
 
     a: Array
     b: Array
-    stage: NDArray[np.int64]
-    strict: NDArray[np.bool_]
+    stage: Integers
+    strict: Mask
     weight: Array
     least: Array
     target: Array
@@ -56,14 +56,14 @@ def stage_rows(plan: Plan, prices: Prices, rows: CbfRows, least: Array) -> Stage
 
 @njit(cache=True)
 def _staged(
-    table: Array, by_level: bool, priority: NDArray[np.int64], h: Array
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array]:
+    table: Array, by_level: bool, priority: Integers, h: Array
+) -> tuple[Integers, Mask, Array]:
     """Return stage, strict and weight (m,); `table` is that of `Weights`."""
     stage, strict = priority.copy(), np.empty(h.size, dtype=np.bool_)
     weight = np.ones(h.size)
     for k in range(h.size):
         price = weight_of(table, priority[k], h[k])
-        strict[k] = priority[k] == 1 or np.isinf(price)
+        strict[k] = np.isinf(price)
         if not by_level:
             stage[k] = 1 if strict[k] else 2
         if not strict[k]:

@@ -6,8 +6,6 @@
 calls here is inlined: across a call Numba counts the references to every array of a record.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
@@ -28,8 +26,9 @@ from hcbf_gym.programs.planar.records import (
     Workspace,
     make_workspace,
 )
-from hcbf_gym.programs.result import FilterResult, FilterStatus
-from hcbf_gym.programs.tolerances import NOMINAL, SLACK
+from hcbf_gym.programs.result import FilterResult, FilterStatus, slack_of
+from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.programs.weights import gamma0_of, weight_of
 
 _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)
@@ -104,7 +103,7 @@ def _filter_state(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
-    """Tell whether u* lies in U and meets every row."""
+    """Return whether u* lies in U and meets every row."""
     for k in range(rows.b.size):
         if rows.a[k, 0] * ux + rows.a[k, 1] * uy < rows.b[k]:
             return False
@@ -121,17 +120,11 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _gamma0(weights: Array, priority: int) -> float:
-    """Return γ₀ of a priority; infinity is a strict level, as priority 1 always is."""
-    return np.inf if priority == 1 else weights[min(priority - 1, weights.size - 1)]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
 def _stage(settings: Settings, weights: Array, priority: int) -> int:
     """Return the stage of the rows of a priority, from 1."""
     if settings.by_level:
         return priority
-    return 1 if np.isinf(_gamma0(weights, priority)) else 2
+    return 1 if np.isinf(gamma0_of(weights, priority)) else 2
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -156,23 +149,23 @@ def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) 
         total += size
     for k in range(priority.size):
         stage = _stage(settings, weights, priority[k])
-        row: Any = w.rows[start[stage]]
+        row: np.record = w.rows[int(start[stage])]
         row.index = k
         start[stage] += 1
     return count
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _load(settings: Settings, weights: Array, rows: CbfRows, row: Any) -> None:
-    """Fill in a row whose index is set; λ_δ(h) is γ₀, times 1 + Δγ |h| where h < 0."""
+def _load(settings: Settings, weights: Array, rows: CbfRows, row: np.record) -> None:
+    """Fill in a row whose index is set."""
     k: int = row.index
     row.ax = rows.a[k, 0]
     row.ay = rows.a[k, 1]
     row.b = rows.b[k]
     row.norm = np.hypot(row.ax, row.ay)
-    gamma0 = _gamma0(weights, rows.priority[k])
-    row.strict = np.isinf(gamma0)
-    row.weight = 1.0 if row.strict else gamma0 * (1.0 + weights[0] * max(0.0, -rows.h[k]))
+    weight = weight_of(weights, rows.priority[k], rows.h[k])
+    row.strict = np.isinf(weight)
+    row.weight = 1.0 if row.strict else weight
     row.least = _least_slack(settings, rows, k)
 
 
@@ -222,9 +215,7 @@ def _account(
     for k in range(slack.size):
         row = w.rows[k]
         value = row.ax * u[0] + row.ay * u[1]
-        lack = row.b - value
-        rounding = SLACK * (row.norm * settings.radius + abs(row.b))
-        paid = lack if lack > rounding else 0.0
+        paid = slack_of(row.b - value, row.norm, row.b, settings.radius)
         slack[row.index] = delta[row.index] = paid
         if not row.strict and settings.lower == RELAXED:
             delta[row.index] = max(paid, row.least)

@@ -8,7 +8,7 @@ enters it at a point B::
              first up ● B ● last down             from A to B below)
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -199,7 +199,7 @@ def _unit(x: float, y: float) -> Point:
 
 
 @njit(cache=True, error_model="numpy")
-def _kinks_at(row: Any, x: float, y: float, radius: float) -> bool:
+def _kinks_at(row: np.record, x: float, y: float, radius: float) -> bool:
     """Tell whether the slope of an open row's cost jumps at a point."""
     if row.state != OPEN or row.least == 0.0:
         return False

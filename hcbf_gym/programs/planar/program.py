@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.input_sets import InputSet
@@ -69,7 +69,7 @@ class _Compiled:
 
     def _solve(
         self, settings: tuple[Any, ...], u_nominal: Array, rows: CbfRows
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[Array, Integers]:
         """Return u, slack and δ of all states, one after the other, and the statuses (N,)."""
         if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
             self.prices.least_slack(rows)
@@ -156,10 +156,10 @@ def _filter_all(
     a: Array,
     b: Array,
     h: Array,
-    priority: NDArray[np.int64],
+    priority: Integers,
     alpha2_psi: Array,
     answer: Array,
-    status: NDArray[np.int64],
+    status: Integers,
 ) -> bool:
     """Filter N states, unless u* or a row is malformed; tell whether none is.
 

@@ -1,15 +1,13 @@
 """The records that the compiled cascade passes on: settings, rows, the cost of a stage, space."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers.layout import LOWEST_RANK
 
-Rows = NDArray[Any]
 Point = tuple[float, float]
 
 NOTHING, RELAXED, DRAWN = range(3)
@@ -78,7 +76,7 @@ class Line(NamedTuple):
 class Cost(NamedTuple):
     """``λ_u ‖u − u*‖² + Σ w_k max(m_k, b_k − a_k·u)²`` over the rows of one stage."""
 
-    rows: Rows
+    rows: Records
     lambda_u: float
     ux: float
     uy: float
@@ -102,8 +100,8 @@ class Workspace(NamedTuple):
 
     radius: float
     polygons: Array
-    rows: Rows
-    start: NDArray[np.int64]
+    rows: Records
+    start: Integers
 
 
 @njit(cache=True, error_model="numpy")
@@ -116,6 +114,6 @@ def make_workspace(radius: float, corners: int, m: int) -> Workspace:
 
 
 @njit(cache=True, error_model="numpy")
-def row_line(row: Any, bound: float) -> Line:
+def row_line(row: np.record, bound: float) -> Line:
     """Return the line ``a·u = bound`` of a row whose gradient does not vanish."""
     return Line(row.ax / row.norm, row.ay / row.norm, bound / row.norm)

@@ -9,7 +9,7 @@ minimum of the whole lies (`kink`): the polygon is cut down, kink by kink, to on
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Records
 from hcbf_gym.programs.planar.kink import MET, OPEN, PAID, settle
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
@@ -21,7 +21,7 @@ from hcbf_gym.programs.planar.polygon import (
     slice_at,
     span,
 )
-from hcbf_gym.programs.planar.records import CELL, Cost, Line, Point, Rows, Workspace, row_line
+from hcbf_gym.programs.planar.records import CELL, Cost, Line, Point, Workspace, row_line
 from hcbf_gym.programs.tolerances import (
     GRADED,
     NEGLIGIBLE,
@@ -161,7 +161,7 @@ def keep_least(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[in
 
 
 @njit(cache=True, error_model="numpy")
-def flattest_that_counts(rows: Rows) -> float:
+def flattest_that_counts(rows: Records) -> float:
     """Return the steepness ``√w_k ‖a_k‖`` below which rows are too flat beside the steepest."""
     steepest = 0.0
     flattest = np.inf
@@ -174,7 +174,7 @@ def flattest_that_counts(rows: Rows) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def drop(rows: Rows, floor: float) -> bool:
+def drop(rows: Records, floor: float) -> bool:
     """Give the rows that are not flatter weight 0; tell whether rows are left, as for 0 none is."""
     if floor == 0.0:
         return False

@@ -4,11 +4,10 @@ The polygon `FEASIBLE` holds the inputs that the stages so far leave. A stage th
 it in place and returns the new number of its corners.
 """
 
-from typing import Any
-
+import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Records
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
     add_row,
@@ -26,7 +25,6 @@ from hcbf_gym.programs.planar.records import (
     Cost,
     Line,
     Point,
-    Rows,
     Workspace,
     row_line,
 )
@@ -35,7 +33,7 @@ from hcbf_gym.programs.tolerances import THIN, ZERO_GRADIENT
 
 
 @njit(cache=True, error_model="numpy")
-def meet(count: int, rows: Rows, w: Workspace) -> int:
+def meet(count: int, rows: Records, w: Workspace) -> int:
     """Keep the inputs that meet the rows or, where none does, violate them least (``min Σ δ²``)."""
     feasible = w.polygons[FEASIBLE]
     trial = w.polygons[TRIAL]
@@ -58,8 +56,8 @@ def meet(count: int, rows: Rows, w: Workspace) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _steers(row: Any) -> bool:
-    """Tell whether a row is more than a constant."""
+def _steers(row: np.record) -> bool:
+    """Return whether a row is more than a constant."""
     return row.norm > ZERO_GRADIENT
 
 
@@ -115,7 +113,7 @@ def _drawn(cost: Cost) -> LeastSquares:
 
 
 @njit(cache=True, error_model="numpy")
-def set_targets(vertices: Array, rows: Rows, ux: float, uy: float, w: Workspace) -> None:
+def set_targets(vertices: Array, rows: Records, ux: float, uy: float, w: Workspace) -> None:
     """Write ``a_k û_k`` of each row that is not strict, û_k its own program's solution."""
     corners = vertices.shape[0]
     trial = w.polygons[TRIAL]
@@ -134,7 +132,7 @@ def set_targets(vertices: Array, rows: Rows, ux: float, uy: float, w: Workspace)
 
 
 @njit(cache=True, error_model="numpy")
-def pin(count: int, rows: Rows, x: float, y: float, w: Workspace) -> int:
+def pin(count: int, rows: Records, x: float, y: float, w: Workspace) -> int:
     """Keep the inputs at which each row has the value that it has at u."""
     for k in range(rows.size):
         if _steers(rows[k]) and count > 1:
@@ -145,7 +143,7 @@ def pin(count: int, rows: Rows, x: float, y: float, w: Workspace) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def bound(count: int, rows: Rows, x: float, y: float, w: Workspace) -> int:
+def bound(count: int, rows: Records, x: float, y: float, w: Workspace) -> int:
     """Keep the inputs at which no row is violated more than at u."""
     for k in range(rows.size):
         if _steers(rows[k]):
