@@ -27,7 +27,7 @@ class Atlas:
         self._end = 0
 
     def __bool__(self) -> bool:
-        """Tell whether there is any map."""
+        """Return whether there is any map."""
         return bool(self.held)
 
     def forget(self, place: Place) -> None:

@@ -52,7 +52,7 @@ class Core(NamedTuple):
     is_point: bool
 
 
-def check_name(name: Any, priority: Any) -> None:
+def check_name(name: object, priority: object) -> None:
     """Refuse what is no name or no rank.
 
     Raises:
@@ -160,7 +160,7 @@ class PlanarBarrier(Barrier):
 
 
 def reads_time(barrier: Barrier, n: int) -> bool:
-    """Return whether h depends on time, looked at in sampled states.
+    """Return whether h depends on time, at sampled states.
 
     Args:
         barrier: of any class.

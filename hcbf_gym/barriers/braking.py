@@ -1,13 +1,15 @@
-r"""Whether U can brake what α₁ and α₂ ask of the double integrator, and by how much α₁ must shrink.
+r"""Whether U can brake what α₁ and α₂ request, and by how much α₁ must shrink if not.
 
-On ψ = 0 the robot approaches a strict region at the speed s = α₁(h), and the row asks for the
+The model is the double integrator.
+
+On ψ = 0 the robot approaches a strict region at the speed s = α₁(h), and the row requests the
 deceleration
 
 .. math:: D(s) = s\, α_1'(α_1^{-1}(s)),
 
 for the paper's logarithm at most φ₁²φ₂/(φ₃ e), at s = φ₁; for a linear α₁ gain · s, the more the
-faster. For ψ > 0 it asks for less, whatever α₂ is. `docs/rows.md` proves it, and says how much more
-the row of a held input asks for.
+faster. For ψ > 0 it requests less, whatever α₂ is. `docs/rows.md` proves it, and says how much more
+the row of a held input requests.
 """
 
 from dataclasses import replace
@@ -31,7 +33,7 @@ SLOW = 0.15
 """A robot to which a speed limit leaves less hardly walks [m/s]."""
 
 PLACES, BEYOND = 200, 4.0
-"""How many distances from the region are looked at, up to this multiple of the hardest speed."""
+"""How many distances from the region are sampled, up to this multiple of the hardest speed."""
 
 
 def weakest(input_set: InputSet) -> float:
@@ -40,8 +42,8 @@ def weakest(input_set: InputSet) -> float:
     return max(0.0, float((-b).min()))
 
 
-def asked(settings: RowSettings, fastest: float = np.inf) -> float:
-    """Return the largest b of a strict row at a state with ψ ≥ 0, the deceleration it asks for.
+def requested(settings: RowSettings, fastest: float = np.inf) -> float:
+    """Return the largest b of a strict row at a state with ψ ≥ 0, the deceleration it requests.
 
     The robot drives straight at the region. What the turn of the gradient takes of a held input
     beside a polygon's corner, where the robot is slow, does not count.
@@ -66,21 +68,21 @@ def asked(settings: RowSettings, fastest: float = np.inf) -> float:
 
 
 def share(settings: RowSettings, input_set: InputSet) -> float:
-    """Return the greatest c in [0, 1] with which U can brake what c·α₁ asks for.
+    """Return the greatest c in [0, 1] with which U can brake what c·α₁ requests.
 
-    It is 1 where α₁ asks for more the faster the robot is: what that is, only a scene can say.
+    It is 1 where α₁ requests more the faster the robot is: what that is, only a scene can say.
 
     Args:
         settings: α₁, α₂ and the hold.
         input_set: U.
     """
     able = (1.0 - RESERVE) * weakest(input_set)
-    if np.isinf(settings.alpha1.hardest_speed) or asked(settings) <= able:
+    if np.isinf(settings.alpha1.hardest_speed) or requested(settings) <= able:
         return 1.0
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if asked(replace(settings, alpha1=settings.alpha1.scaled(middle))) <= able:
+        if requested(replace(settings, alpha1=settings.alpha1.scaled(middle))) <= able:
             low = middle
         else:
             high = middle
@@ -123,14 +125,14 @@ class Shortcoming(NamedTuple):
     says: str
 
 
-class _Asked(NamedTuple):
-    """What N scenes ask.
+class _Demands(NamedTuple):
+    """What N scenes demand of a robot.
 
     Attributes:
         left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
         margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
-        narrows: (N,) whether strict regions can close in on the robot's way: there are two, or a
+        narrows: (N,) whether strict regions can close in on the robot: there are two, or a
             map.
         slows: (N,) whether there are strict speed zones.
     """
@@ -153,18 +155,18 @@ def shortcomings(
         input_set: U.
         speed_margin: what the row of a speed limit reserves besides its own margin [m/s].
     """
-    asked = _look(scenes, speed_margin)
+    scene = _look(scenes, speed_margin)
     able = (1.0 - RESERVE) * weakest(input_set)
     steep = alpha1.derivative(0.0)
     stopped = stoppable(alpha1, input_set)
-    found = [_cannot_flee(asked), _hardly_walks(asked), _cannot_stop(asked, stopped, able)]
-    found.append(_cannot_slow(asked, able))
+    found = [_cannot_flee(scene), _hardly_walks(scene), _cannot_stop(scene, stopped, able)]
+    found.append(_cannot_slow(scene, able))
     if np.isinf(alpha1.hardest_speed):
-        found += [_knows_no_speed(asked), _cannot_brake(asked, steep, able)]
+        found += [_knows_no_speed(scene), _cannot_brake(scene, steep, able)]
     return [one for one in found if one.scenes.any()]
 
 
-def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
+def _look(scenes: BarrierSet, speed_margin: float) -> _Demands:
     strict = scenes.priority == 1
     caps = strict & (scenes.kind == layout.SPEED_LIMIT)
     maps = strict & (scenes.kind == layout.MAPPED)
@@ -173,7 +175,7 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     kept = scenes.own_margin + speed_margin
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    return _Asked(
+    return _Demands(
         left=left.min(axis=1, initial=np.inf),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
@@ -182,63 +184,63 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Asked:
     )
 
 
-def _cannot_flee(asked: _Asked) -> Shortcoming:
-    where = asked.moves >= asked.left
+def _cannot_flee(scene: _Demands) -> Shortcoming:
+    where = scene.moves >= scene.left
     return Shortcoming(
         "flight",
         where,
         False,
-        f"a strict region moves at {_most(asked.moves, where):.3g} m/s, and the speed limit leaves "
-        f"the robot {_least(asked.left, where):.3g} m/s after its margin; expected a higher v_max, "
+        f"a strict region moves at {_most(scene.moves, where):.3g} m/s, and the speed limit leaves "
+        f"the robot {_least(scene.left, where):.3g} m/s after its margin; expected a higher v_max, "
         "so that the robot can step aside",
     )
 
 
-def _hardly_walks(asked: _Asked) -> Shortcoming:
-    where = (asked.left < SLOW) & (asked.margin > 0.0)
+def _hardly_walks(scene: _Demands) -> Shortcoming:
+    where = (scene.left < SLOW) & (scene.margin > 0.0)
     return Shortcoming(
         "slowness",
         where,
         True,
-        f"the speed limit leaves {_least(asked.left, where):.3g} m/s after its margin of "
-        f"{_most(asked.margin, where):.3g} m/s; expected a higher v_max, or patience",
+        f"the speed limit leaves {_least(scene.left, where):.3g} m/s after its margin of "
+        f"{_most(scene.margin, where):.3g} m/s; expected a higher v_max, or patience",
     )
 
 
-def _cannot_stop(asked: _Asked, stopped: float, able: float) -> Shortcoming:
-    where = asked.narrows & np.isfinite(asked.left) & (asked.left > stopped)
+def _cannot_stop(scene: _Demands, stopped: float, able: float) -> Shortcoming:
+    where = scene.narrows & np.isfinite(scene.left) & (scene.left > stopped)
     return Shortcoming(
         "stopping",
         where,
         False,
-        f"where strict regions close in, {able * _most(asked.left, where) / stopped:.3g} m/s² stop "
+        f"where strict regions close in, {able * _most(scene.left, where) / stopped:.3g} m/s² stop "
         f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a speed limit "
         f"that leaves at most {stopped:.3g} m/s, or a flatter alpha1",
     )
 
 
-def _cannot_slow(asked: _Asked, able: float) -> Shortcoming:
+def _cannot_slow(scene: _Demands, able: float) -> Shortcoming:
     return Shortcoming(
         "slowing",
-        asked.slows & (able < zone.BRAKING),
+        scene.slows & (able < zone.BRAKING),
         False,
         f"before a strict speed zone the robot brakes by {zone.BRAKING:.3g} m/s², and U has "
         f"{able:.3g} with a tenth in reserve; expected a larger U, or zones of a lower rank",
     )
 
 
-def _knows_no_speed(asked: _Asked) -> Shortcoming:
+def _knows_no_speed(scene: _Demands) -> Shortcoming:
     return Shortcoming(
         "speed",
-        np.isinf(asked.left),
+        np.isinf(scene.left),
         False,
         "a linear alpha1 asks for more braking the faster the robot is, and the scene has no "
         "strict speed limit; expected v_max, or the logarithm",
     )
 
 
-def _cannot_brake(asked: _Asked, steep: float, able: float) -> Shortcoming:
-    speed = asked.left + asked.moves
+def _cannot_brake(scene: _Demands, steep: float, able: float) -> Shortcoming:
+    speed = scene.left + scene.moves
     where = np.isfinite(speed) & (steep * speed > able)
     return Shortcoming(
         "braking",

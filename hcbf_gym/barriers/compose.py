@@ -5,6 +5,7 @@ Each takes functions, `Function` barriers or built-in shapes, and returns a func
 instead of a minimum, prefer two barriers of one priority.
 """
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -110,5 +111,5 @@ def _sharpness(value: float) -> float:
     return finite_float("sharpness", value, minimum=0.0, exclusive=True)
 
 
-def _log_sum_exp(jax: Any, values: list[Any]) -> Any:
+def _log_sum_exp(jax: ModuleType, values: list[Any]) -> Any:
     return jax.nn.logsumexp(jax.numpy.stack(values))

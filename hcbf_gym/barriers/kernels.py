@@ -1,6 +1,6 @@
 """The built-in barriers compiled: values and derivatives of N states at once.
 
-What moves is looked at in its own frame: `jet` is the one place where a frame is moved and a shape
+What moves is evaluated in its own frame: `jet` is the one place where a frame is moved and a shape
 looked up. A user's own barrier (`layout.CUSTOM`) is passed over: `BarrierSet` fills it in.
 """
 

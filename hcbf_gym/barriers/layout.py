@@ -20,7 +20,7 @@ VELOCITY_X, VELOCITY_Y = 0, 1  # of the frame of a shape [m/s]
 V_MAX = 2  # of a speed limit and of zones [m/s]
 PIECES = 3  # of a class of a map: where its pieces begin in the atlas
 KEPT = 4  # of zones: what is reserved around their cells [m]
-AWAY, AWAY_X, AWAY_Y = 3, 4, 5  # of one zone: the way to it [m], and the way's gradient
+AWAY, AWAY_X, AWAY_Y = 3, 4, 5  # of one zone: the distance to it [m], and its gradient
 
 WIDTH = 19
 """Numbers of a block: the velocity, and what the shape with the most columns needs."""

@@ -70,8 +70,8 @@ class Shapes:
         given = as_array(f"{name}: values", values)
         nothing = np.zeros((0, layout.WIDTH))
         self.parameters = cls.pack(f"{name}: {shape}", given) if given.size else nothing
-        wanted = (2,) if as_array(f"{name}: velocity", velocity).ndim == 1 else (len(self), 2)
-        moving = finite_array(f"{name}: velocity", velocity, wanted, largest=FARTHEST)
+        expected = (2,) if as_array(f"{name}: velocity", velocity).ndim == 1 else (len(self), 2)
+        moving = finite_array(f"{name}: velocity", velocity, expected, largest=FARTHEST)
         self.parameters[:, [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
         self.parameters.flags.writeable = False
 

@@ -6,7 +6,7 @@ of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,6 +23,7 @@ from hcbf_gym.barriers.shapes import convex_polygon
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
+from hcbf_gym.models.plant import Uncertainty
 
 LONGEST_HOLD = 0.2
 """Within which rows that know no period look ahead [s]: no held row allows a longer one."""
@@ -114,7 +115,7 @@ class MappedRegion(Mapped):
 
 @dataclass(frozen=True, eq=False)
 class SeenRegion(Mapped):
-    """The outside of what a scan shows, for the moment: guidance plans no way round it."""
+    """The outside of what a scan shows, for the moment: guidance plans no path around it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +176,7 @@ class Scene(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def nearby(
-    settings: Any, rows: Array, radius: float, scene: Scene, atlas: Array, known: Known
+    settings: Uncertainty, rows: Array, radius: float, scene: Scene, atlas: Array, known: Known
 ) -> Scene:
     """Return the conditions of a state, classes of a map replaced by their nearby pieces.
 
@@ -235,7 +236,7 @@ def nearby(
 
 @njit(cache=True, error_model="numpy")
 def _reaches(
-    settings: Any, rows: Array, radius: float, scene: Scene, known: Known, most: float
+    settings: Uncertainty, rows: Array, radius: float, scene: Scene, known: Known, most: float
 ) -> Array:
     """Return (m,) the braking horizon of each class of a map [m]; see `nearby`."""
     x, lag, covariance = known.x, known.lag, known.covariance

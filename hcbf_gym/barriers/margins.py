@@ -11,7 +11,7 @@ what the body reaches beyond its centre. The first three parts stand for the red
 which says that the body moves at the model's velocity: a body that moves faster towards the region
 will get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
 fourth is for rows that read the model's own position: a body that is nearer has no less than that
-of h. As ‖∇h‖ ≤ 1, no part is more than a way that h can lose; none is multiplied by ‖∇h‖, which
+of h. As ‖∇h‖ ≤ 1, no part is more than h can lose; none is multiplied by ‖∇h‖, which
 rises along the side of an ellipse with no news. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ(P_vv)
 [m/s], with λ the largest eigenvalue: a body that does not follow may overshoot, too, and one that
 follows needs little.

@@ -275,8 +275,9 @@ def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
     """Return the piece nearest a point: the one with the least signed distance.
 
     Buckets are searched in rings. A piece that no ring up to the k-th holds is no nearer than k
-    sides and the way from the point to the edge of its own bucket. For a point beyond all buckets
-    that holds of the nearest point of them, and no piece is nearer to the one than to the other.
+    sides and the distance from the point to the edge of its own bucket. For a point beyond all
+    buckets that holds of the nearest point of them, and no piece
+    is nearer to the one than to the other.
     """
     best = Nearest(np.inf, -1)
     if atlas[at + COUNT] == 0.0:

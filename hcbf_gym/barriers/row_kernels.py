@@ -7,7 +7,7 @@ the velocity in the barrier's frame, m the margin and ṁ its rate, and H convex
     h(τ) - m(τ) & ≥ (h - m) + (\dot h - \dot m) τ + ½ a·u τ², \\
     \dot h(T) & ≥ \dot h + a·u T - ν,
 
-and the row asks for :math:`ψ(T) ≥ ψ - T α₂(ψ)` in terms of these bounds. It is linear in u because
+and the row requests :math:`ψ(T) ≥ ψ - T α₂(ψ)` in terms of these bounds. It is linear in u because
 a chord bounds α₁ from below.
 """
 
@@ -153,9 +153,9 @@ def held_row(
     chord = min(class_k.slope(alpha1, end - half), class_k.slope(alpha1, end + half))
     promised = class_k.value(alpha1, end - half) + chord * half
     nu = turning(speed, sideways, distance, s) + quickening * period
-    wanted = psi - period * alpha2_psi - rate + nu
-    b = (wanted - promised) / (period + 0.5 * chord * period * period)
-    if kept >= 0.0 and end >= 0.0:  # h >= 0 on the way, whatever α₁
+    least = psi - period * alpha2_psi - rate + nu
+    b = (least - promised) / (period + 0.5 * chord * period * period)
+    if kept >= 0.0 and end >= 0.0:  # h >= 0 meanwhile, whatever α₁
         b = max(b, -2.0 * end / (period * period))
     return b, alpha2_psi, psi, nu / period
 

@@ -46,7 +46,7 @@ class RowSettings:
         period: T, how long u is held [s]: rows then preserve h ≥ 0 between two samples, too.
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late
-            asks for no more.
+            requests no more.
         limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where `u_max` says
             all.
 

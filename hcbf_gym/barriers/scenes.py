@@ -10,7 +10,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several, Shapes
-from hcbf_gym.barriers.set import BarrierSet, each, length
+from hcbf_gym.barriers.set import BarrierSet, Entry, each, length
 from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
@@ -19,7 +19,7 @@ from hcbf_gym.models.constants import FARTHEST
 SPEED_LIMIT = "speed-limit"
 
 
-def scenes_of(barriers: Any, count: int) -> BarrierSet:
+def scenes_of(barriers: object, count: int) -> BarrierSet:
     """Return the scenes of N plants.
 
     Args:
@@ -127,25 +127,25 @@ def _last(array: Any, count: int, name: str) -> tuple[int, ...]:
     return array.shape[-count:]
 
 
-def _shape(array: Any, wanted: tuple[int, ...], name: str) -> tuple[int, ...]:
-    """Return the wanted shape, which an array of all plants or of each fits.
+def _shape(array: Any, expected: tuple[int, ...], name: str) -> tuple[int, ...]:
+    """Return the expected shape, which an array of all plants or of each fits.
 
     Raises:
         InvalidInputError: if it does not fit.
     """
     least = array.ndim
-    if array.shape != wanted[len(wanted) - least :]:
+    if array.shape != expected[len(expected) - least :]:
         raise InvalidInputError(
-            f"{name}: got shape {array.shape}, expected {wanted} or {wanted[1:]} for all plants"
+            f"{name}: got shape {array.shape}, expected {expected} or {expected[1:]} for all plants"
         )
-    return wanted
+    return expected
 
 
-def _is_list(scene: Any) -> bool:
+def _is_list(scene: object) -> bool:
     return isinstance(scene, Sequence) and not isinstance(scene, str)
 
 
-def _filled(scene: tuple[Any, ...], most: int) -> tuple[Any, ...]:
+def _filled(scene: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
     """Return a scene with conditions that always hold behind it, so that it has `most`."""
     missing = most - length(scene)
     if not missing:

@@ -1,7 +1,7 @@
 """What a built-in shape is: fields with their checks, compiled functions, and how it is drawn.
 
 Each shape stands in a file of `shapes`, and what evaluates, packs, reads, draws or moves a shape
-asks for it here. The compiled functions are what runs everywhere; they read a shape's block of
+finds it here. The compiled functions are what runs everywhere; they read a shape's block of
 numbers (see `layout`) at a point of the shape's own frame. Points travel as scalars, so that
 nothing is allocated per state.
 """
@@ -10,6 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
+from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -37,8 +38,8 @@ class Compiled(NamedTuple):
             its Hessian has rank one, ``∇²H = t tᵀ/d``: d is the distance from the centre of
             curvature (a disc's centre, a polygon's corner), and infinite where H is flat.
         core: (c, x, y, H, d, reach) → the entries of a `Core`, for rows of a held input.
-        bounds: (c) → least x, least y, greatest x, greatest y of the region, infinite and the wrong
-            way round where it has none.
+        bounds: (c) → least x, least y, greatest x, greatest y of the region, infinite with swapped
+            signs where it has none.
     """
 
     code: int
@@ -134,7 +135,7 @@ class Shape(PlanarBarrier):
         """Return how the region is drawn at time 0."""
 
     @abstractmethod
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H in jax.numpy, which JAX differentiates any number of times."""
 
     @property
@@ -186,7 +187,7 @@ def point_jet(x: float, y: float) -> PlanarJet:
     return distance, nx, ny, distance, -ny, nx
 
 
-def traced_norm(jax: Any, x: Any, y: Any) -> Any:
+def traced_norm(jax: ModuleType, x: Any, y: Any) -> Any:
     """Return ‖(x, y)‖ for JAX; at 0 its gradient is taken along +x, as `point_jet` does."""
     jnp = jax.numpy
     square = x * x + y * y

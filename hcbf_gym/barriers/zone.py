@@ -1,7 +1,7 @@
 r"""Speed limits by place: the robot brakes before it enters a zone.
 
-With d⁺ the way to the nearest cell of the zone, 0 inside, L the limit there and β a deceleration
-that every robot here can do,
+With d⁺ the distance to the nearest cell of the zone, 0 inside, L the limit there and β a
+deceleration that every robot here can do,
 
 .. math:: h = (L² + 2 β d^+ - ‖v‖²) / (2 L),
 

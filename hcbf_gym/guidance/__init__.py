@@ -1,4 +1,4 @@
-"""The way round: a field that knows the way to the goal, and the row of the last rank it gives."""
+"""Guidance: fields of shortest paths to the goal, and the row of the last rank along them."""
 
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local

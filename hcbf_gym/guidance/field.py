@@ -4,7 +4,7 @@ A field is stored flat, row by row. Its geometry (7,) says where: x and y of the
 centre, side of a cell [m], ny, nx, and cos and sin of the angle by which the grid is turned.
 """
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numba import njit
@@ -15,10 +15,11 @@ from hcbf_gym.guidance.ground import Ground, paint_barrier
 from hcbf_gym.guidance.march import Cells, is_open, march
 
 Number = TypeVar("Number", float, Array)
+Kept = TypeVar("Kept", Field, Ranks)
 
 
 @njit(cache=True, error_model="numpy")
-def grid(values: Any, geometry: Array) -> Any:
+def grid(values: Kept, geometry: Array) -> Kept:
     """Return the (ny, nx) view of one scene's flat values."""
     ny, nx = int(geometry[3]), int(geometry[4])
     return values[: ny * nx].reshape(ny, nx)

@@ -1,7 +1,7 @@
 """What a field walks on: cells of a grid, what each costs, and the highest rank that it lies in.
 
 A metre costs 1 in the open, a little more close to an edge, so that the path leaves some distance
-where there is room, and far more in a region, so that it leads out by a short way. A cell of a map
+where there is room, and far more in a region, so that it leads out by a short path. A cell of a map
 lies in a region where its centre is nearer to the occupied squares than the clearance: the body's
 radius and what the edges reserve.
 """
@@ -17,7 +17,7 @@ from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.guidance.march import is_open
 
 CLOSED_COST = 100.0
-"""What a metre costs inside a region through which no way leads: out of it by a short one."""
+"""What a metre costs inside a region through which no path leads: out of it by a short one."""
 RANK_COST = np.array([1e3, 1e3, 1e2, 1e1])
 """What a metre costs inside a region of rank 1, 2, 3 or lower that may be crossed."""
 HALO = 0.4
@@ -27,7 +27,7 @@ HALO_COST = 20.0
 
 
 class Ground(NamedTuple):
-    """Cells with a border around them that no way enters.
+    """Cells with a border around them that no path enters.
 
     Attributes:
         cost: (ny + 2, nx + 2) what a step through a cell costs, infinite on the border.

@@ -1,6 +1,6 @@
 r"""Guidance without a goal: a row that walks along the edge which stops the policy.
 
-Where u* presses against a region within `REACH`, the row asks for speed along the edge,
+Where u* presses against a region within `REACH`, the row requests speed along the edge,
 
 .. math::
     tᵀu ≥ −k\,(tᵀv − β), \qquad t = σ\,(n_y, −n_x),

@@ -1,4 +1,4 @@
-"""The geodesic field on a grid: what the cheapest way from every cell to the goal costs.
+"""The geodesic field on a grid: what the cheapest path from every cell to the goal costs.
 
 The field T solves the eikonal equation ``‖∇T‖ = c``, ``T(goal) = 0``, by upwind differences,
 
@@ -6,12 +6,12 @@ The field T solves the eikonal equation ``‖∇T‖ = c``, ``T(goal) = 0``, by 
 
 Cells settle in stages: first the open ones and those of ranks that may be crossed at their price;
 then, of all that is left, the lowest rank, and so on up to rank 1. A stage begins at a toll above
-all that is settled. So no closed rank lies on a way where one without it exists, however long that
+all that is settled. So no closed rank lies on a path where one without it exists, however long that
 is, and from within a closed region the field leads out, through strict cells only where nothing
 else is left.
 
-Cells wait in buckets of equal T, and one whose T falls is looked at again: the order is a matter of
-speed alone.
+Cells wait in buckets of equal T, and one whose T falls waits again: the order is a matter of speed
+alone.
 
 Source: J. A. Sethian, A fast marching level set method for monotonically advancing fronts,
 PNAS 93, 1996; L. Yatziv, A. Bartesaghi, G. Sapiro, O(N) implementation of the fast marching
@@ -124,7 +124,7 @@ def _worst(rank: int, other: int) -> int:
 def _lower(field: Field, level: int, toll: float, one: int, other: int) -> tuple[float, int]:
     """Return the lower T of two neighbours and which; what settled in stages before pays toll.
 
-    Out of rank 1 all ways are alike: the shortest is the one, however dear it is from there on.
+    Out of rank 1 all paths are alike: the shortest is the one, however dear it is from there on.
     """
     t, u = field[one], field[other]
     if t <= toll:

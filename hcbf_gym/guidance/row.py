@@ -103,7 +103,7 @@ def row(
 ) -> tuple[float, float, float]:
     """Return (a_x, a_y, b) of the row ``a·u ≥ b`` at one state x (4,).
 
-    At the goal, where the state is not finite, and where there is no field yet, it asks for
+    At the goal, where the state is not finite, and where there is no field yet, it requests
     nothing: a = 0, b = −1.
 
     Args:

@@ -282,7 +282,7 @@ def _turn(a: Integers, b: Integers, x: int, y: int) -> int:
 
 @njit(cache=True)
 def _meets(hull: Integers, strangers: Places, r0: int, c0: int) -> bool:
-    """Tell whether a hull meets the inside of a stranger, row by row.
+    """Return whether a hull meets the inside of a stranger, row by row.
 
     Corners lie on crossings, so that a row's outermost points are those on its lower or upper line.
     """

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hcbf_gym.arrays import Mask
+from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.models.constants import FARTHEST
 
 KINDS = ("keepout", "speed", "unknown")
 """What a class of cells is: not to be entered, to be crossed slowly, or not known."""
-
-LOWEST_RANK = 64
-"""The largest number that a rank may be, as a barrier's priority."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,7 +124,7 @@ class RankedMap(Several):
         return packing.packed(self.grid, self.classes)
 
     def __eq__(self, other: object) -> bool:
-        """Tell whether two maps are described alike."""
+        """Return whether two maps are described alike."""
         if not isinstance(other, RankedMap):
             return NotImplemented
         return self is other or self.to_dict() == other.to_dict()

@@ -38,11 +38,11 @@ def source(
 ) -> dict[str, Any]:
     """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
     given = {"rank": rank, "unknown": unknown, "margin": margin}
-    told: dict[str, Any] = {"file": str(file)}
+    described: dict[str, Any] = {"file": str(file)}
     if masks:
-        told["masks"] = records.plain(masks)
-    told |= {name: value for name, value in given.items() if value != USUAL[name]}
-    return told
+        described["masks"] = records.plain(masks)
+    described |= {name: value for name, value in given.items() if value != USUAL[name]}
+    return described
 
 
 def read(

@@ -1,8 +1,10 @@
 """What rows that are not strict pay under a plan: λ_δ, λ_u and δ_min, read from its options."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
@@ -29,11 +31,11 @@ class Prices(NamedTuple):
         cls,
         plan: Plan,
         *,
-        gamma0: Any = 5.0,
-        delta_gamma: Any = None,
+        gamma0: ArrayLike = 5.0,
+        delta_gamma: ArrayLike | None = None,
         lambda_u: float = 1.0,
         epsilon: str = "zero",
-        weights: Any = (),
+        weights: Sequence[float | None] = (),
     ) -> "Prices":
         """Return the prices of a plan's options.
 

@@ -80,10 +80,10 @@ def check_shapes(rows: CbfRows, n_u: int) -> None:
     expected = {"a": (*shape, n_u), "h": shape, "priority": shape}
     if rows.alpha2_psi is not None:
         expected["alpha2_psi"] = shape
-    for name, wanted in expected.items():
+    for name, needed in expected.items():
         got = getattr(rows, name).shape
-        if got != wanted:
-            raise InvalidInputError(f"rows.{name}: got shape {got}, expected {wanted}")
+        if got != needed:
+            raise InvalidInputError(f"rows.{name}: got shape {got}, expected {needed}")
     if rows.priority.dtype.kind not in "iu":
         raise InvalidInputError(
             f"rows.priority: got {rows.priority.dtype}, expected integers from 1"
@@ -103,7 +103,7 @@ def explain(rows: CbfRows) -> NoReturn:
 
 @njit(cache=True)
 def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
-    """Tell whether the rows of one state are finite, with priorities 1, 2, … without a gap.
+    """Return whether the rows of one state are finite, with priorities 1, 2, … without a gap.
 
     Args:
         a: (m, n_u) gradients.
@@ -116,7 +116,7 @@ def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
 
 @njit(cache=True)
 def are_finite(a: Array, b: Array, h: Array) -> bool:
-    """Tell whether the rows of one state are made of finite numbers."""
+    """Return whether the rows of one state are made of finite numbers."""
     for k in range(b.size):
         if not (np.isfinite(b[k]) and np.isfinite(h[k])):
             return False
@@ -128,7 +128,7 @@ def are_finite(a: Array, b: Array, h: Array) -> bool:
 
 @njit(cache=True)
 def has_no_gap(priority: Integers) -> bool:
-    """Tell whether priorities (m,) are 1, 2, … without a gap."""
+    """Return whether priorities (m,) are 1, 2, … without a gap."""
     levels = 0
     for rank in priority:
         if not 1 <= rank <= priority.size:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
@@ -23,7 +24,7 @@ class Weights(NamedTuple):
     states: int | None = None
 
     @classmethod
-    def read(cls, gamma0: Any, delta_gamma: Any) -> "Weights":
+    def read(cls, gamma0: ArrayLike, delta_gamma: ArrayLike) -> "Weights":
         """Return the weights that a program's options name.
 
         Args:
@@ -48,7 +49,7 @@ class Weights(NamedTuple):
         return cls(np.concatenate(columns, axis=1), count)
 
     @classmethod
-    def of_levels(cls, weights: Any, delta_gamma: Any) -> "Weights":
+    def of_levels(cls, weights: Sequence[float | None], delta_gamma: ArrayLike) -> "Weights":
         """Return the weights of the priorities from 1 on; None, and what is beyond, is strict.
 
         Raises:

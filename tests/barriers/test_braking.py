@@ -22,16 +22,16 @@ def held(alpha1, limit, gain=2.0):
 
 def test_the_logarithm_asks_most_at_phi1_and_a_linear_function_the_more_the_faster():
     paper = LogClassK()
-    assert braking.asked(RowSettings()) == pytest.approx(
+    assert braking.requested(RowSettings()) == pytest.approx(
         paper.phi1**2 * paper.phi2 / (paper.phi3 * np.e)
     )
     linear = RowSettings(LinearClassK(3.0))
-    assert braking.asked(linear, fastest=0.8) == pytest.approx(3.0 * 0.8)
+    assert braking.requested(linear, fastest=0.8) == pytest.approx(3.0 * 0.8)
 
 
 def test_half_the_logarithm_asks_for_a_quarter():
     half = RowSettings(LogClassK().scaled(0.5))
-    assert braking.asked(half) == pytest.approx(0.25 * braking.asked(RowSettings()))
+    assert braking.requested(half) == pytest.approx(0.25 * braking.requested(RowSettings()))
 
 
 @pytest.mark.parametrize("gain", [0.5, 2.0, 20.0])
@@ -45,10 +45,10 @@ def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negati
     x[:, 0] = 3.0 * rng.random(n) ** 2
     x[:, 2] = -rng.random(n) * settings.alpha1.values(x[:, 0])  # ψ ≥ 0
     rows = scenes.rows(x, np.zeros(n), settings)
-    assert (rows.b <= braking.asked(settings) + 1e-9).all()
+    assert (rows.b <= braking.requested(settings) + 1e-9).all()
     on_edge = x.copy()
     on_edge[:, 2] = -settings.alpha1.values(x[:, 0])  # ψ = 0: the bound is not idle
-    assert scenes.rows(on_edge, np.zeros(n), settings).b.max() > 0.97 * braking.asked(settings)
+    assert scenes.rows(on_edge, np.zeros(n), settings).b.max() > 0.97 * braking.requested(settings)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_weak_u_can_brake_what_the_scaled_function_asks_for(input_set):
     scaled = RowSettings(LogClassK().scaled(factor), period=PERIOD, u_max=input_set.radius)
     assert 0.0 < factor < 1.0
     able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
-    assert braking.asked(scaled) == pytest.approx(able, rel=1e-6)
+    assert braking.requested(scaled) == pytest.approx(able, rel=1e-6)
 
 
 def test_a_strong_u_leaves_the_function_as_it_is():

@@ -1,6 +1,7 @@
 """A capsule: all that lies within a radius of a segment."""
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -135,7 +136,7 @@ class Capsule(Shape):
         half = self.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         return np.concatenate([self.end + half, self.start - half])
 
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H for JAX."""
         (cx, cy) = self.start
         radius = self.radius

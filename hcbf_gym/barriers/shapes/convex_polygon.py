@@ -1,6 +1,7 @@
 """A convex polygon."""
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -172,7 +173,7 @@ class ConvexPolygon(Shape):
         """Return (k, 2) the corners."""
         return np.array(self.vertices)
 
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H for JAX."""
         jnp = jax.numpy
         corners = np.array(self.vertices)
@@ -224,7 +225,7 @@ class ConvexPolygon(Shape):
 
     @property
     def size(self) -> float:
-        """The way from the mean of the corners to the farthest [m]."""
+        """The distance from the mean of the corners to the farthest [m]."""
         return float(np.linalg.norm(self.vertices - self.anchor, axis=1).max())
 
     def moved(self, step: Array) -> Self:

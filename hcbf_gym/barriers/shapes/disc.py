@@ -1,7 +1,8 @@
 """A disc."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from types import ModuleType
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -105,7 +106,7 @@ class Disc(Shape):
         """Return the circle."""
         return Oval(self.center, (self.radius, self.radius), 0.0)
 
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H for JAX."""
         (cx, cy), radius = self.center, self.radius
         return lambda x, y: traced_norm(jax, x - cx, y - cy) - radius

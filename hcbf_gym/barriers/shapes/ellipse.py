@@ -1,6 +1,7 @@
 """An ellipse."""
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -137,7 +138,7 @@ class Ellipse(Shape):
         """Return the ellipse."""
         return Oval(self.center, self.semi_axes, self.angle)
 
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H for JAX."""
         jnp = jax.numpy
         block = self._block

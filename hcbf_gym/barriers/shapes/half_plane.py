@@ -1,7 +1,8 @@
 """A straight wall."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from types import ModuleType
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -93,7 +94,7 @@ class HalfPlane(Shape):
         """Return the wall."""
         return Wall(self.normal, self.offset)
 
-    def traced(self, jax: Any) -> Planar:
+    def traced(self, jax: ModuleType) -> Planar:
         """Return (x, y) → H for JAX."""
         (nx, ny), offset = self.normal, self.offset
         return lambda x, y: nx * x + ny * y - offset

@@ -1,4 +1,4 @@
-"""The programs for any number of inputs, or with a solver asked for by name."""
+"""The programs for any number of inputs, or with a solver by name."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -29,7 +29,7 @@ from hcbf_gym.programs.tolerances import PRIMAL
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
 # of 1e5 leave no digits for its usual tolerance.
 LOOSE_DAQP = "daqp, loosely"
-# The last to be asked: slacks of millions leave no solver the digits that tell it from infeasible.
+# The last resort: slacks of millions leave no solver the digits that tell it from infeasible.
 RATIONAL = "rational arithmetic"
 
 # Where a solver's own default is too loose to pass that check.

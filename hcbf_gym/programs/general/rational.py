@@ -117,8 +117,8 @@ def project(centre: Rationals, ease: Rationals, a: Rationals, b: Rationals) -> R
         push = rational(0)
         while True:
             effort = _solve(a[active] * ease @ a[active].T, a[active] * ease @ a[p])
-            way = ease * (a[p] - effort @ a[active]) if active else ease * a[p]
-            gain = way @ a[p]
+            direction = ease * (a[p] - effort @ a[active]) if active else ease * a[p]
+            gain = direction @ a[p]
             limits = [
                 (m / e, j) for j, (m, e) in enumerate(zip(multiplier, effort, strict=True)) if e > 0
             ]
@@ -129,7 +129,7 @@ def project(centre: Rationals, ease: Rationals, a: Rationals, b: Rationals) -> R
                 return project(centre, ease, a[kept], b[kept])
             full = drop is None or (reach is not None and reach <= drop)
             step = reach if full else drop
-            x = x + step * way
+            x = x + step * direction
             multiplier = [m - step * e for m, e in zip(multiplier, effort, strict=True)]
             push += step
             if full:

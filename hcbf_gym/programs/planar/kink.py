@@ -200,7 +200,7 @@ def _unit(x: float, y: float) -> Point:
 
 @njit(cache=True, error_model="numpy")
 def _kinks_at(row: np.record, x: float, y: float, radius: float) -> bool:
-    """Tell whether the slope of an open row's cost jumps at a point."""
+    """Return whether the slope of an open row's cost jumps at a point."""
     if row.state != OPEN or row.least == 0.0:
         return False
     above = row.ax * x + row.ay * y - row.b + row.least
@@ -209,7 +209,7 @@ def _kinks_at(row: np.record, x: float, y: float, radius: float) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _enters(cell: Array, count: int, x: float, y: float, ex: float, ey: float, thin: float) -> bool:
-    """Tell whether the direction e leads from the border point (x, y) into the cell."""
+    """Return whether the direction e leads from the border point (x, y) into the cell."""
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         sx, sy = cell[j, 0] - cell[i, 0], cell[j, 1] - cell[i, 1]

@@ -193,7 +193,7 @@ def minimise(
 
 @njit(cache=True, error_model="numpy")
 def contains(corners: Array, count: int, x: float, y: float) -> bool:
-    """Tell whether a point lies in a polygon of three corners or more, without any tolerance."""
+    """Return whether a point lies in a polygon of three corners or more, without any tolerance."""
     previous_x, previous_y = corners[count - 1, 0], corners[count - 1, 1]
     for i in range(count):
         corner_x, corner_y = corners[i, 0], corners[i, 1]

@@ -145,7 +145,7 @@ class BatchProgram(_Compiled):
 
 
 def _is_pair(u: ArrayLike) -> bool:
-    """Tell whether u* is what the kernel reads, so that nothing needs to be looked at again."""
+    """Return whether u* is what the kernel reads, so that nothing needs to be checked."""
     return type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64
 
 
@@ -161,7 +161,7 @@ def _filter_all(
     answer: Array,
     status: Integers,
 ) -> bool:
-    """Filter N states, unless u* or a row is malformed; tell whether none is.
+    """Filter N states, unless u* or a row is malformed; return whether none is.
 
     Arrays come one by one, of one state without the leading N: Numba takes a microsecond to open a
     record that Python hands over, and NumPy as long to make its arrays longer by an axis.

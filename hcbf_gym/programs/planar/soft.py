@@ -101,7 +101,7 @@ def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float,
 
 @njit(cache=True, error_model="numpy")
 def _confirms(cost: Cost, x: float, y: float, radius: float) -> bool:
-    """Note which rows pay at a point; tell whether they are those of the guess before."""
+    """Note which rows pay at a point; return whether they are those of the guess before."""
     confirms = True
     for k in range(cost.rows.size):
         row = cost.rows[k]
@@ -175,7 +175,7 @@ def flattest_that_counts(rows: Records) -> float:
 
 @njit(cache=True, error_model="numpy")
 def drop(rows: Records, floor: float) -> bool:
-    """Give the rows that are not flatter weight 0; tell whether rows are left, as for 0 none is."""
+    """Give the rows that are not flatter weight 0; return whether rows are left, for 0 False."""
     if floor == 0.0:
         return False
     for k in range(rows.size):
