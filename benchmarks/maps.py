@@ -80,7 +80,7 @@ class Hostile(NamedTuple):
 
 def strict_cells(floor: RankedMap) -> Mask:
     """Return (rows, columns) the cells that no robot may enter."""
-    return floor.mask(1)
+    return np.logical_or.reduce([one.cells for one in floor.classes if one.is_strict])
 
 
 def start_on(floor: RankedMap, clear: float, rng: np.random.Generator) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The fields of scenes: their regions painted on the ground, and the march from the goal.
+"""The fields of scenes: what a march from the goal leaves in a grid.
 
 A field is stored flat, row by row. Its geometry (7,) says where: x and y of the first cell's
 centre, side of a cell [m], ny, nx, and cos and sin of the angle by which the grid is turned.
@@ -9,9 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Field, Integers, Ranks
-from hcbf_gym.barriers import kernels
-from hcbf_gym.guidance.ground import Ground, paint_barrier
+from hcbf_gym.arrays import Array, Field, Ranks
+from hcbf_gym.guidance.ground import Ground
 from hcbf_gym.guidance.march import Cells, is_open, march
 
 Number = TypeVar("Number", float, Array)
@@ -51,36 +50,6 @@ def cell_of(x: float, y: float, geometry: Array) -> tuple[int, int]:
 
 
 @njit(cache=True, error_model="numpy")
-def paint_barriers(
-    ground: Ground,
-    geometry: Array,
-    kind: Integers,
-    parameters: Array,
-    priority: Integers,
-    clearance: Array,
-    t: float,
-    opened: int,
-) -> None:
-    """Paint the regions of one scene's built-in barriers as they stand at time t.
-
-    Args:
-        ground: written to.
-        geometry: (7,) of its grid.
-        kind: (m,) as in `BarrierSet`; speed limits are passed over.
-        parameters: (m, 19) as in `BarrierSet`.
-        priority: (m,) 1 is strict.
-        clearance: (m,) what each edge reserves: margin, body radius [m].
-        t: time [s].
-        opened: ranks from it on may be crossed at their price, above 1; 0 for none.
-    """
-    for k in range(kind.size):
-        if kernels.is_region(kind[k]):
-            paint_barrier(
-                ground, geometry, kind[k], parameters[k], t, priority[k], clearance[k], opened
-            )
-
-
-@njit(cache=True, error_model="numpy")
 def solve(
     ground: Ground, geometry: Array, goal: Array, opened: int, field: Field, through: Ranks
 ) -> None:
@@ -90,7 +59,7 @@ def solve(
         ground: with its border.
         geometry: (7,) of the grid.
         goal: (2,) [m].
-        opened: as `paint_barriers` takes it.
+        opened: as `ground.paint_barriers` takes it.
         field: (capacity,) T, of which the first ny·nx entries are written.
         through: (capacity,) through which rank the goal is reached: 0 none, 1 not at all.
     """

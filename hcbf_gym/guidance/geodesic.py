@@ -16,7 +16,7 @@ from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance import validation
-from hcbf_gym.guidance.ground import Ground, open_ground
+from hcbf_gym.guidance.ground import Ground, open_ground, paint_barriers
 from hcbf_gym.guidance.map_ground import MapGround
 from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import FARTHEST
@@ -322,7 +322,7 @@ class Geodesic:
             return base.ground
         else:
             ground = Ground(base.ground.cost.copy(), base.ground.rank.copy())
-        fields.paint_barriers(
+        paint_barriers(
             ground, geometry, scenes.kind[n], scenes.parameters[n], scenes.priority[n],
             self._clearance[n], t, self._opened,
         )  # fmt: skip

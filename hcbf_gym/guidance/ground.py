@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Field, Mask, Ranks
+from hcbf_gym.arrays import Array, Field, Integers, Mask, Ranks
 from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.guidance.march import is_open
@@ -67,7 +67,7 @@ def _paint(
 
 
 @njit(cache=True, error_model="numpy")
-def paint_barrier(
+def _paint_barrier(
     ground: Ground,
     geometry: Array,
     kind: int,
@@ -77,18 +77,7 @@ def paint_barrier(
     clearance: float,
     opened: int,
 ) -> None:
-    """Paint the region of one built-in barrier at time t.
-
-    Args:
-        ground: written to.
-        geometry: (7,) of its grid, see `guidance.field`.
-        kind: as in `BarrierSet`.
-        parameters: (19,) as in `BarrierSet`.
-        t: [s].
-        priority: 1 is strict.
-        clearance: what counts as inside: h below it [m].
-        opened: ranks from it on may be crossed, 0 for none.
-    """
+    """Paint the region of one barrier; see `paint_barriers`, of which this takes one entry each."""
     side, ny, nx = geometry[2], int(geometry[3]), int(geometry[4])
     cos, sin = geometry[5], geometry[6]
     first_j, end_j, first_i, end_i = 0, ny, 0, nx
@@ -107,6 +96,36 @@ def paint_barrier(
             y = geometry[1] + side * (sin * i + cos * j)
             h = kernels.height(kind, parameters, x, y, t)
             _paint(ground, j + 1, i + 1, h - clearance, priority, opened, side)
+
+
+@njit(cache=True, error_model="numpy")
+def paint_barriers(
+    ground: Ground,
+    geometry: Array,
+    kind: Integers,
+    parameters: Array,
+    priority: Integers,
+    clearance: Array,
+    t: float,
+    opened: int,
+) -> None:
+    """Paint the regions of one scene's built-in barriers as they stand at time t.
+
+    Args:
+        ground: written to.
+        geometry: (7,) of its grid, see `guidance.field`.
+        kind: (m,) as in `BarrierSet`; speed limits are passed over.
+        parameters: (m, 19) as in `BarrierSet`.
+        priority: (m,) 1 is strict.
+        clearance: (m,) what counts as inside, h below it: margin, body radius [m].
+        t: time [s].
+        opened: ranks from it on may be crossed at their price, above 1; 0 for none.
+    """
+    for k in range(kind.size):
+        if kernels.is_region(kind[k]):
+            _paint_barrier(
+                ground, geometry, kind[k], parameters[k], t, priority[k], clearance[k], opened
+            )
 
 
 @njit(cache=True, error_model="numpy")

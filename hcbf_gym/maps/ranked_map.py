@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import pieces
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
@@ -162,14 +162,6 @@ class RankedMap(Several):
         found = self._condition_of(name).pieces.polygons
         covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
         return found[: len(covers[name].sizes)]
-
-    def mask(self, rank: int) -> Mask:
-        """Return (rows, columns) whether a cell is keepout or unknown of a rank."""
-        found = np.zeros(self.grid.shape, dtype=np.bool_)
-        for one in self.classes:
-            if one.rank == rank and one.kind != "speed":
-                found |= one.cells
-        return found
 
     def distance(self, points: ArrayLike, rank: int | None = None) -> Array:
         """Return (N,) the covered distance of points from keepout and unknown cells [m].
