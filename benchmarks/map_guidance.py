@@ -359,10 +359,7 @@ COUNTS = {"fields": 100, "guided": 100, "corridors": 2, "keepout": 100}
 def run(quick: bool) -> dict[str, Any]:
     """Return the tables of all parts, in JSON's terms."""
     found = {name: part(2 if quick else COUNTS[name]) for name, part in PARTS.items()}
-    return {
-        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
-        for name, one in found.items()
-    }
+    return {name: one._asdict() for name, one in found.items()}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

@@ -487,10 +487,7 @@ PARTS: dict[str, tuple[Callable[[int], Table], int, int]] = {
 def run(quick: bool) -> dict[str, Any]:
     """Return the tables of every part: cells of text."""
     made = {name: make(few if quick else many) for name, (make, many, few) in PARTS.items()}
-    return {
-        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
-        for name, one in made.items()
-    }
+    return {name: one._asdict() for name, one in made.items()}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

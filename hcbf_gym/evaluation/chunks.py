@@ -13,8 +13,10 @@ found.
 
 import functools
 import hashlib
+import importlib.metadata
 import inspect
 import pickle
+import platform
 import reprlib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
@@ -26,11 +28,14 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
+import hcbf_gym
 from hcbf_gym.compilation import PACKAGE, read_by_name, sources_hash
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
 from hcbf_gym.records import whole
 
+COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
+"""Whose versions decide the bits of an episode."""
 ATTEMPTS = 5
 """How often a chunk runs whose worker dies, before it is given up."""
 
@@ -70,8 +75,8 @@ def run(
 
     Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
     that is named by a hash of what was run: the function with all sources below it, the files that
-    it reads, and the jobs. So a folder never answers for other work, which
-    `output_folder.open_folder` refuses in words.
+    it reads, the versions of what computes, and the jobs. So a folder never answers for other work,
+    and chunks of several machines may be put into one.
 
     Args:
         function: job → result; it, the jobs and the results can be pickled.
@@ -97,7 +102,7 @@ def run(
     identity = ""
     if folder is not None:  # a shipped certificate sets the margins of its plant
         shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
-        identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)}"
+        identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)} {versions()}"
     chunks = []
     for start in range(0, len(jobs), size):
         part = jobs[start : start + size]
@@ -110,6 +115,13 @@ def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
     """Return all results of `run`, in the order of the jobs."""
     results = dict(runs)
     return [results[number] for number in range(len(results))]
+
+
+def versions() -> dict[str, str]:
+    """Return name → version of what decides the bits of a result."""
+    found = {name: importlib.metadata.version(name) for name in COMPUTING}
+    here = {"python": platform.python_version(), "machine": platform.machine()}
+    return {"hcbf-gym": hcbf_gym.__version__} | found | here
 
 
 def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:

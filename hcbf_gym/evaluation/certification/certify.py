@@ -1,8 +1,6 @@
 """A certificate from fresh episodes: frozen first, then one look, then a bound."""
 
 import functools
-import importlib.metadata
-import platform
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -14,7 +12,6 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-import hcbf_gym
 from hcbf_gym import certificates
 from hcbf_gym.certificates import BLOCK, Block, Certificate, Shown, Stratum, sequential, sources
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
@@ -34,8 +31,6 @@ PATIENCE = 10
 """How many times the fewest episodes are waited for."""
 TRIES = SEEDS // 2 // TRY_SEEDS
 """How many tries a seed has seeds for."""
-COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
-"""Whose versions decide the bits of an episode."""
 
 
 @dataclass(frozen=True)
@@ -195,28 +190,18 @@ class Frozen:
             "confidence": self.confidence,
             "attempt": self.attempt,
             "first_seed": self.first_seed,
-            "versions": versions(),
+            "versions": chunks.versions(),
             "sources": sources.today(),
         }
 
 
-def versions() -> dict[str, str]:
-    """Return name → version of what decides the bits of an episode."""
-    found = {name: importlib.metadata.version(name) for name in COMPUTING}
-    here = {"python": platform.python_version(), "machine": platform.machine()}
-    return {"hcbf-gym": hcbf_gym.__version__} | found | here
-
-
-def certify(
-    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
-) -> Certificate:
+def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certificate:
     """Return the certificate that fresh episodes give, as soon as they are enough.
 
     Args:
         frozen: what was fixed before.
         runs: how they run.
         at_most: as `draw` takes it.
-        known: of the first episodes, what other machines saw.
 
     Raises:
         RefusedError: if there is none, by `draw`; if a seed does not decide its episode; or if the
@@ -230,7 +215,7 @@ def certify(
             f"otherwise when it ran again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); "
             "expected that the seed decides all that the environment draws"
         )
-    seen = draw(frozen, runs, at_most, known)
+    seen = draw(frozen, runs, at_most)
     found = outcome(seen, frozen.bound)
     why = vacuous(found["shown"], len(seen))
     if why:
@@ -238,16 +223,13 @@ def certify(
     return Certificate(**fields, **found, repeated="")
 
 
-def draw(
-    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
-) -> list[Seen]:
+def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
     """Return what fresh episodes showed, as many in the order of their seeds as are enough.
 
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
         at_most: how many episodes to wait for; `PATIENCE` times the fewest if None.
-        known: of the first episodes, what they showed.
 
     Raises:
         RefusedError: as soon as the chance is shown to be above ε/2, so that none may come; or
@@ -256,9 +238,9 @@ def draw(
     tally = Tally(frozen.bound, frozen.doubt)
     most = PATIENCE * frozen.fewest if at_most is None else at_most
     seen: list[Seen] = []
-    waiting = iter(known)
-    while True:
-        for one in waiting:
+    needed = frozen.fewest
+    while len(seen) < min(most, needed):
+        for one in in_order(frozen, runs, range(len(seen), min(most, needed))):
             seen.append(one)
             tally.add(one.entered)
             if tally.certified:
@@ -269,11 +251,9 @@ def draw(
                 why = f"P(enter) is above {frozen.bound / 2.0:.3g}, where none ever comes"
                 raise RefusedError(_refusal(frozen, seen, why))
         needed = sequential.episodes_needed(frozen.bound, tally.entered, frozen.doubt)
-        if len(seen) >= min(most, needed):
-            raise RefusedError(
-                _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
-            )
-        waiting = in_order(frozen, runs, range(len(seen), min(most, needed)))
+    raise RefusedError(
+        _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
+    )
 
 
 def so_far(tally: Tally) -> str:
@@ -285,19 +265,24 @@ def so_far(tally: Tally) -> str:
 def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
     """Yield what some of a certificate's episodes show, in their order.
 
+    Blocks run whole, so that chunks of several machines are those of one.
+
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
         numbers: of the episodes, from 0.
     """
     job = functools.partial(see, frozen.family, frozen.margins)
-    seeds = [frozen.first_seed + k for k in numbers]
+    first, end = BLOCK * (numbers.start // BLOCK), BLOCK * -(-numbers.stop // BLOCK)
+    seeds = range(frozen.first_seed + first, frozen.first_seed + end)
     early: dict[int, Seen] = {}
-    following = 0
+    following = first
     for number, one in runs.over(job, seeds, frozen.family, "certificate", BLOCK):
-        early[number] = one
+        early[first + number] = one
         while following in early:
-            yield early.pop(following)
+            found = early.pop(following)
+            if following in numbers:
+                yield found
             following += 1
 
 

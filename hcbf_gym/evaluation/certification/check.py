@@ -146,7 +146,7 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: certify.Runs) ->
 
 def _elsewhere(c: Certificate) -> list[str]:
     """Return in what a certificate was computed otherwise than here."""
-    here = certify.versions()
+    here = chunks.versions()
     said = [
         f"{name} {c.versions.get(name)} (here {here.get(name)})"
         for name in sorted({*here, *c.versions})

@@ -20,7 +20,8 @@ from hcbf_gym import records
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation.certification import calibration, certify, check, families, page, parts
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
@@ -52,9 +53,8 @@ class Args:
     """Which of several tries with fresh episodes this is, from 1: the n-th spends 2⁻ⁿ of the doubt.
     0 is the only one, and spends it all."""
     part: tuple[int, int] | None = None
-    """First episode, from 0, and the one after the last, of which this machine writes a file."""
-    parts: tuple[Path, ...] = ()
-    """Such files; only those without a gap from episode 0 on count."""
+    """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
+    the chunks of all machines into one folder, and run the command without --part."""
     episodes: int = 50
     """Of --check: how many are repeated; all of them repeat the calibration, too."""
     calibration: int = 200
@@ -101,7 +101,7 @@ def main(args: Args) -> None:
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
-        "calibration": args.calibration, "versions": certify.versions(),
+        "calibration": args.calibration, "versions": chunks.versions(),
     }  # fmt: skip
     open_folder(folder, records.plain(settings))
     runs = certify.Runs(folder / "chunks", args.workers, args.backend)
@@ -112,10 +112,9 @@ def main(args: Args) -> None:
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)
     if args.part is not None:
-        _run_part(frozen, runs, args.part, folder, console)
+        _run_part(frozen, runs, args.part, console)
         return
-    known = parts.together(args.parts, parts.plan_of(frozen)) if args.parts else ()
-    certificate = certify.certify(frozen, runs, args.at_most, known)
+    certificate = certify.certify(frozen, runs, args.at_most)
     file = folder / f"{name}.json"
     certificate.save(file)
     write_text(file.with_suffix(".md"), page.page(certificate))
@@ -124,13 +123,9 @@ def main(args: Args) -> None:
 
 
 def _run_part(
-    frozen: certify.Frozen,
-    runs: certify.Runs,
-    part: tuple[int, int],
-    folder: Path,
-    console: Console,
+    frozen: certify.Frozen, runs: certify.Runs, part: tuple[int, int], console: Console
 ) -> None:
-    """Run a range of the episodes, and write what they showed.
+    """Run a range of the episodes, whose chunks stay.
 
     Raises:
         InvalidInputError: if it is none.
@@ -139,10 +134,8 @@ def _run_part(
     if not 0 <= first < end:
         raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
     seen = list(certify.in_order(frozen, runs, range(first, end)))
-    file = folder / f"{frozen.name}-{first}-{end}.part.json"
-    parts.save(file, parts.plan_of(frozen), first, seen)
     entered = sum(one.entered for one in seen)
-    console.print(f"{entered} of {len(seen)} entered; written to {file}", soft_wrap=True)
+    console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Any:
