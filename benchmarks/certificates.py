@@ -90,9 +90,10 @@ class Toss:
 def needed(job: tuple[float, int]) -> int:
     """Return after how many episodes a plant of a known chance is certified; 0 where it is not."""
     chance, seed = job
-    frozen = certify.Frozen("coin", Coin(chance), None, (), BOUND, CONFIDENCE, seed=seed)
+    coin: Any = Coin(chance)  # it has no plant
+    frozen = certify.Frozen("coin", coin, None, (), BOUND, CONFIDENCE, seed=seed)
     try:
-        return len(certify.draw(frozen, certify.Runs(None, workers=1, quiet=True), at_most=100_000))
+        return len(certify.draw(frozen, chunks.Runs(None, workers=1, quiet=True), at_most=100_000))
     except RefusedError:
         return 0
 
@@ -131,7 +132,7 @@ def shipped() -> Table:
         if since is not None:
             rows.append((name, f"stale since {since}"))
             continue
-        checked = check.check(one, FEW_BLOCKS, 0, certify.Runs(None, quiet=True))
+        checked = check.check(one, FEW_BLOCKS, 0, chunks.Runs(None, quiet=True))
         good = good and not checked.differs
         rows.append((name, "; ".join(checked.differs) or f"{checked.episodes} repeated"))
     return _told(Table("Shipped certificates", ("certificate", "what came out"), rows), good)
@@ -160,7 +161,7 @@ def edited(path: Path, count: int) -> Table:
             told["refused with its hash"] += 1
             continue
         try:
-            checked = check.check(one, one.episodes, 0, certify.Runs(None, quiet=True))
+            checked = check.check(one, one.episodes, 0, chunks.Runs(None, quiet=True))
             found = checked.differs or checked.elsewhere or one.name != path.stem
         except HcbfError:
             found = True
@@ -204,7 +205,7 @@ def least(plants: tuple[str, ...], episodes: int) -> Table:
     for name in plants:
         family = choose("plant", name, PLANTS)
         plant, _ = certify.plant_of(family)
-        runs = certify.Runs(RESULTS / "least" / name)
+        runs = chunks.Runs(RESULTS / "least" / name)
         found = certify.calibrated(family, plant.uncertainty, runs, episodes, 1.0 / episodes, 0)
         for constant in calibration.CONSTANTS:
             value = getattr(found.margins, constant)
@@ -223,7 +224,7 @@ def least(plants: tuple[str, ...], episodes: int) -> Table:
     return _told(Table(title, header, rows), good)
 
 
-def _none_enter(family: Any, margins: Uncertainty, episodes: int, runs: certify.Runs) -> bool:
+def _none_enter(family: Any, margins: Uncertainty, episodes: int, runs: chunks.Runs) -> bool:
     """Tell whether no fresh episode enters with these margins."""
     frozen = certify.Frozen("grid", family, margins, (), BOUND, seed=1)
     return not any(one.entered for one in certify.in_order(frozen, runs, range(episodes)))
@@ -295,7 +296,7 @@ def undeserving(episodes: int) -> Table:
 def _asked(family: Any, episodes: int) -> str:
     """Return what is said of a plant: a refusal, or a bound."""
     plant, _ = certify.plant_of(family)
-    runs = certify.Runs(None)
+    runs = chunks.Runs(None)
     bound = sequential.running_bound(0, episodes, 1.0 - CONFIDENCE)
     try:
         found = certify.calibrated(family, plant.uncertainty, runs, episodes // 4, 0.1 * bound, 0)

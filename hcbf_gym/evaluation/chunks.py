@@ -21,6 +21,7 @@ import reprlib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -115,6 +116,45 @@ def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
     """Return all results of `run`, in the order of the jobs."""
     results = dict(runs)
     return [results[number] for number in range(len(results))]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """How the jobs of a study run; see `run`.
+
+    Args:
+        folder: where finished chunks are kept; None to keep none.
+        workers: chunks that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray".
+        quiet: show no bar.
+    """
+
+    folder: Path | None = None
+    workers: int | None = None
+    backend: Backend = "processes"
+    quiet: bool = False
+
+    def check(self) -> None:
+        """Refuse workers that there are not, before anything else is done.
+
+        Raises:
+            HcbfError: as `run` does.
+        """
+        open_pool(self.backend, self.workers).close()
+
+    def over(
+        self,
+        function: Callable[[J], R],
+        jobs: Sequence[J],
+        title: str | None = None,
+        reads: Sequence[Path] = (),
+        size: int = 1,
+    ) -> Iterator[tuple[int, R]]:
+        """Yield (number, result) of jobs as `run` does; `title` is of the bar."""
+        return run(
+            function, jobs, folder=self.folder, reads=reads, size=size, workers=self.workers,
+            backend=self.backend, title=None if self.quiet else title,
+        )  # fmt: skip
 
 
 def versions() -> dict[str, str]:

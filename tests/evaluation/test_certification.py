@@ -146,7 +146,7 @@ FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.
 
 
 def boat(folder, at_most=None, frozen=FROZEN):
-    runs = certify.Runs(folder, workers=1, quiet=True)
+    runs = chunks.Runs(folder, workers=1, quiet=True)
     return certify.certify(frozen, runs, at_most)
 
 
@@ -171,7 +171,7 @@ def test_chunks_of_several_machines_in_one_folder_are_those_of_one(tmp_path, who
     together = tmp_path / "together"
     together.mkdir()
     for first, end in ((13, whole.episodes), (0, 7)):  # whole blocks run
-        runs = certify.Runs(tmp_path / f"from {first}", workers=1, quiet=True)
+        runs = chunks.Runs(tmp_path / f"from {first}", workers=1, quiet=True)
         assert len(list(certify.in_order(FROZEN, runs, range(first, end)))) == end - first
         for chunk in runs.folder.iterdir():
             chunk.rename(together / chunk.name)
@@ -191,7 +191,7 @@ def test_a_try_of_several_spends_less_on_seeds_of_its_own():
 
 
 def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
-    runs = certify.Runs(None, workers=1, quiet=True)
+    runs = chunks.Runs(None, workers=1, quiet=True)
     checked = check.check(whole, 5, 0, runs)
     assert (checked.episodes, checked.differs, checked.elsewhere) == (BLOCK, (), ())
     first = whole.blocks[0]
@@ -213,7 +213,7 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
 def test_a_file_of_before_cannot_be_repeated():
     old = certificates.load("regions")
     with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
-        check.check(old, 10, 0, certify.Runs(None, workers=1, quiet=True))
+        check.check(old, 10, 0, chunks.Runs(None, workers=1, quiet=True))
 
 
 DRIFTING = """

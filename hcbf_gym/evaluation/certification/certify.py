@@ -5,7 +5,6 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -21,8 +20,8 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, fi
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.certification import calibration, families, own
-from hcbf_gym.evaluation.certification.families import Seen, see
-from hcbf_gym.evaluation.workers import Backend
+from hcbf_gym.evaluation.certification.families import Family, Seen, run_searched, run_seed
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.models.plant import Plant, Uncertainty
 
 LOOK = 100
@@ -33,31 +32,7 @@ TRIES = SEEDS // 2 // TRY_SEEDS
 """How many tries a seed has seeds for."""
 
 
-@dataclass(frozen=True)
-class Runs:
-    """How episodes run.
-
-    Args:
-        folder: where finished chunks are kept; None to keep none.
-        workers: chunks that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
-        quiet: show no bar.
-    """
-
-    folder: Path | None
-    workers: int | None = None
-    backend: Backend = "processes"
-    quiet: bool = False
-
-    def over(self, function: Any, jobs: Sequence[Any], family: Any, title: str, size: int) -> Any:
-        """Yield (number, result) of jobs, with a bar that tells the time left."""
-        return chunks.run(
-            function, jobs, folder=self.folder, reads=family.files, size=size,
-            workers=self.workers, backend=self.backend, title=None if self.quiet else title,
-        )  # fmt: skip
-
-
-def plant_of(family: Any) -> tuple[Plant, dict[str, Any]]:
+def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
     """Return the plant of a family's first episode, and what it declares.
 
     Args:
@@ -82,7 +57,7 @@ def _env_of(episode: AttackedEpisode) -> gym.Env:
 
 
 def calibrated(
-    family: Any,
+    family: Family,
     start: Uncertainty,
     runs: Runs,
     episodes: int,
@@ -92,7 +67,7 @@ def calibrated(
     """Return margins for a family's plant, from episodes of it and from a search.
 
     Args:
-        family: of episodes; one with `searched` is searched, too.
+        family: of episodes.
         start: the plant's own margins.
         runs: how they run.
         episodes: of each round.
@@ -104,29 +79,25 @@ def calibrated(
     """
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
-        job = functools.partial(see, family, margins)
-        return chunks.in_order(runs.over(job, list(seeds), family, title, BLOCK))
+        job = functools.partial(run_seed, family, margins)
+        return chunks.in_order(runs.over(job, seeds, title, family.files, BLOCK))
 
-    def attack(margins: Uncertainty, tried: Sequence[Any], title: str) -> list[Seen]:
-        job = functools.partial(_try, family, margins)
-        return chunks.in_order(runs.over(job, list(tried), family, title, 3))
+    def attack(
+        margins: Uncertainty, tried: Sequence[tuple[int, tuple[float, ...]]], title: str
+    ) -> list[Seen]:
+        job = functools.partial(run_searched, family, margins)
+        return chunks.in_order(runs.over(job, tried, title, family.files, 3))
 
     caps = getattr(family, "caps", None)
     return calibration.calibrate(
         start,
         run,
-        attack if hasattr(family, "searched") else None,
+        attack,
         episodes,
         share,
         SEEDS * seed,
         v_max=np.inf if caps is None else caps[0],
     )
-
-
-def _try(family: Any, margins: Uncertainty, tried: tuple[int, tuple[float, ...]]) -> Seen:
-    """Run the episode of a seed with a searched attacker of some parameters."""
-    episode = family.searched(*tried)
-    return families.look(families.with_margins(episode, margins))
 
 
 @dataclass(frozen=True)
@@ -145,7 +116,7 @@ class Frozen:
     """
 
     name: str
-    family: Any
+    family: Family
     margins: Uncertainty | None
     calibration: tuple[Any, ...]
     bound: float
@@ -208,7 +179,7 @@ def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certifica
             episodes put nothing to the test.
     """
     fields = frozen.fields()
-    once, again = (see(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
+    once, again = (run_seed(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
     if once != again:
         raise RefusedError(
             f"{frozen.name}: no certificate: the episode of seed {frozen.first_seed} came out "
@@ -272,12 +243,12 @@ def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
         runs: how they run.
         numbers: of the episodes, from 0.
     """
-    job = functools.partial(see, frozen.family, frozen.margins)
+    job = functools.partial(run_seed, frozen.family, frozen.margins)
     first, end = BLOCK * (numbers.start // BLOCK), BLOCK * -(-numbers.stop // BLOCK)
     seeds = range(frozen.first_seed + first, frozen.first_seed + end)
     early: dict[int, Seen] = {}
     following = first
-    for number, one in runs.over(job, seeds, frozen.family, "certificate", BLOCK):
+    for number, one in runs.over(job, seeds, "certificate", frozen.family.files, BLOCK):
         early[first + number] = one
         while following in early:
             found = early.pop(following)

@@ -13,7 +13,8 @@ from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, families
-from hcbf_gym.evaluation.certification.families import Seen, see
+from hcbf_gym.evaluation.certification.families import Family, Seen, run_seed
+from hcbf_gym.evaluation.chunks import Runs
 
 SAME = 1e-6
 """By how much a least h may differ [unit of h]."""
@@ -38,7 +39,7 @@ class Checked:
     least_h: float
 
 
-def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs) -> Checked:
+def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:
     """Run a random part of a certificate's episodes again; of all of them, calibration, too.
 
     Args:
@@ -65,9 +66,9 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
         for block in sorted(chosen.tolist())
         for number in range(block * BLOCK, min((block + 1) * BLOCK, certificate.episodes))
     ]
-    job = functools.partial(see, family, certificate.margins)
+    job = functools.partial(run_seed, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, family, "check", BLOCK))
+    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, "check", family.files, BLOCK))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -85,14 +86,14 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     )
 
 
-def _frozen(c: Certificate, family: Any) -> certify.Frozen:
+def _frozen(c: Certificate, family: Family) -> certify.Frozen:
     return certify.Frozen(
         c.name, family, c.margins, c.calibration, c.bound, c.confidence, c.attempt,
         c.first_seed // SEEDS,
     )  # fmt: skip
 
 
-def _derived(c: Certificate, family: Any) -> list[str]:
+def _derived(c: Certificate, family: Family) -> list[str]:
     """Return in what a file says other things than its family does, a phrase for each."""
     plant, declared = certify.plant_of(family)
     expected = {
@@ -121,7 +122,7 @@ def _derived(c: Certificate, family: Any) -> list[str]:
     return differs
 
 
-def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: certify.Runs) -> list[str]:
+def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[str]:
     """Return in what margins and rounds are not those that a calibration gives."""
     if not c.calibration or c.margins is None:
         return []

@@ -25,8 +25,9 @@ from hcbf_gym.evaluation.certification import calibration, certify, check, famil
 from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
-from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
+from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 
@@ -88,10 +89,11 @@ class Args:
 
 def main(args: Args) -> None:
     """Certify or check, and say what came out."""
-    open_pool(args.backend, args.workers).close()
+    runs = Runs(None, args.workers, args.backend)
+    runs.check()
     console = Console()
     if args.check is not None:
-        _check(args, console)
+        _check(args, runs, console)
         return
     if args.plant is None:
         raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
@@ -104,7 +106,7 @@ def main(args: Args) -> None:
         "calibration": args.calibration, "versions": chunks.versions(),
     }  # fmt: skip
     open_folder(folder, records.plain(settings))
-    runs = certify.Runs(folder / "chunks", args.workers, args.backend)
+    runs = replace(runs, folder=folder / "chunks")
     frozen = certify.Frozen(
         name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
     )
@@ -122,9 +124,7 @@ def main(args: Args) -> None:
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
 
 
-def _run_part(
-    frozen: certify.Frozen, runs: certify.Runs, part: tuple[int, int], console: Console
-) -> None:
+def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
     """Run a range of the episodes, whose chunks stay.
 
     Raises:
@@ -200,7 +200,7 @@ PLANTS: dict[str, Any] = {
 """name → family of episodes of the package's own plants, walkers apart."""
 
 
-def _margins(args: Args, family: Any, runs: certify.Runs, console: Console) -> Any:
+def _margins(args: Args, family: Any, runs: Runs, console: Console) -> Any:
     """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
     if isinstance(family, A1Mixture):
         return None, ()
@@ -220,15 +220,14 @@ def _margins(args: Args, family: Any, runs: certify.Runs, console: Console) -> A
     return found.margins, calibration.plain(found.rounds)
 
 
-def _check(args: Args, console: Console) -> None:
-    """Repeat a part of a certificate.
+def _check(args: Args, runs: Runs, console: Console) -> None:
+    """Repeat a part of a certificate; what was kept would be no repetition.
 
     Raises:
         RefusedError: if it is not the same.
     """
     assert args.check is not None
     certificate = Certificate.load(args.check)
-    runs = certify.Runs(None, args.workers, args.backend)  # what was kept would be no repetition
     checked = check.check(certificate, args.episodes, args.seed, runs)
     for phrase in checked.elsewhere:
         console.print(f"computed elsewhere: {phrase}", soft_wrap=True)
