@@ -21,10 +21,11 @@ from rich.console import Console
 
 from hcbf_gym import certificates, wrappers
 from hcbf_gym.certificates import Certificate, sequential
+from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.errors import HcbfError, InvalidInputError, RefusedError, choose
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import Outcome
-from hcbf_gym.evaluation.certification import calibration, certify, check, own
+from hcbf_gym.evaluation.certification import certify, check, own
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.tables import Table
@@ -156,7 +157,7 @@ def edited(path: Path, count: int) -> Table:
         except InvalidInputError:
             told["refused without its hash"] += 1
         try:
-            one = Certificate.told(changed)
+            one = Certificate.parse(changed)
         except HcbfError:
             told["refused with its hash"] += 1
             continue
@@ -207,7 +208,7 @@ def least(plants: tuple[str, ...], episodes: int) -> Table:
         plant, _ = certify.plant_of(family)
         runs = chunks.Runs(RESULTS / "least" / name)
         found = certify.calibrated(family, plant.uncertainty, runs, episodes, 1.0 / episodes, 0)
-        for constant in calibration.CONSTANTS:
+        for constant in CALIBRATED:
             value = getattr(found.margins, constant)
             smallest = value
             for share in GRID if value > 0.0 else ():

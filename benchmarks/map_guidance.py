@@ -16,11 +16,11 @@ import gymnasium as gym
 import joblib
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 from rich.console import Console
 from scipy import ndimage
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError, choose
@@ -35,8 +35,6 @@ from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter
-
-Array = NDArray[np.float64]
 
 BODY = 0.3
 """Radius of the body on the reduced-order model [m]."""
@@ -166,7 +164,7 @@ def walk(
     return Walked(bool(arrived), STEP * steps, STEP * longest, entered, float(out), path)
 
 
-def _way_out(env: Any, zones: NDArray[np.bool_], start: tuple[float, float]) -> float:
+def _way_out(env: Any, zones: Mask, start: tuple[float, float]) -> float:
     """Return how long the field's way is from a start to where it leaves the zones [m]."""
     way = env._core._way._guide
     view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]

@@ -21,7 +21,7 @@ import tyro
 
 from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym import wrappers
-from hcbf_gym.evaluation.attacked import alarm_of, wants
+from hcbf_gym.evaluation.attacked import alarm_of, policy_of
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.episode import samples
 
@@ -286,7 +286,7 @@ def run(robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str 
     capped = bool(k // (2 * len(POLICIES)) % 2)
     env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
     inner = env.unwrapped
-    walk = samples(env, wants(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
+    walk = samples(env, policy_of(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
     info = next(walk).info
     strict = [j for j, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
     if info["min_h"][strict].min() < 0.0:

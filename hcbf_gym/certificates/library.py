@@ -78,7 +78,7 @@ def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
     return Certificate.load(source) if known is None else known
 
 
-def speak(
+def judged_by(
     certificate: Certificate, declared: Mapping[str, Any], alone: Mapping[str, Any] | None = None
 ) -> Judged:
     """Return what a certificate says of a plant, as the program is today.
@@ -91,7 +91,7 @@ def speak(
     return judge(declared, certificate.plant, alone, stale=stale(certificate))
 
 
-class Nearest(NamedTuple):
+class NearestCertificate(NamedTuple):
     """The shipped certificate that differs least from what a plant declares.
 
     Attributes:
@@ -119,7 +119,7 @@ class Nearest(NamedTuple):
         return None if self.certificate is None or other else self.certificate.margins
 
 
-def nearest(declared: Mapping[str, Any]) -> Nearest:
+def nearest(declared: Mapping[str, Any]) -> NearestCertificate:
     """Return the shipped certificate that fits a plant best.
 
     Args:
@@ -127,7 +127,7 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
     """
     alone = tested()["alone"].get(declared["environment"])
     alike = [
-        Nearest(one, speak(one, declared, alone))
+        NearestCertificate(one, judged_by(one, declared, alone))
         for one in shipped().values()
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
@@ -136,7 +136,7 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
         f"robot {name!r}, of which no certificate is shipped: hcbf certify makes one",
         *(f"{departure} (tested: none)" for departure in declared.get("departures", ())),
     )
-    none = Nearest(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
+    none = NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
     return min(alike, key=lambda found: len(found.judged.says), default=none)
 
 

@@ -115,11 +115,11 @@ def check_counts(record: Any, *names: str) -> None:
             raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
 
 
-def check_same(what: str, told: Mapping[str, Any], counted: Mapping[str, Any]) -> None:
+def check_same(what: str, stated: Mapping[str, Any], counted: Mapping[str, Any]) -> None:
     """Refuse totals that are not what their parts say.
 
     Raises:
         InvalidInputError: if one is not.
     """
-    if dict(told) != dict(counted):
-        raise InvalidInputError(f"certificate: got {what} of {counted}, expected {told}")
+    if dict(stated) != dict(counted):
+        raise InvalidInputError(f"certificate: got {what} of {counted}, expected {stated}")

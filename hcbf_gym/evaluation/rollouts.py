@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import policies, scenarios, wrappers
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation.chunks import Runs
@@ -64,9 +63,9 @@ class Episode:
     u: Array
     slack: Array
     delta: Array
-    status: NDArray[np.int64]
+    status: Integers
     obstacle_force: Array
-    priority: NDArray[np.int64]
+    priority: Integers
     goal_radius: float
     fell: bool
     reached: bool

@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
@@ -73,7 +72,7 @@ class Snapshot(NamedTuple):
     messages: int
 
 
-def by_rank(values: Array, priority: NDArray[np.int64], pick: Any) -> dict[int, float]:
+def by_rank(values: Array, priority: Integers, pick: Any) -> dict[int, float]:
     """Return rank → the picked one of its values; `pick` is `np.min` or `np.max`."""
     ranks = np.unique(priority).tolist()
     return {rank: float(pick(values[priority == rank])) for rank in ranks}
@@ -121,7 +120,7 @@ def sentence(
 def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names: list[str]) -> str:
     """Return which rows conflict at a state, and whether the input's limits are part of it.
 
-    Of a map's class the place that is nearest is told, too.
+    Of a map's class it names the nearest place, too.
 
     Args:
         inner: the environment.

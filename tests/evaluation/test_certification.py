@@ -20,8 +20,8 @@ from hcbf_gym.evaluation.certification import (
     certify,
     check,
     command,
+    exact_path,
     families,
-    looking,
     own,
     page,
 )
@@ -347,7 +347,7 @@ def test_arguments_that_make_no_sense_are_refused(arguments, message, tmp_path):
 
 
 def test_the_exact_way_is_no_deeper_than_a_finer_look_and_no_shallower_than_the_environments():
-    env = looking.EachMillisecond(gym.make("HCBF-Regions-v0", scenario="random-moving"))
+    env = exact_path.EachMillisecond(gym.make("HCBF-Regions-v0", scenario="random-moving"))
     inner = env.unwrapped
     env.reset(seed=2)
     for _ in range(30):

@@ -25,7 +25,7 @@ from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.models.plant import Plant, Uncertainty
 
 LOOK = 100
-"""After how many episodes the running bound is told."""
+"""After how many episodes the running bound is printed."""
 PATIENCE = 10
 """How many times the fewest episodes are waited for."""
 TRIES = SEEDS // 2 // TRY_SEEDS
@@ -52,7 +52,7 @@ def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
 
 def _env_of(episode: AttackedEpisode) -> gym.Env:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # not covered: that is what is asked
+        warnings.simplefilter("ignore", CoverageWarning)  # not covered: it is to be certified
         return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
 
 
@@ -308,8 +308,8 @@ def _refusal(frozen: Frozen, seen: Sequence[Seen], why: str) -> str:
     entered = [s for s in seen if s.entered]
     tally = Tally(frozen.bound, frozen.doubt, len(entered), len(seen))
     who = Counter(f"{s.policy} in {s.scene}" for s in entered)
-    told = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
+    listed = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
     return (
         f"{frozen.name}: no certificate: {so_far(tally)}; {why}"
-        f"{'; most by ' + told if told else ''}"
+        f"{'; most by ' + listed if listed else ''}"
     )

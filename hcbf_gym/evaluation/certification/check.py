@@ -116,9 +116,9 @@ def _derived(c: Certificate, family: Family) -> list[str]:
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
         drawn[families.stratum_of(family.episode(seed))] += 1
-    told = {(s.policy, s.scene): s.episodes for s in c.strata}
-    if told != dict(drawn):
-        differs.append(f"strata: {told}, expected {dict(drawn)} as the seeds draw them")
+    stated = {(s.policy, s.scene): s.episodes for s in c.strata}
+    if stated != dict(drawn):
+        differs.append(f"strata: {stated}, expected {dict(drawn)} as the seeds draw them")
     return differs
 
 
@@ -136,12 +136,12 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[st
     except HcbfError as error:
         return [f"calibration: {error}"]
     return [
-        f"{name}: {told}, now {value}"
-        for name, told, value in (
+        f"{name}: {stated}, now {value}"
+        for name, stated, value in (
             ("calibration", c.calibration, calibration.plain(found.rounds)),
             ("margins", c.margins, found.margins),
         )
-        if not _same(told, value)
+        if not _same(stated, value)
     ]
 
 
@@ -161,16 +161,16 @@ def _elsewhere(c: Certificate) -> list[str]:
     return said
 
 
-def _same(told: Any, value: Any) -> bool:
+def _same(stated: Any, value: Any) -> bool:
     """Return whether two are alike, numbers to within `SAME`."""
-    told, value = records.plain(_parts(told)), records.plain(_parts(value))
-    if isinstance(told, dict) and isinstance(value, dict):
-        return set(told) == set(value) and all(_same(told[k], value[k]) for k in told)
-    if isinstance(told, list) and isinstance(value, list):
-        return len(told) == len(value) and all(map(_same, told, value))
-    if isinstance(told, float) and isinstance(value, float):
-        return abs(told - value) <= SAME * max(1.0, abs(told))
-    return type(told) is type(value) and told == value
+    stated, value = records.plain(_parts(stated)), records.plain(_parts(value))
+    if isinstance(stated, dict) and isinstance(value, dict):
+        return set(stated) == set(value) and all(_same(stated[k], value[k]) for k in stated)
+    if isinstance(stated, list) and isinstance(value, list):
+        return len(stated) == len(value) and all(map(_same, stated, value))
+    if isinstance(stated, float) and isinstance(value, float):
+        return abs(stated - value) <= SAME * max(1.0, abs(stated))
+    return type(stated) is type(value) and stated == value
 
 
 def _parts(thing: Any) -> Any:

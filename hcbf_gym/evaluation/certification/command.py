@@ -47,7 +47,7 @@ class Args:
     """What P(enter) is to be below. Where none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each
     that enters takes a quarter more."""
     at_most: int | None = None
-    """Episodes to wait for; ten times those fewest if not given. More may be asked for later."""
+    """Episodes to wait for; ten times those fewest if not given. More may be requested later."""
     confidence: float = 0.999
     """Of the bound."""
     attempt: Annotated[int, tyro.conf.arg(name="try")] = 0
@@ -145,19 +145,19 @@ def family_of(args: Args) -> Any:
         HcbfError: if there is no such plant, scene or policy.
     """
     assert args.plant is not None
-    asked: dict[str, Any] = {"program": args.program}
+    requested: dict[str, Any] = {"program": args.program}
     if args.policies:
-        asked["policies"] = tuple((policy, 1.0) for policy in args.policies)
+        requested["policies"] = tuple((policy, 1.0) for policy in args.policies)
     if args.steps is not None:
-        asked["steps"] = args.steps
+        requested["steps"] = args.steps
     if ":" in args.plant:
         if args.scenes or args.v_max is not None:
             raise InvalidInputError(
                 f"certify: got scenes or v_max with {args.plant}, whose environment draws by itself"
             )
-        return OwnFamily(args.plant, **asked)
+        return OwnFamily(args.plant, **requested)
     if args.scenes:
-        asked["scenes"] = tuple((scene, 1.0) for scene in args.scenes)
+        requested["scenes"] = tuple((scene, 1.0) for scene in args.scenes)
     if args.plant in PLANTS:
         if args.v_max is not None:
             raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
@@ -165,19 +165,19 @@ def family_of(args: Args) -> Any:
             raise InvalidInputError(
                 "certify: got scenes or policies with a1-mixture, which has its own"
             )
-        return _able(args, replace(PLANTS[args.plant], **asked))
+        return _able(args, replace(PLANTS[args.plant], **requested))
     if args.plant not in NAMES and not args.plant.endswith(".json"):
         raise InvalidInputError(
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
             "a contract's path, module:function or file.py:function"
         )
     caps = _caps(Walker.load(args.plant)) if args.v_max is None else args.v_max
-    family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+    family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **requested)
     return _able(args, family)
 
 
 def _able(args: Args, family: Any) -> Any:
-    """Return a family without the policies that cannot act in scenes that were asked for."""
+    """Return a family without the policies that cannot act in scenes that were requested."""
     if not args.scenes or args.policies:
         return family
     able = families.policies_in(family.env, family.options, args.scenes)

@@ -14,7 +14,7 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_f
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.evaluation.certification import own
-from hcbf_gym.evaluation.certification.looking import EachMillisecond
+from hcbf_gym.evaluation.certification.exact_path import EachMillisecond
 from hcbf_gym.evaluation.certification.mixture import SCENES, A1Mixture
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
@@ -214,8 +214,8 @@ class SceneFamily:
             cap = f"a cap on the speed of {low:g}, of {high:g}, or between them [m/s]"
         return (
             f"The environment is {self.env}{f' with {options}' if options else ''}, with {cap}.",
-            f"Scenes: {_told(self.scenes)}; each seed draws another one.",
-            f"Policies: {_told(self.policies)}.",
+            f"Scenes: {_listed(self.scenes)}; each seed draws another one.",
+            f"Policies: {_listed(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
             f"Entered is what the truth shows at every {looks}, of every condition of rank 1, the "
             "speed limit included.",
@@ -282,7 +282,7 @@ class OwnFamily:
         return (
             f"Environment and plant are what {self.source} returns.",
             "Scenes and starts are what the environment draws with each seed.",
-            f"Policies: {_told(self.policies)}.",
+            f"Policies: {_listed(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
             "Entered is what the plant's strict barriers say of its state at every step, or the "
             "infos' min_h where the environment reports less.",
@@ -330,5 +330,5 @@ def _drawn(rng: np.random.Generator, shares: Shares) -> str:
     return str(names[int(rng.choice(len(names), p=weights))])
 
 
-def _told(shares: Shares) -> str:
+def _listed(shares: Shares) -> str:
     return ", ".join(f"{name} {share:.1%}" for name, share in shares)

@@ -1,7 +1,7 @@
 """Optuna studies of a `Problem`: the paper's sampling, and Optuna's TPE and CMA-ES.
 
-A generation is asked for as a whole, evaluated as one batch and told as a whole. What a killed run
-had not told is asked for again.
+A generation is requested as a whole, evaluated as one batch and recorded as a whole. What a killed
+run had not recorded is requested again.
 """
 
 import json
