@@ -81,8 +81,8 @@ class Certificate:
     """
 
     name: str
-    plant: Mapping[str, Any]
-    family: Mapping[str, Any]
+    plant: Mapping[str, object]
+    family: Mapping[str, object]
     words: tuple[str, ...]
     margins: Uncertainty | None
     calibration: tuple[Mapping[str, Any], ...]

@@ -29,7 +29,7 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
         InvalidInputError: if it declares nothing.
     """
     if plant.declared is not None:
-        stated: Mapping[str, Any] = read(plant.declared, env, observation, info)
+        stated: Mapping[str, object] = read(plant.declared, env, observation, info)
         if not stated:
             raise InvalidInputError(
                 f"plant: got declared {stated!r}, which any plant matches; expected what tells it "
@@ -69,7 +69,7 @@ def files_hash(files: Iterable[Path]) -> str:
     return hashlib.sha256(" ".join(sorted(digests)).encode()).hexdigest()[:16]
 
 
-def _named(thing: Any) -> str:
+def _named(thing: object) -> str:
     """Return what tells a function from others in the same files, and any other thing by itself."""
     code = getattr(thing, "__code__", None)
     if code is not None:

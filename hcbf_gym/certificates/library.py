@@ -61,7 +61,7 @@ def shipped() -> Mapping[str, Certificate]:
     return MappingProxyType({file.stem: Certificate.load(file) for file in files})
 
 
-def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
+def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate:
     """Return a certificate.
 
     Args:
@@ -102,7 +102,7 @@ class NearestCertificate(NamedTuple):
     certificate: Certificate | None
     judged: Judged
 
-    def again(self, declared: Mapping[str, Any]) -> Judged:
+    def again(self, declared: Mapping[str, object]) -> Judged:
         """Return what it says of the plant in other scenes.
 
         Args:

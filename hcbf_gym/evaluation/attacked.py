@@ -14,10 +14,11 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, vacuity
-from hcbf_gym.evaluation.episode import Sample, in_double, samples
+from hcbf_gym.evaluation.episode import Act, Sample, in_double, samples
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
@@ -96,7 +97,7 @@ class AttackedEpisode:
 
 def policy_of(
     name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
-) -> Callable[[Any, dict[str, Any]], Array]:
+) -> Act:
     """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
 
     Args:
@@ -224,7 +225,7 @@ def truth_of(env: Any) -> Callable[[Sample], Truth]:
 def judge(
     observed: Iterable[Sample],
     look: Callable[[Sample], Truth],
-    model: Any,
+    model: ReducedOrderModel,
     input_set: InputSet,
 ) -> Outcome:
     """Return what the truth and the filter's reports say of an episode.

@@ -164,7 +164,7 @@ def versions() -> dict[str, str]:
     return {"hcbf-gym": hcbf_gym.__version__} | found | here
 
 
-def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
+def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> str:
     """Return a hash of the sources of all that a function may reach, and of files.
 
     Args:
@@ -181,12 +181,12 @@ def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
     return sources_hash([*own, *read_by_name(), *reads])
 
 
-def _key(identity: str, jobs: Sequence[Any]) -> str:
+def _key(identity: str, jobs: Sequence[object]) -> str:
     text = "\n".join([identity, *map(_hash, jobs)])
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def _hash(thing: Any) -> str:
+def _hash(thing: object) -> str:
     try:
         return str(joblib.hash(thing, hash_name="sha1"))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -196,8 +196,8 @@ def _hash(thing: Any) -> str:
 
 
 def _complete(
-    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool, title: str | None
-) -> Iterator[tuple[int, Any]]:
+    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool, title: str | None
+) -> Iterator[tuple[int, R]]:
     """Yield what is saved, then what runs."""
     saved, missing = [], []
     for chunk in chunks:
@@ -223,8 +223,8 @@ def _complete(
 
 
 def _finished(
-    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool
-) -> Iterator[tuple[Chunk, list[Any]]]:
+    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool
+) -> Iterator[tuple[Chunk, list[R]]]:
     """Run chunks, save each as it finishes, and yield it; those whose worker dies run again."""
     waiting = deque(chunks)
     deaths: Counter[int] = Counter()
@@ -257,7 +257,7 @@ def _finished(
         pool.close()
 
 
-def _call(function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+def _call(function: Callable[[J], R], jobs: Sequence[J]) -> list[R]:
     return [function(job) for job in jobs]
 
 
@@ -272,7 +272,7 @@ def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseExcept
     return failure
 
 
-def _save(chunk: Chunk, results: list[Any]) -> None:
+def _save(chunk: Chunk, results: list[R]) -> None:
     if chunk.path is not None:
         chunk.path.parent.mkdir(parents=True, exist_ok=True)
         with whole(chunk.path) as partial:

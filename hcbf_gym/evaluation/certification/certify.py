@@ -3,7 +3,7 @@
 import functools
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,7 +118,7 @@ class Frozen:
     name: str
     family: Family
     margins: Uncertainty | None
-    calibration: tuple[Any, ...]
+    calibration: tuple[Mapping[str, Any], ...]
     bound: float
     confidence: float = 0.999
     attempt: int = 0

@@ -161,7 +161,7 @@ def _elsewhere(c: Certificate) -> list[str]:
     return said
 
 
-def _same(stated: Any, value: Any) -> bool:
+def _same(stated: object, value: object) -> bool:
     """Return whether two are alike, numbers to within `SAME`."""
     stated, value = records.plain(_parts(stated)), records.plain(_parts(value))
     if isinstance(stated, dict) and isinstance(value, dict):
@@ -173,7 +173,7 @@ def _same(stated: Any, value: Any) -> bool:
     return type(stated) is type(value) and stated == value
 
 
-def _parts(thing: Any) -> Any:
+def _parts(thing: object) -> Any:
     return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing
 
 

@@ -9,6 +9,7 @@ again to resume it.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,11 +24,12 @@ from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
-from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
+from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
 from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 
@@ -138,7 +140,7 @@ def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console
     console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
-def family_of(args: Args) -> Any:
+def family_of(args: Args) -> Family:
     """Return the family of episodes that the arguments ask for.
 
     Raises:
@@ -176,9 +178,9 @@ def family_of(args: Args) -> Any:
     return _able(args, family)
 
 
-def _able(args: Args, family: Any) -> Any:
+def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
     """Return a family without the policies that cannot act in scenes that were requested."""
-    if not args.scenes or args.policies:
+    if not args.scenes or args.policies or isinstance(family, A1Mixture):
         return family
     able = families.policies_in(family.env, family.options, args.scenes)
     return replace(family, policies=able)
@@ -192,7 +194,7 @@ def _caps(walker: Walker) -> tuple[float, float]:
     return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
 
 
-PLANTS: dict[str, Any] = {
+PLANTS: dict[str, SceneFamily | A1Mixture] = {
     "regions": SceneFamily("HCBF-Regions-v0"),
     "a1": SceneFamily("HCBF-A1Regions-v0"),
     "a1-mixture": A1Mixture(),
@@ -200,7 +202,9 @@ PLANTS: dict[str, Any] = {
 """name → family of episodes of the package's own plants, walkers apart."""
 
 
-def _margins(args: Args, family: Any, runs: Runs, console: Console) -> Any:
+def _margins(
+    args: Args, family: Family, runs: Runs, console: Console
+) -> tuple[Uncertainty | None, tuple[Mapping[str, Any], ...]]:
     """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
     if isinstance(family, A1Mixture):
         return None, ()

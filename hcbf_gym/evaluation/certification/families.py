@@ -40,7 +40,7 @@ class Family(Protocol):
         """Return the episode that a seed decides."""
         ...
 
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes."""
         ...
 
@@ -192,7 +192,7 @@ class SceneFamily:
         """Whether the robot is its model, so that its way between two samples is known."""
         return self.env == "HCBF-Regions-v0"
 
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes.
 
         Args:
@@ -272,7 +272,7 @@ class OwnFamily:
         policy = _drawn(np.random.default_rng([STREAM, seed]), self.policies)
         return own.OwnEpisode(self.source, policy, seed, self.steps, {"program": self.program})
 
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes."""
         return dict(declared)
 
@@ -303,7 +303,7 @@ def to_dict(family: Family) -> dict[str, Any]:
     return records.to_dict(family, KINDS)
 
 
-def from_dict(data: Mapping[str, Any]) -> Family:
+def from_dict(data: Mapping[str, object]) -> Family:
     """Return the family that `to_dict` made this of.
 
     Raises:

@@ -139,7 +139,7 @@ class A1Mixture:
             "estimation": _one(rng, tuple(sensors.PRESETS)) if estimated else None,
         }
 
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be one of these.
 
         Args:

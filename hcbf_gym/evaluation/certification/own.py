@@ -224,7 +224,7 @@ def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
     return truth(x, time, h, rank, reads, every)
 
 
-def _checked(reported: Any, count: int) -> Array:
+def _checked(reported: object, count: int) -> Array:
     """Return (count,) an environment's own min_h; NaN counts as entered.
 
     Raises:

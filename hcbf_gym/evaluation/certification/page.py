@@ -1,7 +1,6 @@
 """The page of a certificate: what it says, what it was drawn from, and what it does not say."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.certificates.certificate import CALIBRATED
@@ -122,7 +121,7 @@ def _calibration(c: Certificate) -> str:
     )
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     if isinstance(value, Mapping) and set(value) == {"any of"}:
         return ", ".join(map(str, value["any of"]))
     if isinstance(value, Mapping) and set(value) == {"from", "to"}:
