@@ -6,14 +6,12 @@ from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
     NearestCertificate,
     at_least,
-    covered_table,
     judged_by,
     load,
     nearest,
     shipped,
     stale,
     stale_since,
-    table,
     tested,
 )
 from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum
@@ -27,7 +25,6 @@ __all__ = [
     "Shown",
     "Stratum",
     "at_least",
-    "covered_table",
     "declared",
     "first_seed",
     "judge",
@@ -38,6 +35,5 @@ __all__ = [
     "shipped",
     "stale",
     "stale_since",
-    "table",
     "tested",
 ]

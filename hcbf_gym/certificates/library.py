@@ -1,7 +1,7 @@
 """The certificates that come with the package, and which of them speaks of a plant."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hcbf_gym.certificates import sources
 from hcbf_gym.certificates.certificate import Certificate
-from hcbf_gym.certificates.judge import Judged, judge, words
+from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
@@ -157,38 +157,3 @@ def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
                 speed=max(margins.speed, one.margins.speed),
             )
     return margins
-
-
-def table(certificates: Iterable[Certificate] | None = None) -> str:
-    """Return certificates as pages show them, a table in Markdown.
-
-    Args:
-        certificates: the lines; None shows those that are shipped.
-    """
-    since = stale_since()
-    head = (
-        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]",
-        "stale since",
-    )  # fmt: skip
-    rows = [
-        f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
-        f"{one.confidence:.1%} | {one.least_h:+.4f} | {since.get(one.name, '')} |"
-        for one in (shipped().values() if certificates is None else certificates)
-    ]
-    return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))
-
-
-def covered_table(name: str) -> str:
-    """Return what a shipped certificate covers as pages show it, a table in Markdown.
-
-    Args:
-        name: of the certificate.
-    """
-    plant = shipped()[name].plant
-    alone = tested()["alone"].get(plant["environment"], {"ranges": {}, "words": "none"})
-    rows = [
-        f"| {argument} | {words(expected)} |"
-        for argument, expected in (dict(plant) | alone["ranges"]).items()
-        if argument not in ("environment", "scene")
-    ]
-    return "\n".join(("| argument | tested |", "|---|---|", *rows, f"| alone | {alone['words']} |"))

@@ -183,6 +183,7 @@ class Still(gym.Env):
         return self.x[:2], 0.0, False, False, {}
 
 
+@pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize(
     "model", [models.DoubleIntegrator(), models.SingleIntegrator(), Unicycle()]
 )

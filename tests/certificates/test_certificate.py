@@ -3,7 +3,6 @@
 import json
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -349,18 +348,3 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
         assert certificates.load(name) is one
     with pytest.raises(InvalidInputError, match="no-such"):
         certificates.load("no-such")
-
-
-BEGIN, END = "<!-- certificates: {} -->", "<!-- end of certificates -->"
-
-
-@pytest.mark.parametrize("page", ["guarantees.md", "certificates.md"])
-def test_pages_show_the_certificates(page):
-    docs = Path(__file__).parents[2] / "docs"
-    taken = [Certificate.load(f) for f in sorted((docs / "results/certificates").glob("*.json"))]
-    folder, shown = {
-        "guarantees.md": ("certificates/shipped", certificates.table()),
-        "certificates.md": ("docs/results/certificates", certificates.table(taken)),
-    }[page]
-    text = (docs / page).read_text(encoding="utf-8")
-    assert text.split(BEGIN.format(folder))[1].split(END)[0].strip() == shown
