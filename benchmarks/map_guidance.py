@@ -24,6 +24,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.guidance import Geodesic, Pull
 from hcbf_gym.guidance import field as fields
@@ -138,28 +139,27 @@ def walk(
         if model == "rom":
             plant = replace(plant, uncertainty=Uncertainty(body=BODY))
         env: Any = SafetyFilter(made, plant=plant, guidance=guidance)
-        act = PDTracker.for_env(env)
-        observation, info = env.reset(seed=0)
+        walked = samples(env, PDTracker.for_env(env), seed=0)
+        next(walked)
     zones = np.zeros(floor.grid.shape, dtype=np.bool_)
     for one in floor.classes:
         zones |= one.cells & (one.kind != "speed" and one.rank > 1)
     path = _way_out(env, zones, start)
+    strict = [c.priority == 1 for c in scene.conditions]
     standing = longest = steps = 0
     out = 0.0 if path == 0.0 else np.inf
-    entered = over = arrived = False
-    while not over:
-        observation, _, arrived, truncated, info = env.step(act(observation, info))
-        steps += 1
+    entered = arrived = False
+    for steps, (_, info, _, _, arrived, _) in enumerate(walked, 1):
         x = env.unwrapped.rom_state
         stands = not arrived and np.hypot(x[2], x[3]) < STANDS
         standing = standing + 1 if stands else 0
         longest = max(longest, standing)
-        strict = [c.priority == 1 for c in scene.conditions]
         entered |= bool((np.asarray(info["min_h"])[: len(strict)][strict] < 0.0).any())
         column, row = floor.grid.to_cells(x[None, :2])[0].astype(int)
         if not np.isfinite(out) and not zones[row, column]:
             out = STEP * steps
-        over = arrived or truncated or STEP * longest > 10.0 or (until_out and np.isfinite(out))
+        if STEP * longest > 10.0 or (until_out and np.isfinite(out)):
+            break
     env.close()
     return Walked(bool(arrived), STEP * steps, STEP * longest, entered, float(out), path)
 
