@@ -144,7 +144,7 @@ def walk(
     zones = np.zeros(floor.grid.shape, dtype=np.bool_)
     for one in floor.classes:
         zones |= one.cells & (one.kind != "speed" and one.rank > 1)
-    path = _way_out(env, zones, start)
+    path = _way_out(floor, zones, start, goal)
     strict = [c.priority == 1 for c in scene.conditions]
     standing = longest = steps = 0
     out = 0.0 if path == 0.0 else np.inf
@@ -164,13 +164,16 @@ def walk(
     return Walked(bool(arrived), STEP * steps, STEP * longest, entered, float(out), path)
 
 
-def _way_out(env: Any, zones: Mask, start: tuple[float, float]) -> float:
+def _way_out(
+    floor: RankedMap, zones: Mask, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
     """Return how long the field's way is from a start to where it leaves the zones [m]."""
-    way = env._core._way._guide
-    view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
+    way = Geodesic()
+    way.reset([floor], goal, None, BODY, start=start)
+    view, geometry, end = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     point, length = np.array(start), 0.0
     while zones[fields.cell_of(point[0], point[1], geometry)] and length < 100.0:
-        after = _further(view, geometry, goal, point)
+        after = _further(view, geometry, end, point)
         length += float(np.linalg.norm(after - point))
         point = after
     return length
