@@ -1,4 +1,4 @@
-"""Whether certificates are true: known chances, least margins, plants that deserve none.
+"""Whether certificates are true: known chances, shipped ones again, plants that deserve none.
 
 ``python -m benchmarks.certificates --part selftest`` runs one part, prints its table, and leaves a
 JSON in ``results/certificates``; it fails where a part does not show what it must.
@@ -8,8 +8,7 @@ import functools
 import json
 import tempfile
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,15 +19,14 @@ import tyro
 from rich.console import Console
 
 from hcbf_gym import certificates, wrappers
-from hcbf_gym.certificates import Certificate, sequential
-from hcbf_gym.errors import HcbfError, InvalidInputError, RefusedError, choose
+from hcbf_gym.certificates import sequential
+from hcbf_gym.errors import RefusedError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import Outcome
-from hcbf_gym.evaluation.certification import calibration, certify, check, own
+from hcbf_gym.evaluation.certification import certify, check, own
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import Walker
 
 RESULTS = Path("results/certificates")
@@ -42,12 +40,8 @@ MEANS = {0.1: 1074.0}
 """Share of ε → how many episodes are enough on average, as computed."""
 FEW_BLOCKS = 20
 """Episodes of each shipped certificate that CI repeats."""
-GRID = tuple(np.round(np.arange(0.95, 0.45, -0.05), 2).tolist())
-"""Shares of a calibrated constant that the grid search tries, the largest first."""
-MOST_MARGIN = 1.3
-"""By how much a calibrated constant may exceed the least that passes."""
 MARGIN_EPISODES = 600
-"""On each point of the grid, and in each round of a calibration."""
+"""Of plants that deserve none, in all."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +84,10 @@ class Toss:
 def needed(job: tuple[float, int]) -> int:
     """Return after how many episodes a plant of a known chance is certified; 0 where it is not."""
     chance, seed = job
-    frozen = certify.Frozen("coin", Coin(chance), None, (), BOUND, CONFIDENCE, seed=seed)
+    coin: Any = Coin(chance)  # it has no plant
+    frozen = certify.Frozen("coin", coin, None, (), BOUND, CONFIDENCE, seed=seed)
     try:
-        return len(certify.draw(frozen, certify.Runs(None, workers=1, quiet=True), at_most=100_000))
+        return len(certify.draw(frozen, chunks.Runs(None, workers=1, quiet=True), at_most=100_000))
     except RefusedError:
         return 0
 
@@ -131,102 +126,10 @@ def shipped() -> Table:
         if since is not None:
             rows.append((name, f"stale since {since}"))
             continue
-        checked = check.check(one, FEW_BLOCKS, 0, certify.Runs(None, quiet=True))
+        checked = check.check(one, FEW_BLOCKS, 0, chunks.Runs(None, quiet=True))
         good = good and not checked.differs
         rows.append((name, "; ".join(checked.differs) or f"{checked.episodes} repeated"))
     return _told(Table("Shipped certificates", ("certificate", "what came out"), rows), good)
-
-
-def edited(path: Path, count: int) -> Table:
-    """Edit a certificate's file at random, with the hash made anew, and repeat it as a whole."""
-    data = json.loads(path.read_text(encoding="utf-8"))
-    rng = np.random.default_rng(0)
-    every = [leaf for leaf in _leaves(data) if leaf != ("hash",)]
-    told: Counter[str] = Counter()
-    missed = []
-    for k in range(count):
-        at = every[k] if k < len(every) else every[int(rng.integers(len(every)))]
-        changed = json.loads(json.dumps(data))
-        entry = functools.reduce(lambda node, key: node[key], at[:-1], changed)
-        entry[at[-1]] = _other(entry[at[-1]], rng)
-        try:
-            Certificate.from_dict(changed)
-            missed.append(f"{at} without its hash")
-        except InvalidInputError:
-            told["refused without its hash"] += 1
-        try:
-            one = Certificate.told(changed)
-        except HcbfError:
-            told["refused with its hash"] += 1
-            continue
-        try:
-            checked = check.check(one, one.episodes, 0, certify.Runs(None, quiet=True))
-            found = checked.differs or checked.elsewhere or one.name != path.stem
-        except HcbfError:
-            found = True
-        told["told by --check" if found else "missed"] += 1
-        if not found:
-            missed.append(f"{at}: {entry[at[-1]]!r}")
-    rows = [*((name, str(number)) for name, number in told.items()), *((m, "") for m in missed)]
-    return _told(Table("Edits of every field", ("what", "edits"), rows), not missed)
-
-
-def _leaves(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the places of what is no list and no mapping."""
-    for key, value in node.items() if isinstance(node, dict) else enumerate(node):
-        if isinstance(value, dict | list):
-            yield from _leaves(value, (*path, key))
-        else:
-            yield (*path, key)
-
-
-def _other(value: Any, rng: np.random.Generator) -> Any:
-    """Return another value of the same kind."""
-    if value is None or isinstance(value, bool):
-        return 1
-    if isinstance(value, int):
-        return value + int(rng.choice([-1, 1]))
-    if isinstance(value, float):
-        return value + float(rng.choice([-1.0, 1.0])) * max(1e-3, 0.01 * abs(value))
-    return f"{value}x"
-
-
-PLANTS: dict[str, Any] = {
-    "cart": SceneFamily("HCBF-WalkerRegions-v0", {"robot": "cart"}, caps=(0.6, 1.2)),
-    "regions": SceneFamily("HCBF-Regions-v0"),
-    "boat": OwnFamily(BOAT, steps=300),
-}
-
-
-def least(plants: tuple[str, ...], episodes: int) -> Table:
-    """Lower one calibrated constant at a time, step by step, until some episode enters."""
-    rows, good = [], True
-    for name in plants:
-        family = choose("plant", name, PLANTS)
-        plant, _ = certify.plant_of(family)
-        runs = certify.Runs(RESULTS / "least" / name)
-        found = certify.calibrated(family, plant.uncertainty, runs, episodes, 1.0 / episodes, 0)
-        for constant in calibration.CONSTANTS:
-            value = getattr(found.margins, constant)
-            smallest = value
-            for share in GRID if value > 0.0 else ():
-                fewer = found.margins._replace(**{constant: share * value})
-                if not _none_enter(family, fewer, episodes, runs):
-                    break
-                smallest = share * value
-            ratio = value / smallest if value > 0.0 else 1.0
-            good = good and ratio <= MOST_MARGIN
-            kept = [f"{getattr(plant.uncertainty, constant):.4f}", f"{value:.4f}"]
-            rows.append((name, constant, *kept, f"{smallest:.4f}", f"{ratio:.2f}"))
-    header = ("plant", "constant", "declared", "calibrated", "least that passes", "ratio")
-    title = f"One constant at a time, {episodes} episodes at each point of the grid"
-    return _told(Table(title, header, rows), good)
-
-
-def _none_enter(family: Any, margins: Uncertainty, episodes: int, runs: certify.Runs) -> bool:
-    """Tell whether no fresh episode enters with these margins."""
-    frozen = certify.Frozen("grid", family, margins, (), BOUND, seed=1)
-    return not any(one.entered for one in certify.in_order(frozen, runs, range(episodes)))
 
 
 def late(steps: int = 6) -> own.Made:
@@ -295,7 +198,7 @@ def undeserving(episodes: int) -> Table:
 def _asked(family: Any, episodes: int) -> str:
     """Return what is said of a plant: a refusal, or a bound."""
     plant, _ = certify.plant_of(family)
-    runs = certify.Runs(None)
+    runs = chunks.Runs(None)
     bound = sequential.running_bound(0, episodes, 1.0 - CONFIDENCE)
     try:
         found = certify.calibrated(family, plant.uncertainty, runs, episodes // 4, 0.1 * bound, 0)
@@ -330,30 +233,22 @@ def _told(table: Table, good: Any) -> Table:
 
 
 def main(
-    part: Literal["selftest", "least", "undeserving", "shipped", "edited"],
+    part: Literal["selftest", "undeserving", "shipped"],
     repetitions: int = 2000,
-    plants: tuple[str, ...] = tuple(PLANTS),
     episodes: int = MARGIN_EPISODES,
-    file: Path = Path("boat.json"),
-    edits: int = 200,
 ) -> None:
     """Run one part.
 
     Args:
         part: which.
         repetitions: of the self-test.
-        plants: of the grid search.
-        episodes: of each round, and on each point of the grid.
-        file: a certificate whose fields are edited.
-        edits: how many.
+        episodes: of each plant that deserves none.
     """
     RESULTS.mkdir(parents=True, exist_ok=True)
     parts: dict[str, Callable[[], Table]] = {
         "selftest": functools.partial(selftest, repetitions),
-        "least": functools.partial(least, plants, episodes),
         "undeserving": functools.partial(undeserving, episodes),
         "shipped": shipped,
-        "edited": functools.partial(edited, file, edits),
     }
     parts[part]()
 

@@ -10,12 +10,15 @@ import statistics
 import sys
 import tempfile
 import tokenize
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import tyro
 from rich.console import Console
+from scipy.sparse.csgraph import connected_components
 
 from benchmarks.history import ROOT, take_out
 from hcbf_gym.errors import HcbfError, InvalidInputError
@@ -27,6 +30,7 @@ LONG = 60
 """Lines, above which a function is long."""
 
 _ANY = re.compile(r"\bAny\b")
+_ALIAS = re.compile(r"^\w+ = NDArray\[", re.MULTILINE)
 _BLANK = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
 _BLANK += (tokenize.ENCODING, tokenize.ENDMARKER)
 
@@ -81,6 +85,7 @@ def count(root: Path) -> dict[str, str]:
     assignments = [node for node in nodes if isinstance(node, ast.Assign)]
     outside = sorted(set(_imported(nodes)) - set(sys.stdlib_module_names) - {"hcbf_gym"})
     several = sum(_several(node) for node in assignments)
+    edges = set(_edges(root, files, texts))
     return {
         "files": f"{len(files)}",
         "lines": f"{sum(len(text.splitlines()) for text in texts):,}",
@@ -93,6 +98,11 @@ def count(root: Path) -> dict[str, str]:
         "several-part assignments": f"{several} of {len(assignments)}, "
         f"{several / len(assignments):.1%}",
         "Any": f"{sum(len(_ANY.findall(text)) for text in texts)}",
+        "aliases of arrays elsewhere": f"{sum(map(_aliases, files, texts))}",
+        "circles of imports": f"{_circles(edges)}",
+        "imports upwards": f"{_upwards(root, edges)}",
+        "lines of tests": f"{_length(root / 'tests'):,}",
+        "lines of benchmarks": f"{_length(root / 'benchmarks'):,}",
         "imported from outside": f"{len(outside)}: {', '.join(outside)}",
         "words of README": f"{len((root / 'README.md').read_text(encoding='utf-8').split()):,}",
     }
@@ -131,6 +141,51 @@ def _imported(nodes: list[ast.AST]) -> Iterator[str]:
             yield (node.module or "").partition(".")[0]
 
 
+def _length(folder: Path) -> int:
+    """Return the lines of the Python files in a folder."""
+    files = folder.rglob("*.py")
+    return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files)
+
+
+def _aliases(file: Path, text: str) -> int:
+    """Return how many names of kinds of arrays a file gives that is not the one for them."""
+    return 0 if file.name == "arrays.py" else len(_ALIAS.findall(text))
+
+
+def _edges(root: Path, files: list[Path], texts: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield (module, module it imports), under TYPE_CHECKING and in functions, too.
+
+    What a package's own `__init__` hands on is no edge: it imports all that is below it.
+    """
+    names = {".".join(file.relative_to(root).with_suffix("").parts): file for file in files}
+    for (name, _), text in zip(names.items(), texts, strict=True):
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and not name.endswith("__init__"):
+                found = {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+                yield from ((name, one) for one in found & names.keys())
+
+
+def _circles(edges: set[tuple[str, str]]) -> int:
+    """Return how many groups of modules import each other."""
+    index = {name: k for k, name in enumerate(sorted({name for edge in edges for name in edge}))}
+    graph = np.zeros((len(index), len(index)), dtype=np.int8)
+    for one, other in edges:
+        graph[index[one], index[other]] = 1
+    _, groups = connected_components(graph, connection="strong") if index else (0, [])
+    return sum(size > 1 for size in Counter(map(int, groups)).values())
+
+
+def _upwards(root: Path, edges: set[tuple[str, str]]) -> int:
+    """Return how many imports go against the layers that `pyproject.toml` states."""
+    file = root / "pyproject.toml"
+    tools = tomllib.loads(file.read_text(encoding="utf-8"))["tool"] if file.exists() else {}
+    contracts = tools.get("importlinter", {}).get("contracts", [])
+    layers = next((one["layers"] for one in contracts if one["type"] == "layers"), [])
+    level = {room: k for k, layer in enumerate(layers) for room in re.findall(r"\w+", layer)}
+    rooms = [(one.split(".")[1], other.split(".")[1]) for one, other in edges]
+    return sum(level.get(low, 0) > level.get(high, len(level)) for low, high in rooms)
+
+
 def main(path: tyro.conf.Positional[Path] = ROOT, against: str = "") -> None:
     """Print the counts.
 
@@ -141,7 +196,8 @@ def main(path: tyro.conf.Positional[Path] = ROOT, against: str = "") -> None:
     columns = {"now": count(path)}
     if against:
         with tempfile.TemporaryDirectory() as folder:
-            take_out(against, Path(folder), "hcbf_gym", "README.md")
+            places = ("hcbf_gym", "tests", "benchmarks", "README.md", "pyproject.toml")
+            take_out(against, Path(folder), *places)
             columns = {against: count(Path(folder))} | columns
             columns[against]["lines deleted since"] = deleted(Path(folder), path)
     names = max(columns.values(), key=len)

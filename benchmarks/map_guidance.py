@@ -16,14 +16,15 @@ import gymnasium as gym
 import joblib
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 from rich.console import Console
 from scipy import ndimage
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.guidance import Geodesic, Pull
 from hcbf_gym.guidance import field as fields
@@ -35,8 +36,6 @@ from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter
-
-Array = NDArray[np.float64]
 
 BODY = 0.3
 """Radius of the body on the reduced-order model [m]."""
@@ -140,39 +139,41 @@ def walk(
         if model == "rom":
             plant = replace(plant, uncertainty=Uncertainty(body=BODY))
         env: Any = SafetyFilter(made, plant=plant, guidance=guidance)
-        act = PDTracker.for_env(env)
-        observation, info = env.reset(seed=0)
+        walked = samples(env, PDTracker.for_env(env), seed=0)
+        next(walked)
     zones = np.zeros(floor.grid.shape, dtype=np.bool_)
     for one in floor.classes:
         zones |= one.cells & (one.kind != "speed" and one.rank > 1)
-    path = _way_out(env, zones, start)
+    path = _way_out(floor, zones, start, goal)
+    strict = [c.priority == 1 for c in scene.conditions]
     standing = longest = steps = 0
     out = 0.0 if path == 0.0 else np.inf
-    entered = over = arrived = False
-    while not over:
-        observation, _, arrived, truncated, info = env.step(act(observation, info))
-        steps += 1
+    entered = arrived = False
+    for steps, (_, info, _, _, arrived, _) in enumerate(walked, 1):
         x = env.unwrapped.rom_state
         stands = not arrived and np.hypot(x[2], x[3]) < STANDS
         standing = standing + 1 if stands else 0
         longest = max(longest, standing)
-        strict = [c.priority == 1 for c in scene.conditions]
         entered |= bool((np.asarray(info["min_h"])[: len(strict)][strict] < 0.0).any())
         column, row = floor.grid.to_cells(x[None, :2])[0].astype(int)
         if not np.isfinite(out) and not zones[row, column]:
             out = STEP * steps
-        over = arrived or truncated or STEP * longest > 10.0 or (until_out and np.isfinite(out))
+        if STEP * longest > 10.0 or (until_out and np.isfinite(out)):
+            break
     env.close()
     return Walked(bool(arrived), STEP * steps, STEP * longest, entered, float(out), path)
 
 
-def _way_out(env: Any, zones: NDArray[np.bool_], start: tuple[float, float]) -> float:
+def _way_out(
+    floor: RankedMap, zones: Mask, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
     """Return how long the field's way is from a start to where it leaves the zones [m]."""
-    way = env._core._way._guide
-    view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
+    way = Geodesic()
+    way.reset([floor], goal, None, BODY, start=start)
+    view, geometry, end = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     point, length = np.array(start), 0.0
     while zones[fields.cell_of(point[0], point[1], geometry)] and length < 100.0:
-        after = _further(view, geometry, goal, point)
+        after = _further(view, geometry, end, point)
         length += float(np.linalg.norm(after - point))
         point = after
     return length
@@ -359,10 +360,7 @@ COUNTS = {"fields": 100, "guided": 100, "corridors": 2, "keepout": 100}
 def run(quick: bool) -> dict[str, Any]:
     """Return the tables of all parts, in JSON's terms."""
     found = {name: part(2 if quick else COUNTS[name]) for name, part in PARTS.items()}
-    return {
-        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
-        for name, one in found.items()
-    }
+    return {name: one._asdict() for name, one in found.items()}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

@@ -13,15 +13,15 @@ import gymnasium as gym
 import joblib
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 from rich.console import Console
 
 from benchmarks.judges import squares
 from benchmarks.map_guidance import maps
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
@@ -32,9 +32,6 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BODY = 0.3
 """Radius of the body on the reduced-order model [m]."""
@@ -75,7 +72,7 @@ class Hostile(NamedTuple):
     fastest: float
     crossed: int
     unpaid: int
-    status: NDArray[np.int64]
+    status: Integers
 
 
 def strict_cells(floor: RankedMap) -> Mask:
@@ -153,7 +150,7 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
             "HCBF-Regions-v0", scenario=scene_on(floor, start), max_episode_steps=STEPS
         )
         env = SafetyFilter(made, margin=body)
-        walk = samples(env, wants(name, env, number), number)
+        walk = samples(env, policy_of(name, env, number), number)
         next(walk)
     inner = made.unwrapped
     cells, way, pays = strict_cells(floor), [], []
@@ -187,7 +184,7 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
     return Hostile(float(least) - body, over, crossed, unpaid, status)
 
 
-def entered_at(inside: Mask) -> NDArray[np.int64]:
+def entered_at(inside: Mask) -> Integers:
     """Return the steps at which a place is entered, of (n,) whether a step is inside."""
     return 1 + np.flatnonzero(inside[1:] & ~inside[:-1])
 
@@ -250,7 +247,7 @@ def walk(robot: str, floor: RankedMap, number: int) -> tuple[float, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         env = SafetyFilter(gym.make(env_id, scenario=scene, max_episode_steps=STEPS, **options))
-        walked = samples(env, wants(name, env, number), number)
+        walked = samples(env, policy_of(name, env, number), number)
         next(walked)
         strict = [one.rank == 1 and one.kind != "speed" for one in floor.classes]
         least = body = np.inf
@@ -356,7 +353,7 @@ def seen_only(robot: str, number: int) -> float:
                 at[:2], at[2:], (far - discs[:, 2])[order], (away / far[:, None])[order],
                 float(inner.time),
             )  # fmt: skip
-            return attack.wants(seen)
+            return attack.act(seen)
 
         for sample in samples(env, act, number):
             if sample.action is None:
@@ -447,7 +444,7 @@ def _step_cost(floor: RankedMap, count: int) -> Array:
     for k in range(count):
         if k % 200 == 0:
             env.reset(options={"start": start_on(floor, BODY + 0.05, rng)})
-        wanted = edge.wants(attacks.look(env))
+        wanted = edge.act(attacks.observe(env))
         begin = time.perf_counter()
         env.step(wanted)
         taken.append(1e6 * (time.perf_counter() - begin - inner))
@@ -487,10 +484,7 @@ PARTS: dict[str, tuple[Callable[[int], Table], int, int]] = {
 def run(quick: bool) -> dict[str, Any]:
     """Return the tables of every part: cells of text."""
     made = {name: make(few if quick else many) for name, (make, many, few) in PARTS.items()}
-    return {
-        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
-        for name, one in made.items()
-    }
+    return {name: one._asdict() for name, one in made.items()}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

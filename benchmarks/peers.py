@@ -12,8 +12,8 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Disc, HalfPlane
 
 ENVIRONMENT = {
@@ -34,7 +34,6 @@ for _name, _value in JAX.items():
 jnp: Any = importlib.import_module("jax.numpy")
 qpax: Any = importlib.import_module("qpax")
 
-Array = NDArray[np.float64]
 Shape = Disc | HalfPlane
 
 TWO_DISCS = (Disc("a", 1, (1.2, 0.1), 1.0), Disc("b", 1, (-0.9, 0.8), 0.8))

@@ -8,6 +8,8 @@ nothing else::
     <!-- end of results -->
 
 ``awaits`` in the place of ``results`` keeps what stands there until the suite is published.
+``certificates: FOLDER`` and ``coverage: FILE`` show the certificates in a folder, and what one of
+them covers; both are paths below the package or the checkout.
 """
 
 import datetime
@@ -21,11 +23,19 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.registry import SUITES
+from hcbf_gym import certificates
+from hcbf_gym.certificates import Certificate
+from hcbf_gym.certificates.judge import words
+from hcbf_gym.compilation import PACKAGE
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.output_folder import write_json, write_text
+from hcbf_gym.evaluation.tables import Table
 
 _MARKED = re.compile(
     r"<!-- (results|awaits): ([\w-]+)/([^>]+?) -->\n.*?<!-- end of results -->", re.DOTALL
+)
+_CERTIFIED = re.compile(
+    r"<!-- (certificates|coverage): ([^>]+?) -->\n.*?<!-- end of \1 -->", re.DOTALL
 )
 
 
@@ -115,9 +125,53 @@ def differing(root: Path) -> Iterator[tuple[Path, str]]:
 
     pages = {page: page.read_text(encoding="utf-8") for page in _pages(root)}
     for page, text in pages.items():
-        filled = _MARKED.sub(table, text)
+        filled = certified(root, _MARKED.sub(table, text))
         if filled != text:
             yield page, filled
+
+
+def certified(root: Path, text: str) -> str:
+    """Return a page's text with its tables of certificates as they are now."""
+
+    def fill_one(match: re.Match[str]) -> str:
+        kind, name = match.groups()
+        place = next((top / name for top in (PACKAGE, root) if (top / name).exists()), None)
+        if place is None:
+            raise InvalidInputError(f"{kind}: got {name!r}, expected a path of the checkout")
+        shown = certified_table(place) if kind == "certificates" else covered_table(place)
+        return f"<!-- {kind}: {name} -->\n\n{shown.markdown()}\n\n<!-- end of {kind} -->"
+
+    return _CERTIFIED.sub(fill_one, text)
+
+
+def certified_table(folder: Path) -> Table:
+    """Return a line for each certificate in a folder."""
+    since = certificates.stale_since()
+    header = (
+        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]",
+        "stale since",
+    )  # fmt: skip
+    rows = [
+        (
+            one.name, f"{one.episodes:,}", str(one.entered), f"{one.bound:.2g}",
+            f"{one.confidence:.1%}", f"{one.least_h:+.4f}", since.get(one.name, ""),
+        )
+        for one in map(Certificate.load, sorted(folder.glob("*.json")))
+    ]  # fmt: skip
+    return Table("certificates", header, rows)
+
+
+def covered_table(file: Path) -> Table:
+    """Return what a certificate covers, and what was tested besides."""
+    plant = Certificate.load(file).plant
+    nothing: dict[str, Any] = {"ranges": {}, "words": "none"}
+    alone = certificates.tested()["alone"].get(plant["environment"], nothing)
+    rows = [
+        (argument, words(expected))
+        for argument, expected in (dict(plant) | alone["ranges"]).items()
+        if argument not in ("environment", "scene")
+    ]
+    return Table("covered", ("argument", "tested"), [*rows, ("alone", alone["words"])])
 
 
 def stale(root: Path) -> list[str]:

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels
 from hcbf_gym.barriers.shapes import disc
 from hcbf_gym.errors import choose
@@ -194,7 +193,7 @@ _NO_MAP = np.zeros(1)
 
 @njit(cache=True)
 def advance(
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
     x: Array,
     t: Array,

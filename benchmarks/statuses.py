@@ -19,7 +19,7 @@ from rich.table import Table
 
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation import attacks, chunks
-from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.programs import FilterStatus
 
@@ -112,7 +112,7 @@ def run(episode: Episode) -> Count:
     case = cases(Path(episode.contracts))[episode.plant]
     env: Any = gym.make(case.env, scenario=case.scenario, **case.options)
     env = wrappers.SafetyFilter(env)
-    walk = samples(env, wants(episode.policy, env, episode.seed), episode.seed)
+    walk = samples(env, policy_of(episode.policy, env, episode.seed), episode.seed)
     info = next(walk).info
     strict = [
         k for k, b in enumerate(env.unwrapped.barriers) if b.priority == 1 and b.reads_position

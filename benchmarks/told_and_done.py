@@ -19,10 +19,9 @@ import joblib
 import numpy as np
 import tyro
 
-from benchmarks.plants import change_plant
 from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym import wrappers
-from hcbf_gym.evaluation.attacked import alarm_of, wants
+from hcbf_gym.evaluation.attacked import alarm_of, policy_of
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.episode import samples
 
@@ -183,9 +182,25 @@ def late_position(seconds: float) -> Callable[[Any], None]:
     return arm
 
 
-def plant(what: str, number: float) -> Callable[[Any], None]:
-    """Return a fault of the A1: another floor, or late torques."""
-    return lambda walker: change_plant(walker.simulation, what, number)
+def slippery(friction: float) -> Callable[[Any], None]:
+    """Return a fault of the A1: feet that find less friction than is declared."""
+
+    def arm(walker: Any) -> None:
+        simulation = walker.simulation
+        simulation.model.geom_friction[simulation._feet, 0] = friction
+
+    return arm
+
+
+def late_torques(seconds: float) -> Callable[[Any], None]:
+    """Return a fault of the A1: torques come late [s]."""
+
+    def arm(walker: Any) -> None:
+        waiting = walker.simulation._delayed
+        for _ in range(round(seconds / walker.simulation.model.opt.timestep) - len(waiting)):
+            waiting.appendleft(waiting[0].copy())
+
+    return arm
 
 
 def turned(u: Any, by: float) -> Any:
@@ -232,9 +247,9 @@ A1_FAULTS: dict[str, Callable[[Any], None]] = {
     "dead position": known_as(lambda start, now: start),
     "half the way": known_as(lambda start, now: start + 0.5 * (now - start)),
     "position 500 ms late": late_position(0.5),
-    "torques 16 ms late": plant("delay", 0.016),
-    "floor .1": plant("floor", 0.1),
-    "floor .3": plant("floor", 0.3),
+    "torques 16 ms late": late_torques(0.016),
+    "floor .1": slippery(0.1),
+    "floor .3": slippery(0.3),
     "compass off by 1.2": acting(lambda k, u: turned(u, 1.2)),
     "actions 200 ms late": late_actions(0.2),
     **ACTING,
@@ -271,7 +286,7 @@ def run(robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str 
     capped = bool(k // (2 * len(POLICIES)) % 2)
     env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
     inner = env.unwrapped
-    walk = samples(env, wants(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
+    walk = samples(env, policy_of(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
     info = next(walk).info
     strict = [j for j, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
     if info["min_h"][strict].min() < 0.0:

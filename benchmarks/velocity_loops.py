@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym import VelocityFilter, scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.walker_drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
@@ -16,8 +17,6 @@ from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import Outcome, alarm_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.walker import Walker
-
-Array = NDArray[np.float64]
 
 JITTER = 0.3
 """Share by which a period is longer or shorter than the regular one."""
@@ -123,7 +122,7 @@ class LoopEpisode:
         changed, state, alarm = False, cart.follower(), 0
         while cart.time < self.seconds and not cart.physics.fallen:
             if cart.time == 0.0 or rng.random() >= self.lost:
-                wanted = attack.wants(_seen(barriers, strict, state, cart.time))
+                wanted = attack.act(_seen(barriers, strict, state, cart.time))
                 command = cart.towards(wanted, cart.walker.command.forward)
                 _, told = door.step(command, *cart.says(), cart.time)
                 counts[int(told["status"])] += 1

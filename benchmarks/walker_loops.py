@@ -17,7 +17,7 @@ from hcbf_gym.envs.fleet import FleetVectorEnv
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
-from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
@@ -171,7 +171,7 @@ class _Filtered:
         env, taken = self._env, 0.0
         self._seed += 1
         observation, info = env.reset(seed=self._seed)
-        wanted = wants("rotating", env, self._seed)
+        wanted = policy_of("rotating", env, self._seed)
         for _ in range(round(seconds / CONTROL_DT)):
             u = wanted(observation, info)
             start = time.perf_counter()

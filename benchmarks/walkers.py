@@ -19,8 +19,7 @@ import tyro
 from rich.console import Console
 
 from benchmarks.strict.lines import faster
-from benchmarks.strict.outcomes import outcomes
-from benchmarks.strict.suite import summary
+from benchmarks.strict.suite import outcomes, summary
 from benchmarks.velocity_loops import LoopEpisode
 from benchmarks.walker_loops import fleet, speeds, tracking
 from hcbf_gym.errors import choose
@@ -182,10 +181,8 @@ def run(quick: bool) -> dict[str, Any]:
     tables.append(tracking(contracts, 5.0 if quick else 60.0))
     if not quick:
         tables += [speeds(contracts), fleet(contracts.get("go1", "cart"))]
-    return {
-        name: {"title": one.title, "header": list(one.header), "rows": list(one.rows)}
-        for name, one in zip((*EPISODES, "tracking", "speed", "fleet"), tables, strict=False)
-    }
+    names = (*EPISODES, "tracking", "speed", "fleet")
+    return {name: one._asdict() for name, one in zip(names, tables, strict=False)}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

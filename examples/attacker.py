@@ -9,7 +9,7 @@ from hcbf_gym.evaluation.attacks import ATTACKS, Attack, full
 class Circling(Attack):
     """Presses into the nearest strict region and swings along its edge, once in a second."""
 
-    def wants(self, s):
+    def act(self, s):
         along = np.array([-s.normal[0, 1], s.normal[0, 0]])
         return full(np.sin(2.0 * np.pi * s.time) * along - s.normal[0])
 

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from hcbf_gym.errors import HcbfError, choose, require
 
 
-class Command(NamedTuple):
+class Subcommand(NamedTuple):
     """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring.
 
     Attributes:
@@ -32,36 +32,36 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "evaluate": Command(
+    "evaluate": Subcommand(
         "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
     ),
-    "certify": Command(
+    "certify": Subcommand(
         "hcbf_gym.evaluation.certification.command",
         "how often a plant enters rank 1 at most: margins measured, then a bound",
     ),
-    "identify": Command(
+    "identify": Subcommand(
         "hcbf_gym.studies.identification.command",
-        "how a robot follows the velocities that it is told",
+        "how a robot follows the velocities that it is commanded",
     ),
-    "reproduce": Command(
+    "reproduce": Subcommand(
         "hcbf_gym.studies.reproduction.command",
         "every figure of the paper, and its claims as true or false",
         "studies",
         ("optuna",),
     ),
-    "tune": Command(
+    "tune": Subcommand(
         "hcbf_gym.studies.tuning.command",
         "the weights (γ₀, Δγ) by sampling",
         "studies",
         ("optuna",),
     ),
-    "train": Command(
+    "train": Subcommand(
         "hcbf_gym.studies.training.command",
         "a policy under the filter, by PPO, SAC or TD3",
         "rl",
         ("stable_baselines3",),
     ),
-    "play": Command(
+    "play": Subcommand(
         "hcbf_gym.play.command",
         "a playground in the browser: steer, drag regions, push",
         "play",

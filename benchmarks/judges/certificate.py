@@ -12,13 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from benchmarks.judges import exact
 from benchmarks.judges.exact import common_multiple, exactly, rational
+from hcbf_gym.arrays import Array, Integers, Mask
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Rationals = list[Any]
 
 FREE, PAID, KINK = range(3)
@@ -66,7 +64,7 @@ def minimiser(stage: Stage) -> Rationals:
     return proven(stage, *guess(*_in_doubles(stage))) or by_pivots(stage)
 
 
-def proven(stage: Stage, tight: Flags, states: NDArray[np.int64]) -> Rationals | None:
+def proven(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
     """Return a minimiser that a guess leads to, None if it leads to none.
 
     Args:
@@ -106,7 +104,7 @@ def guess(
     weight: Array,
     least: Array,
     one_sided: bool,
-) -> tuple[Flags, NDArray[np.int64]]:
+) -> tuple[Mask, Integers]:
     """Return which hard rows (K,) are tight, and what each soft row (s,) does.
 
     Rows are scaled to norm 1; those without a gradient stay out, paid for or not whatever u is.
@@ -152,7 +150,7 @@ def _sets(
     target: Array,
     weight: Array,
     least: Array,
-) -> tuple[Flags, NDArray[np.int64]]:
+) -> tuple[Mask, Integers]:
     """Return the same of rows of norm 1.
 
     The unknowns are u − low, v − m, and the multipliers of hard and of soft rows.
@@ -181,7 +179,7 @@ def _sets(
 
 
 @njit(cache=True, error_model="numpy")
-def _lemke(matrix: Array, q: Array) -> Flags:
+def _lemke(matrix: Array, q: Array) -> Mask:
     """Return which y (n,) are basic in ``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``; see `exact`."""
     n = q.size
     basic = np.zeros(n, dtype=np.bool_)
@@ -221,7 +219,7 @@ def _lemke(matrix: Array, q: Array) -> Flags:
     return basic
 
 
-def solution(stage: Stage, tight: Flags, states: NDArray[np.int64]) -> Rationals | None:
+def solution(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
     """Return u, then the multipliers of tight rows and kinks; None where they are not determined.
 
     ``λ(u − u*) − Σ_paid w v a − Σ μ A_tight − Σ ν a_kink = 0``, and the tight rows themselves.
@@ -257,8 +255,8 @@ def correct(
     solution: Rationals,
     bound: Array,
     target: Array,
-    tight: Flags,
-    states: NDArray[np.int64],
+    tight: Mask,
+    states: Integers,
 ) -> bool:
     """Correct the guess in place where its solution breaks an inequality; tell whether it did.
 
@@ -293,7 +291,7 @@ def correct(
 
 
 @njit(cache=True, error_model="numpy")
-def _doubtful(a: Array, bound: Array, point: Array) -> NDArray[np.int64]:
+def _doubtful(a: Array, bound: Array, point: Array) -> Integers:
     """Return the rows (k,) of which doubles do not show beyond doubt that ``a_k u > b_k``."""
     doubt = np.zeros(bound.size, dtype=np.bool_)
     for k in range(bound.size):

@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.judges.certificate import Rationals, Stage, dot, minimiser
 from benchmarks.judges.exact import exactly, rational
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import InputSet
-
-Array = NDArray[np.float64]
 
 JUDGED = ("cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 """The programs whose equations stand here."""

@@ -2,12 +2,9 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.maps import Grid
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def distances(grid: Grid, cells: Mask, points: Array, reach: float) -> Array:

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from hcbf_gym import wrappers
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import choose
-from hcbf_gym.evaluation.attacked import wants
+from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 
 STEPS = 10
@@ -118,7 +118,7 @@ def film(loop: Loop) -> tuple[list[Image.Image], float]:
     inner: Any = env.unwrapped
     pictures, least = [], np.inf
     try:
-        walk = samples(env, wants(loop.policy, env, loop.seed), loop.seed)
+        walk = samples(env, policy_of(loop.policy, env, loop.seed), loop.seed)
         next(walk)
         strict = [k for k, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
         for step in range(round(loop.seconds / CONTROL_DT)):

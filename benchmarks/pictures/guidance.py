@@ -13,9 +13,9 @@ mpl.use("Agg")
 import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import guidance, scenarios
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
@@ -25,8 +25,6 @@ from hcbf_gym.guidance.row import descent
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
-
-Array = NDArray[np.float64]
 
 STRIP = (5.0, 10.0, 15.0)
 """When the strip looks at the robot [s]."""

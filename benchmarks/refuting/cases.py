@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import (
     BarrierSet,
     Capsule,
@@ -18,7 +18,6 @@ from hcbf_gym.barriers import (
     row_kernels,
 )
 
-Array = NDArray[np.float64]
 NUMBERS, LOOKS, CORNERS, WORST = 16, 24, 5, 60
 ROUNDING = 1e-9
 BETA = 1.0

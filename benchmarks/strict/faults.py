@@ -7,12 +7,10 @@ from typing import Any
 import gymnasium as gym
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.tables import Table
-
-Array = NDArray[np.float64]
 
 POLICIES = ("pd", "nearest", "bang-bang", "edge")
 SECONDS = 8.0

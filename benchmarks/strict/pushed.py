@@ -61,17 +61,17 @@ class PushedEpisode:
         inner: Any = env.unwrapped
         rng = np.random.default_rng(self.seed)
         approach, policy = attacks.Nearest(rng), make_policy(self.policy, env)
-        around = attacks.look(env)
+        around = attacks.observe(env)
         while around.h[0] > NEAR and inner.time < 20.0:
-            observation, _, _, _, info = env.step(approach.wants(around))
-            around = attacks.look(env)
+            observation, _, _, _, info = env.step(approach.act(around))
+            around = attacks.observe(env)
         force = rng.uniform(*IMPULSE) / (STEPS * 0.02)
         inner.simulation.push(np.array([*(-force * around.normal[0]), 0.0]))
         near, h, status, fell = float(around.h[0]), [], [], False
         for step in range(round(SECONDS / 0.02)):
             if step == STEPS:
                 inner.simulation.push(np.zeros(3))
-            h.append(float(attacks.look(env).h[0]))
+            h.append(float(attacks.observe(env).h[0]))
             action = np.asarray(policy(observation, info), dtype=np.float64)
             observation, _, ended, _, info = env.step(action)
             status.append(int(info["safety_filter"]["status"]))

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.strict import pushed, search
 from benchmarks.strict.lines import LINES
-from benchmarks.strict.outcomes import outcomes
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import Outcome
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
@@ -51,6 +51,21 @@ def run(quick: bool) -> dict[str, Any]:
         "search": search.worst_attack(2 if quick else TRIALS, kept),
         "pushed": pushed.run(quick, kept),
     }
+
+
+def outcomes(
+    episodes: Sequence[Any], folder: Path, reads: Sequence[Path] = (), title: str | None = None
+) -> list[Any]:
+    """Return what episodes of one class showed, in order; what is in the folder is not run again.
+
+    Args:
+        episodes: dataclasses with a `run`.
+        folder: where finished ones are kept.
+        reads: files that decide them beside the sources of their class.
+        title: of a progress bar; none is shown without one.
+    """
+    run = type(episodes[0]).run
+    return chunks.in_order(chunks.run(run, episodes, folder=folder, reads=reads, title=title))
 
 
 def summary(seen: Sequence[Outcome]) -> Group:
@@ -98,7 +113,7 @@ def _estimator(seen: Sequence[Outcome]) -> dict[str, float]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables: attacks, the search, body, estimate, rank 2, and pushes."""
     groups = figures["groups"]
-    attacks = _table(
+    attacks = table(
         "attacks on the strict rank, lex-cbf-qp",
         [g for g in groups if g["section"] in ("nominal", "cap", "policy", "plant", "estimate")],
         {
@@ -115,7 +130,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     return {
         "attacks": attacks,
         "search": search.table(figures["search"]),
-        "body": _table(
+        "body": table(
             'the whole robot, body="footprint", lex-cbf-qp',
             [g for g in groups if g["section"] == "body"],
             {
@@ -125,7 +140,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
                 "goals": lambda g: f"{g['reached']:.0%}",
             },
         ),
-        "estimate": _table(
+        "estimate": table(
             "what a fix of 2 cm at 20 Hz, 40 ms late, costs and knows",
             [g for g in groups if "nees" in g or g["section"] == "policy"],
             {
@@ -138,7 +153,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
                 "goals": lambda g: f"{g['reached']:.0%}",
             },
         ),
-        "rank-2": _table(
+        "rank-2": table(
             "rank 2 where no conflict forces it, lex-cbf-qp",
             [g for g in groups if g["section"] == "rank 2"],
             {
@@ -153,7 +168,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     }
 
 
-def _table(title: str, groups: Sequence[Group], more: dict[str, Callable[[Group], str]]) -> Table:
+def table(title: str, groups: Sequence[Group], more: dict[str, Callable[[Group], str]]) -> Table:
     """Return a table of groups: what all of them tell, and more."""
     columns: dict[str, Callable[[Group], str]] = {
         "": lambda g: f"{g['section']}: {g['name']}",

@@ -6,13 +6,11 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.estimation import PRESETS
 from hcbf_gym.evaluation.tables import Table
-
-Array = NDArray[np.float64]
 
 SENSORS: dict[str, Any] = {
     **dict.fromkeys(PRESETS),

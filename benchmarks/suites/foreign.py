@@ -12,15 +12,13 @@ from typing import Any
 
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 MAZES = ("UMaze", "Medium", "Large")
 MAZE_STEPS = {"random": 800, "goal": 6000, "ppo": 800}

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import peers
 from benchmarks.suites.filter import in_turn
 from benchmarks.suites.foreign import example
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
@@ -33,8 +33,6 @@ from hcbf_gym.barriers.compose import traced
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models import DoubleIntegrator, SingleIntegrator
-
-Array = NDArray[np.float64]
 
 SHAPES: dict[str, Barrier] = {
     "half-plane": HalfPlane("wall", 1, (0.0, 1.0), -2.0),

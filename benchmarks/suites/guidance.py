@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
 from hcbf_gym import guidance, policies, scenarios
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.measures import deadlocked
@@ -27,8 +27,6 @@ from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-
-Array = NDArray[np.float64]
 
 FIRST_SEED = 10_000
 THROUGH = {"kind": "geodesic", "through": 2}
@@ -94,14 +92,14 @@ class Outcome:
         fell: (N,) whether the robot fell.
     """
 
-    reached: NDArray[np.bool_]
+    reached: Mask
     seconds: Array
     least: Array
-    priority: NDArray[np.int64]
+    priority: Integers
     deadlock: Array
     change: Array
     final: Array
-    fell: NDArray[np.bool_]
+    fell: Mask
 
     def entered(self, rank: int) -> float:
         """Return the share of the episodes that entered, or woke in, a region of that rank."""

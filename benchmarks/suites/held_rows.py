@@ -10,18 +10,16 @@ from typing import Any
 import gymnasium as gym
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from benchmarks.random_conflicts import advance
 from hcbf_gym import wrappers
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 LOOKS = 20
 """Looks in a control step."""
@@ -72,7 +70,7 @@ class Situation:
         every = np.arange(len(h))
         return sensed[every, order[:, 0], 1:3], sensed[every, order[:, 1], 1:3]
 
-    def turn(self, mean: float) -> NDArray[np.bool_]:
+    def turn(self, mean: float) -> Mask:
         """Return (N,) who changes its mind in this step, every `mean` seconds on average."""
         return self.rng.random(len(self.sign)) < CONTROL_DT / mean
 

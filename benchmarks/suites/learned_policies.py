@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from hcbf_gym import policies, wrappers
+from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker, Policy, learned
 from hcbf_gym.scenarios.random_scenes import PRIORITIES
-
-Array = NDArray[np.float64]
 
 SCENARIO = "random"
 FILTERS: dict[str, tuple[str, dict[str, Any]]] = {

@@ -4,7 +4,6 @@ from typing import Any
 
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.suites.locomotion_speed import speed_figures
 from benchmarks.suites.measure import Measure
@@ -17,13 +16,12 @@ from benchmarks.suites.walks import (
     towards,
     walk,
 )
+from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.gait import GAITS
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models.constants import GRAVITY
-
-Array = NDArray[np.float64]
 
 OFF_NOMINAL: dict[str, dict[str, Any]] = {
     "payload 4 kg, 6 cm ahead, 3 cm left": {

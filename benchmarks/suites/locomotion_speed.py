@@ -12,14 +12,12 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import hcbf_gym
 from benchmarks.suites.measure import Measure
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion import qp, task_space_qp
 from hcbf_gym.locomotion.controller import LocomotionController
-
-Array = NDArray[np.float64]
 
 STEPS = 1000  # of 20 ms
 DT = 0.002

@@ -18,7 +18,7 @@ from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
+from hcbf_gym.evaluation.workers import Backend, Workers
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ def compare(args: Args) -> list[dict[str, Any]]:
         )
     for program in args.programs:
         choose("program", program, random_conflicts.PROGRAMS)
-    open_pool(args.backend, args.workers).close()
+    runs = chunks.Runs(args.output / "chunks", args.workers, args.backend)
+    runs.check()
     open_folder(args.output, {"seed": args.seed, "chunk": args.chunk})
     starts = range(0, args.episodes, args.chunk)
     kinds = list(itertools.product(args.rows, args.policies, args.programs))
@@ -89,11 +90,7 @@ def compare(args: Args) -> list[dict[str, Any]]:
         for rows, policy, program in kinds
         for start in starts
     ]
-    runs = chunks.run(
-        random_conflicts.run, jobs, folder=args.output / "chunks",
-        workers=args.workers, backend=args.backend, title="chunks",
-    )  # fmt: skip
-    outcomes = chunks.in_order(runs)
+    outcomes = chunks.in_order(runs.over(random_conflicts.run, jobs, "chunks"))
     results = []
     for k, (rows, policy, program) in enumerate(kinds):
         mine = range(k * len(starts), (k + 1) * len(starts))

@@ -10,16 +10,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import CbfRows
 from hcbf_gym.programs.general.qp import solver_names
-
-Array = NDArray[np.float64]
 
 BATCH, QUICK_BATCH = 4096, 256
 COMPARED_SOLVERS = ("daqp", "clarabel", "piqp", "osqp", "proxqp", "quadprog")

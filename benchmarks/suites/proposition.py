@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import joblib
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from rich.console import Console
 
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import (
     BarrierSet,
     Capsule,
@@ -33,8 +33,6 @@ from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
-
-Array = NDArray[np.float64]
 
 SHAPES = ("wall", "disc", "ellipse", "polygon", "capsule")
 TOGETHER = 500
@@ -105,7 +103,7 @@ def distance(kind: int, c: Array, x: float, y: float) -> float:
 
 @njit(cache=True)
 def least_while_held(
-    kind: NDArray[np.int64],
+    kind: Integers,
     numbers: Array,
     velocity: Array,
     x: Array,

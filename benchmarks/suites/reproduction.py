@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.studies.reproduction import FIGURES
 from hcbf_gym.studies.reproduction.command import reproduce
@@ -18,7 +19,7 @@ def run(quick: bool) -> dict[str, Any]:
         quick: fewer episodes.
     """
     folder = FOLDER / ("reproduce-quick" if quick else "reproduce")
-    return reproduce(list(FIGURES), folder, quick, None, "processes")
+    return reproduce(list(FIGURES), folder, quick, Runs(folder / "episodes"))
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

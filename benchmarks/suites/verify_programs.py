@@ -6,17 +6,15 @@ from typing import Any
 
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from benchmarks.judges.judge import Judge
 from hcbf_gym import programs
+from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """Largest |Δu| that counts as the same input."""

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.physics import Physics
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.controller import LocomotionController
@@ -19,7 +19,6 @@ from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.robots.motors import torque_limits
 from hcbf_gym.robots.reader import Robot
 
-Array = NDArray[np.float64]
 Input = Callable[[float, BodyReference, RobotState], Array]
 
 DT = 0.002
@@ -45,7 +44,7 @@ class Walk(NamedTuple):
     state: RobotState
     reference: Array
     torque: Array
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     sole: Array
     mass: float
     fell: bool
@@ -110,7 +109,7 @@ def walk(
     )
 
 
-def _saturated(robot: Robot, state: RobotState, torque: Array) -> NDArray[np.bool_]:
+def _saturated(robot: Robot, state: RobotState, torque: Array) -> Mask:
     limits = np.empty((2, 12))
     saturated = np.zeros(len(torque), dtype=np.bool_)
     for tick, (rate, delivered) in enumerate(zip(state.joint_velocity, torque, strict=True)):

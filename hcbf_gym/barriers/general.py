@@ -1,5 +1,6 @@
 """From barriers to rows for any model: h(x, t) ≥ 0 is preserved by a condition linear in u."""
 
+import itertools
 import math
 import operator
 from collections.abc import Callable, Sequence
@@ -26,6 +27,7 @@ from hcbf_gym.barriers.general_kernels import (
     pack,
     width,
 )
+from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.row_kernels import late
@@ -258,24 +260,26 @@ class GeneralRows:
 
 
 def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
-    """Return barriers as a tuple.
+    """Return barriers as a tuple, what stands for several of them one by one.
 
     Raises:
         InvalidInputError: if they are no sequence of barriers.
     """
     listed = isinstance(barriers, Sequence) and not isinstance(barriers, str)
-    if not listed or not all(isinstance(b, Barrier) for b in barriers):
+    each = [b.conditions if isinstance(b, Several) else (b,) for b in barriers] if listed else []
+    own = tuple(itertools.chain.from_iterable(each))
+    if not listed or not all(isinstance(b, Barrier) for b in own):
         raise InvalidInputError(
             f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "
             "hcbf_gym.barriers.Barrier"
         )
-    mapped = [barrier.name for barrier in barriers if isinstance(barrier, Mapped)]
+    mapped = [barrier.name for barrier in own if isinstance(barrier, Mapped)]
     if mapped:
         raise InvalidInputError(
             f"barriers: got the classes {mapped} of a map, expected them for a plant of the planar "
             "double integrator: only its rows look beyond the nearest piece"
         )
-    return tuple(barriers)
+    return own
 
 
 def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:

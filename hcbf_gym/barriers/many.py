@@ -18,7 +18,7 @@ class Several(ABC):
     @property
     @abstractmethod
     def conditions(self) -> tuple[Barrier, ...]:
-        """The barriers, in the order of their infos."""
+        """The barriers, in the order of their infos; the same objects until one changes."""
 
 
 class Shapes:

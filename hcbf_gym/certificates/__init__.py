@@ -4,16 +4,14 @@ from hcbf_gym.certificates.certificate import Certificate, first_seed
 from hcbf_gym.certificates.declared import declared, robot_of
 from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
-    Nearest,
+    NearestCertificate,
     at_least,
-    covered_table,
+    judged_by,
     load,
     nearest,
     shipped,
-    speak,
     stale,
     stale_since,
-    table,
     tested,
 )
 from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum
@@ -23,21 +21,19 @@ __all__ = [
     "Block",
     "Certificate",
     "Judged",
-    "Nearest",
+    "NearestCertificate",
     "Shown",
     "Stratum",
     "at_least",
-    "covered_table",
     "declared",
     "first_seed",
     "judge",
+    "judged_by",
     "load",
     "nearest",
     "robot_of",
     "shipped",
-    "speak",
     "stale",
     "stale_since",
-    "table",
     "tested",
 ]

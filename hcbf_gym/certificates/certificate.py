@@ -81,8 +81,8 @@ class Certificate:
     """
 
     name: str
-    plant: Mapping[str, Any]
-    family: Mapping[str, Any]
+    plant: Mapping[str, object]
+    family: Mapping[str, object]
     words: tuple[str, ...]
     margins: Uncertainty | None
     calibration: tuple[Mapping[str, Any], ...]
@@ -115,8 +115,8 @@ class Certificate:
                 f"{self.attempt} of a seed"
             )
         self._check_calibration()
-        told = {"episodes": self.episodes, "entered": self.entered, "least_h": self.least_h}
-        check_same("strata", told, {
+        stated = {"episodes": self.episodes, "entered": self.entered, "least_h": self.least_h}
+        check_same("strata", stated, {
             "episodes": sum(s.episodes for s in self.strata),
             "entered": sum(s.entered for s in self.strata),
             "least_h": min((s.least_h for s in self.strata), default=np.inf),
@@ -181,8 +181,8 @@ class Certificate:
                     f"certificate: got {block}, expected counts of at most {most}, and entries "
                     "where a least h is below 0, and only there"
                 )
-        told = {name: getattr(self, name) for name in ("entered", "falls", "alarms", "least_h")}
-        check_same("blocks", told | {"pressed": shown.pressed}, {
+        stated = {name: getattr(self, name) for name in ("entered", "falls", "alarms", "least_h")}
+        check_same("blocks", stated | {"pressed": shown.pressed}, {
             name: sum(getattr(block, name) for block in self.blocks)
             for name in ("entered", "falls", "alarms", "pressed")
         } | {"least_h": min(block.least_h for block in self.blocks)})  # fmt: skip
@@ -248,7 +248,7 @@ class Certificate:
             InvalidInputError: if a field is missing, unknown or malformed, or anything has been
                 changed since.
         """
-        certificate = cls.told(data)
+        certificate = cls.parse(data)
         if data.get("hash") != certificate.hash:
             raise InvalidInputError(
                 f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
@@ -257,8 +257,8 @@ class Certificate:
         return certificate
 
     @classmethod
-    def told(cls, data: Any) -> "Certificate":
-        """Return the certificate that a file tells, whatever its hash is.
+    def parse(cls, data: Any) -> "Certificate":
+        """Return the certificate that a file holds, whatever its hash is.
 
         Raises:
             InvalidInputError: if a field is missing, unknown or malformed.

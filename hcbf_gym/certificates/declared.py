@@ -15,7 +15,7 @@ from hcbf_gym.models.plant import Plant, read
 def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
     """Return what tells a plant from another one, in JSON's terms.
 
-    A plant that declares nothing by itself is told by its environment's class, its model, U, its
+    A plant that declares nothing by itself is known by its environment's class, its model, U, its
     period, its readers, its barriers where they are no reader, and a hash of the files in which
     environment and readers are written, with those of the user's own that they import.
 
@@ -29,13 +29,13 @@ def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> 
         InvalidInputError: if it declares nothing.
     """
     if plant.declared is not None:
-        told: Mapping[str, Any] = read(plant.declared, env, observation, info)
-        if not told:
+        stated: Mapping[str, object] = read(plant.declared, env, observation, info)
+        if not stated:
             raise InvalidInputError(
-                f"plant: got declared {told!r}, which any plant matches; expected what tells it "
+                f"plant: got declared {stated!r}, which any plant matches; expected what tells it "
                 "from others, or None"
             )
-        return records.plain(dict(told))
+        return records.plain(dict(stated))
     input_set = plant.input_set
     written = _written_in(type(env), plant.state, plant.barriers)
     parts = type(plant.model), plant.to_action, plant.from_action, plant.brake
@@ -69,7 +69,7 @@ def files_hash(files: Iterable[Path]) -> str:
     return hashlib.sha256(" ".join(sorted(digests)).encode()).hexdigest()[:16]
 
 
-def _named(thing: Any) -> str:
+def _named(thing: object) -> str:
     """Return what tells a function from others in the same files, and any other thing by itself."""
     code = getattr(thing, "__code__", None)
     if code is not None:

@@ -47,8 +47,8 @@ class Judged(NamedTuple):
 
 
 def judge(
-    declared: Mapping[str, Any],
-    ranges: Mapping[str, Any],
+    declared: Mapping[str, object],
+    ranges: Mapping[str, object],
     alone: Mapping[str, Any] | None = None,
     reason: CoveredBy = CoveredBy.ARGUMENT,
     stale: str = "",
@@ -116,11 +116,11 @@ def _kind(expected: Any) -> set[str]:
     return found if found in ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"}) else set()
 
 
-def _lies(name: str, expected: Any, declared: Mapping[str, Any]) -> bool:
+def _lies(name: str, expected: Any, declared: Mapping[str, object]) -> bool:
     return name in declared and _holds(declared[name], expected, declared)
 
 
-def _holds(got: Any, expected: Any, declared: Mapping[str, Any]) -> bool:
+def _holds(got: Any, expected: Any, declared: Mapping[str, object]) -> bool:
     """Tell whether a value lies in a range."""
     got, kind = records.plain(got), _kind(expected)
     if kind == {"any of"}:
@@ -145,7 +145,7 @@ def _holds(got: Any, expected: Any, declared: Mapping[str, Any]) -> bool:
     return bool(got == records.plain(expected))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -1,7 +1,7 @@
 """The certificates that come with the package, and which of them speaks of a plant."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hcbf_gym.certificates import sources
 from hcbf_gym.certificates.certificate import Certificate
-from hcbf_gym.certificates.judge import Judged, judge, words
+from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
@@ -61,7 +61,7 @@ def shipped() -> Mapping[str, Certificate]:
     return MappingProxyType({file.stem: Certificate.load(file) for file in files})
 
 
-def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
+def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate:
     """Return a certificate.
 
     Args:
@@ -78,7 +78,7 @@ def load(source: str | Path | Mapping[str, Any] | Certificate) -> Certificate:
     return Certificate.load(source) if known is None else known
 
 
-def speak(
+def judged_by(
     certificate: Certificate, declared: Mapping[str, Any], alone: Mapping[str, Any] | None = None
 ) -> Judged:
     """Return what a certificate says of a plant, as the program is today.
@@ -91,7 +91,7 @@ def speak(
     return judge(declared, certificate.plant, alone, stale=stale(certificate))
 
 
-class Nearest(NamedTuple):
+class NearestCertificate(NamedTuple):
     """The shipped certificate that differs least from what a plant declares.
 
     Attributes:
@@ -102,7 +102,7 @@ class Nearest(NamedTuple):
     certificate: Certificate | None
     judged: Judged
 
-    def again(self, declared: Mapping[str, Any]) -> Judged:
+    def again(self, declared: Mapping[str, object]) -> Judged:
         """Return what it says of the plant in other scenes.
 
         Args:
@@ -119,7 +119,7 @@ class Nearest(NamedTuple):
         return None if self.certificate is None or other else self.certificate.margins
 
 
-def nearest(declared: Mapping[str, Any]) -> Nearest:
+def nearest(declared: Mapping[str, Any]) -> NearestCertificate:
     """Return the shipped certificate that fits a plant best.
 
     Args:
@@ -127,7 +127,7 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
     """
     alone = tested()["alone"].get(declared["environment"])
     alike = [
-        Nearest(one, speak(one, declared, alone))
+        NearestCertificate(one, judged_by(one, declared, alone))
         for one in shipped().values()
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
@@ -136,7 +136,7 @@ def nearest(declared: Mapping[str, Any]) -> Nearest:
         f"robot {name!r}, of which no certificate is shipped: hcbf certify makes one",
         *(f"{departure} (tested: none)" for departure in declared.get("departures", ())),
     )
-    none = Nearest(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
+    none = NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
     return min(alike, key=lambda found: len(found.judged.says), default=none)
 
 
@@ -157,38 +157,3 @@ def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
                 speed=max(margins.speed, one.margins.speed),
             )
     return margins
-
-
-def table(certificates: Iterable[Certificate] | None = None) -> str:
-    """Return certificates as pages show them, a table in Markdown.
-
-    Args:
-        certificates: the lines; None shows those that are shipped.
-    """
-    since = stale_since()
-    head = (
-        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]",
-        "stale since",
-    )  # fmt: skip
-    rows = [
-        f"| {one.name} | {one.episodes:,} | {one.entered} | {one.bound:.2g} | "
-        f"{one.confidence:.1%} | {one.least_h:+.4f} | {since.get(one.name, '')} |"
-        for one in (shipped().values() if certificates is None else certificates)
-    ]
-    return "\n".join((f"| {' | '.join(head)} |", "|---" * len(head) + "|", *rows))
-
-
-def covered_table(name: str) -> str:
-    """Return what a shipped certificate covers as pages show it, a table in Markdown.
-
-    Args:
-        name: of the certificate.
-    """
-    plant = shipped()[name].plant
-    alone = tested()["alone"].get(plant["environment"], {"ranges": {}, "words": "none"})
-    rows = [
-        f"| {argument} | {words(expected)} |"
-        for argument, expected in (dict(plant) | alone["ranges"]).items()
-        if argument not in ("environment", "scene")
-    ]
-    return "\n".join(("| argument | tested |", "|---|---|", *rows, f"| alone | {alone['words']} |"))

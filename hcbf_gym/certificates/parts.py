@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hcbf_gym.errors import InvalidInputError, finite_float
 
@@ -103,7 +103,7 @@ def vacuous(shown: Shown, episodes: int) -> str:
     return ""
 
 
-def check_counts(record: Any, *names: str) -> None:
+def check_counts(record: object, *names: str) -> None:
     """Refuse fields that are no counts.
 
     Raises:
@@ -115,11 +115,11 @@ def check_counts(record: Any, *names: str) -> None:
             raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
 
 
-def check_same(what: str, told: Mapping[str, Any], counted: Mapping[str, Any]) -> None:
+def check_same(what: str, stated: Mapping[str, object], counted: Mapping[str, object]) -> None:
     """Refuse totals that are not what their parts say.
 
     Raises:
         InvalidInputError: if one is not.
     """
-    if dict(told) != dict(counted):
-        raise InvalidInputError(f"certificate: got {what} of {counted}, expected {told}")
+    if dict(stated) != dict(counted):
+        raise InvalidInputError(f"certificate: got {what} of {counted}, expected {stated}")

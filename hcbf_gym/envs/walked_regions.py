@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged, Nearest
+from hcbf_gym.certificates import Judged, NearestCertificate
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.envs import task
@@ -75,7 +75,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     walker: Any
     _v_max: float
     _declared: dict[str, Any]
-    _found: Nearest
+    _found: NearestCertificate
 
     def _begin(
         self, scenario: str | Path | Mapping[str, Any] | Scenario, render_mode: str | None

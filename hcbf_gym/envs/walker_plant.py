@@ -84,7 +84,11 @@ def speed_cap(walker: Walker, scenario: Scenario, v_max: float | None) -> float:
 
 
 def uncertainty_of(
-    found: certificates.Nearest, walker: Walker, period: float, declared: Declared, body: float
+    found: certificates.NearestCertificate,
+    walker: Walker,
+    period: float,
+    declared: Declared,
+    body: float,
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model.
 

@@ -13,11 +13,12 @@ from hcbf_gym import wrappers
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
-from hcbf_gym.evaluation import attacks, stakes
-from hcbf_gym.evaluation.episode import Sample, in_double, samples
+from hcbf_gym.evaluation import attacks, vacuity
+from hcbf_gym.evaluation.episode import Act, Sample, in_double, samples
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
@@ -73,7 +74,7 @@ class AttackedEpisode:
     def _judged(self, env: gym.Env) -> "Outcome":
         """Run the episode in a filtered environment, with what its estimator and its body did."""
         inner: Any = env.unwrapped
-        act = wants(self.attack, env, self.seed, self.parameters)
+        act = policy_of(self.attack, env, self.seed, self.parameters)
         errors: list[_Error] = []
         reaches = [0.0]
 
@@ -94,9 +95,9 @@ class AttackedEpisode:
         return replace(outcome, reach=max(reaches), **_consistency(errors))
 
 
-def wants(
+def policy_of(
     name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
-) -> Callable[[Any, dict[str, Any]], Array]:
+) -> Act:
     """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
 
     Args:
@@ -111,7 +112,7 @@ def wants(
     if parameters is None and name not in attacks.ATTACKS and ":" not in name:
         return in_double(make_policy(name, env))
     attack = attacks.make(name, seed, parameters)
-    return lambda observation, info: attack.wants(attacks.look(env))
+    return lambda observation, info: attack.act(attacks.observe(env))
 
 
 @dataclass(frozen=True)
@@ -184,11 +185,11 @@ class Truth(NamedTuple):
     speed_h: float
     second_h: float
     position: Mask
-    along: stakes.Strict
+    along: vacuity.Strict
 
 
 def truth(
-    x: Array, time: float, h: Array, rank: Integers, reads_position: Mask, along: stakes.Strict
+    x: Array, time: float, h: Array, rank: Integers, reads_position: Mask, along: vacuity.Strict
 ) -> Truth:
     """Return the truth at one sample.
 
@@ -224,7 +225,7 @@ def truth_of(env: Any) -> Callable[[Sample], Truth]:
 def judge(
     observed: Iterable[Sample],
     look: Callable[[Sample], Truth],
-    model: Any,
+    model: ReducedOrderModel,
     input_set: InputSet,
 ) -> Outcome:
     """Return what the truth and the filter's reports say of an episode.
@@ -249,7 +250,7 @@ def judge(
         counts[int(report["status"])] += 1
         margins.append(report["margin"][now.position].max())
         changed = changed or bool(report["intervention"] > 1e-3)
-        pressed = pressed or stakes.pressed(
+        pressed = pressed or vacuity.pressed(
             model, input_set, before.x, before.time, before.along, report
         )
     info = sample.info

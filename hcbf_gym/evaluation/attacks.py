@@ -4,12 +4,12 @@ One of your own is an `Attack`, or any function s → u*, and goes by ``module:n
 name of an attack is asked for; so every process finds it.
 
 >>> class Spiral(Attack):
-...     def wants(self, s: Surroundings) -> Array:
+...     def act(self, s: Surroundings) -> Array:
 ...         turn = np.array([np.cos(3.0 * s.time), np.sin(3.0 * s.time)])
 ...         return full(0.5 * turn - s.normal[0])
 >>> one = np.array([[1.0, 0.0]])
 >>> s = Surroundings(np.zeros(2), np.zeros(2), np.array([0.3]), one, 0.0)
->>> Spiral(np.random.default_rng(0)).wants(s)
+>>> Spiral(np.random.default_rng(0)).act(s)
 array([-5.,  0.])
 """
 
@@ -110,7 +110,7 @@ class Surroundings:
         return full(press + 3.0 * sideways * chase * along)
 
 
-def look(env: Any) -> Surroundings:
+def observe(env: Any) -> Surroundings:
     """Return what an attacker sees of an environment of this package.
 
     Raises:
@@ -156,7 +156,7 @@ class Attack:
     until: float = field(default=-1.0, init=False)
     choice: Any = field(default=None, init=False)
 
-    def wants(self, s: Any) -> Array:
+    def act(self, s: Any) -> Array:
         """Return u* (n_u,) given a `View`; in the plane, [m/s²] given `Surroundings`."""
         raise NotImplementedError
 
@@ -170,7 +170,7 @@ class Attack:
 class Nearest(Attack):
     """Straight at the nearest strict region."""
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return what lowers the least h."""
         return s.push(1.0)
 
@@ -178,7 +178,7 @@ class Nearest(Attack):
 class BangBang(Attack):
     """Corners of U, each held .1 to .5 s."""
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return the corner chosen last."""
         return self.draw(s, 0.1, 0.5, lambda: s.corner(self.rng))
 
@@ -186,7 +186,7 @@ class BangBang(Attack):
 class Wandering(Attack):
     """A friendly one: inputs anywhere in U, each held .2 to 1 s."""
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return a random mixture of the corners."""
 
         def pick() -> Array:
@@ -198,7 +198,7 @@ class Wandering(Attack):
 class Rotating(Attack):
     """The full input, turning once in two seconds."""
 
-    def wants(self, s: Surroundings) -> Array:
+    def act(self, s: Surroundings) -> Array:
         """Return the direction of the moment."""
         angle = np.pi * s.time
         return full(np.array([np.cos(angle), np.sin(angle)]))
@@ -207,7 +207,7 @@ class Rotating(Attack):
 class Corner(Attack):
     """Into the corner of the two nearest strict rows."""
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return what lowers h₁ + .9 h₂."""
         return s.push(1.0, 0.9)
 
@@ -215,7 +215,7 @@ class Corner(Attack):
 class Edge(Attack):
     """1.6 m/s along a strict edge, reversing at random, pressed against it."""
 
-    def wants(self, s: Surroundings) -> Array:
+    def act(self, s: Surroundings) -> Array:
         """Return a chase of the speed along the edge, with the rest of the input against it."""
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
@@ -226,7 +226,7 @@ class Edge(Attack):
 class GaitPhase(Attack):
     """Against the nearest region, sideways in step with the gait."""
 
-    def wants(self, s: Surroundings) -> Array:
+    def act(self, s: Surroundings) -> Array:
         """Return the push with a lateral part that reverses with every half period."""
         half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
         return full(-s.normal[0] + (2.0 * half - 1.0) * _left(s.normal[0]))
@@ -235,7 +235,7 @@ class GaitPhase(Attack):
 class Slam(Attack):
     """Backs off from the nearest region, and slams into it."""
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return away or towards, each held for a random time."""
         sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
         return s.push(-sign)
@@ -257,7 +257,7 @@ class Searched(Attack):
 
     parameters: tuple[float, ...] = (0.5,) * 6
 
-    def wants(self, s: View) -> Array:
+    def act(self, s: View) -> Array:
         """Return a mixture of the attacks above."""
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
@@ -305,7 +305,7 @@ class Trained(Attack):
 
     parameters: tuple[float, ...] = field(default_factory=_trained)
 
-    def wants(self, s: Surroundings) -> Array:
+    def act(self, s: Surroundings) -> Array:
         """Return the full input along W φ."""
         weights = np.reshape(self.parameters[:18], (2, 9))
         period, hold = np.exp2(np.clip(self.parameters[18:], -3.0, 3.0))
@@ -330,7 +330,7 @@ class Called(Attack):
         super().__init__(np.random.default_rng(0))
         self._function = function
 
-    def wants(self, s: Surroundings) -> Array:
+    def act(self, s: Surroundings) -> Array:
         """Return what the function wants."""
         return finite_array("attack", self._function(s), (2,))
 

@@ -4,9 +4,8 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import in_double, samples
 from hcbf_gym.evaluation.measures import deadlocked
@@ -38,12 +37,12 @@ class BatchEpisodes(NamedTuple):
     reward: Array
     intervention: Array
     delta: Array
-    deadlock: NDArray[np.bool_]
-    running: NDArray[np.bool_]
-    terminated: NDArray[np.bool_]
+    deadlock: Mask
+    running: Mask
+    terminated: Mask
 
     @property
-    def steps(self) -> NDArray[np.int64]:
+    def steps(self) -> Integers:
         """(N,) the length of each episode in control steps."""
         return self.running.sum(axis=0)
 

@@ -13,12 +13,15 @@ found.
 
 import functools
 import hashlib
+import importlib.metadata
 import inspect
 import pickle
+import platform
 import reprlib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -26,11 +29,14 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
+import hcbf_gym
 from hcbf_gym.compilation import PACKAGE, read_by_name, sources_hash
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
 from hcbf_gym.records import whole
 
+COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
+"""Whose versions decide the bits of an episode."""
 ATTEMPTS = 5
 """How often a chunk runs whose worker dies, before it is given up."""
 
@@ -70,8 +76,8 @@ def run(
 
     Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
     that is named by a hash of what was run: the function with all sources below it, the files that
-    it reads, and the jobs. So a folder never answers for other work, which
-    `output_folder.open_folder` refuses in words.
+    it reads, the versions of what computes, and the jobs. So a folder never answers for other work,
+    and chunks of several machines may be put into one.
 
     Args:
         function: job → result; it, the jobs and the results can be pickled.
@@ -97,7 +103,7 @@ def run(
     identity = ""
     if folder is not None:  # a shipped certificate sets the margins of its plant
         shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
-        identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)}"
+        identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)} {versions()}"
     chunks = []
     for start in range(0, len(jobs), size):
         part = jobs[start : start + size]
@@ -112,7 +118,53 @@ def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
     return [results[number] for number in range(len(results))]
 
 
-def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
+@dataclass(frozen=True)
+class Runs:
+    """How the jobs of a study run; see `run`.
+
+    Args:
+        folder: where finished chunks are kept; None to keep none.
+        workers: chunks that run at once; None for as many as the backend has CPUs.
+        backend: "processes" or "ray".
+        quiet: show no bar.
+    """
+
+    folder: Path | None = None
+    workers: int | None = None
+    backend: Backend = "processes"
+    quiet: bool = False
+
+    def check(self) -> None:
+        """Refuse workers that there are not, before anything else is done.
+
+        Raises:
+            HcbfError: as `run` does.
+        """
+        open_pool(self.backend, self.workers).close()
+
+    def over(
+        self,
+        function: Callable[[J], R],
+        jobs: Sequence[J],
+        title: str | None = None,
+        reads: Sequence[Path] = (),
+        size: int = 1,
+    ) -> Iterator[tuple[int, R]]:
+        """Yield (number, result) of jobs as `run` does; `title` is of the bar."""
+        return run(
+            function, jobs, folder=self.folder, reads=reads, size=size, workers=self.workers,
+            backend=self.backend, title=None if self.quiet else title,
+        )  # fmt: skip
+
+
+def versions() -> dict[str, str]:
+    """Return name → version of what decides the bits of a result."""
+    found = {name: importlib.metadata.version(name) for name in COMPUTING}
+    here = {"python": platform.python_version(), "machine": platform.machine()}
+    return {"hcbf-gym": hcbf_gym.__version__} | found | here
+
+
+def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> str:
     """Return a hash of the sources of all that a function may reach, and of files.
 
     Args:
@@ -129,12 +181,12 @@ def sources_of(function: Callable[..., Any], reads: Sequence[Path] = ()) -> str:
     return sources_hash([*own, *read_by_name(), *reads])
 
 
-def _key(identity: str, jobs: Sequence[Any]) -> str:
+def _key(identity: str, jobs: Sequence[object]) -> str:
     text = "\n".join([identity, *map(_hash, jobs)])
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def _hash(thing: Any) -> str:
+def _hash(thing: object) -> str:
     try:
         return str(joblib.hash(thing, hash_name="sha1"))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -144,8 +196,8 @@ def _hash(thing: Any) -> str:
 
 
 def _complete(
-    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool, title: str | None
-) -> Iterator[tuple[int, Any]]:
+    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool, title: str | None
+) -> Iterator[tuple[int, R]]:
     """Yield what is saved, then what runs."""
     saved, missing = [], []
     for chunk in chunks:
@@ -171,8 +223,8 @@ def _complete(
 
 
 def _finished(
-    function: Callable[[Any], Any], chunks: Sequence[Chunk], pool: Pool
-) -> Iterator[tuple[Chunk, list[Any]]]:
+    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool
+) -> Iterator[tuple[Chunk, list[R]]]:
     """Run chunks, save each as it finishes, and yield it; those whose worker dies run again."""
     waiting = deque(chunks)
     deaths: Counter[int] = Counter()
@@ -205,7 +257,7 @@ def _finished(
         pool.close()
 
 
-def _call(function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+def _call(function: Callable[[J], R], jobs: Sequence[J]) -> list[R]:
     return [function(job) for job in jobs]
 
 
@@ -220,7 +272,7 @@ def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseExcept
     return failure
 
 
-def _save(chunk: Chunk, results: list[Any]) -> None:
+def _save(chunk: Chunk, results: list[R]) -> None:
     if chunk.path is not None:
         chunk.path.parent.mkdir(parents=True, exist_ok=True)
         with whole(chunk.path) as partial:

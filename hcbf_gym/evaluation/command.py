@@ -21,6 +21,7 @@ from hcbf_gym import programs, scenarios
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.episode_plot import plot_paths, plot_series
 from hcbf_gym.evaluation.output_folder import write_json
@@ -98,10 +99,8 @@ def main(args: Args) -> None:
         env.close()
     seeds = range(args.seed, args.seed + args.episodes)
     finished = args.output / "episodes"
-    episodes = evaluate(
-        cases, seeds, args.workers, args.backend,
-        folder=finished, reads=_files(args), title="episodes",
-    )  # fmt: skip
+    runs = Runs(finished, args.workers, args.backend)
+    episodes = evaluate(cases, seeds, runs, "episodes", _files(args))
     summaries: dict[tuple[str, str, int], dict[str, Any]] = {}
     shown: dict[tuple[str, str], Episode] = {}
     for case, seed, episode in episodes:

@@ -8,6 +8,9 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 
+Act = Callable[[Any, dict[str, Any]], Any]
+"""(observation, info) → action; of N environments, for all of them."""
+
 
 class Sample(NamedTuple):
     """What an environment showed at its reset or after a step; of N environments with N entries.
@@ -34,14 +37,14 @@ class Sample(NamedTuple):
         return bool(np.all(np.logical_or(self.terminated, self.truncated)))
 
 
-def in_double(policy: Callable[[Any, dict[str, Any]], Any]) -> Callable[..., Array]:
+def in_double(policy: Act) -> Callable[..., Array]:
     """Return a policy whose inputs have 64 bits, whatever it computes with."""
     return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
 
 
 def samples(
     env: gym.Env | gym.vector.VectorEnv,
-    act: Callable[[Any, dict[str, Any]], Any],
+    act: Act,
     seed: Any,
     options: Mapping[str, Any] | None = None,
 ) -> Iterator[Sample]:

@@ -1,15 +1,12 @@
 """Measures of a rollout that several tables and infos share."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.models.constants import ASKING, STANDING
 
 
-def deadlocked(
-    velocity: Array, u_nominal: Array, distance: Array, radius: float
-) -> NDArray[np.bool_]:
+def deadlocked(velocity: Array, u_nominal: Array, distance: Array, radius: float) -> Mask:
     """Return when the robot stands, away from its goal, though the policy asks it to move.
 
     ``‖v‖ < 0.05 m/s, ‖u*‖ > 0.3 m/s², distance > radius``.

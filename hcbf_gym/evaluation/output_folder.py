@@ -11,7 +11,7 @@ from hcbf_gym.records import whole
 _SETTINGS = "settings.json"
 
 
-def open_folder(folder: Path, settings: Mapping[str, Any]) -> None:
+def open_folder(folder: Path, settings: Mapping[str, object]) -> None:
     """Make a folder for one study, or open the one that already holds it.
 
     Args:
@@ -42,7 +42,7 @@ def open_folder(folder: Path, settings: Mapping[str, Any]) -> None:
     write_text(path, text)
 
 
-def write_json(path: Path, data: Any) -> None:
+def write_json(path: Path, data: object) -> None:
     """Write data as JSON, whole or not at all; NaN and infinity are refused."""
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 

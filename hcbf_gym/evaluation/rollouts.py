@@ -7,16 +7,14 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import policies, scenarios, wrappers
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.episode import in_double, samples
 from hcbf_gym.evaluation.measures import deadlock_share
-from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
@@ -65,9 +63,9 @@ class Episode:
     u: Array
     slack: Array
     delta: Array
-    status: NDArray[np.int64]
+    status: Integers
     obstacle_force: Array
-    priority: NDArray[np.int64]
+    priority: Integers
     goal_radius: float
     fell: bool
     reached: bool
@@ -246,32 +244,25 @@ class Job(NamedTuple):
 def evaluate(
     cases: Sequence[Case],
     seeds: Sequence[int],
-    workers: int | None = None,
-    backend: Backend = "processes",
-    *,
-    folder: Path | None = None,
-    reads: Sequence[Path] = (),
+    runs: Runs = Runs(),  # noqa: B008 - frozen
     title: str | None = None,
+    reads: Sequence[Path] = (),
 ) -> Iterator[tuple[Case, int, Episode]]:
     """Yield every case's episode for every seed, as they finish.
 
     Args:
         cases: what to run.
         seeds: one episode each.
-        workers: episodes that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray" (the extra `cluster`).
-        folder: where finished episodes are saved; None to save nothing.
-        reads: files of the user's own that decide the episodes.
+        runs: how they run.
         title: of a progress bar; None for no bar.
+        reads: files of the user's own that decide the episodes.
 
     Raises:
         HcbfError: as `chunks.run` does.
     """
     jobs = [Job(case, seed) for case in cases for seed in seeds]
-    runs = chunks.run(
-        Job.run, jobs, folder=folder, reads=reads, workers=workers, backend=backend, title=title
-    )
-    return ((jobs[k].case, jobs[k].seed, episode) for k, episode in runs)
+    episodes = runs.over(Job.run, jobs, title, reads)
+    return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 
 
 def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

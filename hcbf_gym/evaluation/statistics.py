@@ -1,7 +1,5 @@
 """What a count of entries says of the next episode, with how much confidence."""
 
-import bisect
-
 import numpy as np
 from scipy.stats import beta
 
@@ -42,7 +40,10 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
     _check_count("entered", entered, 0)
     if entered > episodes:
         raise InvalidInputError(f"entered: got {entered} of {episodes} episodes, expected no more")
-    _check_share("confidence", confidence)
+    if not 0.0 < finite_float("confidence", confidence) < 1.0:
+        raise InvalidInputError(
+            f"confidence: got {confidence!r}, expected a number between 0 and 1"
+        )
     if entered == episodes:
         return 1.0
     return float(beta.ppf(confidence, entered + 1, episodes - entered))
@@ -62,37 +63,6 @@ def at_most(entered: int, episodes: int) -> str:
     return f"≤ {upper_bound(entered, episodes):.2%}"
 
 
-def episodes_needed(bound: float, allowed: int = 0, confidence: float = CONFIDENCE) -> int:
-    """Return the least number of episodes of which `allowed` may enter under a bound.
-
-    Args:
-        bound: the chance of entering that is to be certified, between 0 and 1.
-        allowed: how many may enter.
-        confidence: of the bound, between 0 and 1.
-
-    Raises:
-        InvalidInputError: if a number does not make sense.
-
-    >>> episodes_needed(1e-2), episodes_needed(1e-3), episodes_needed(1e-3, 5)
-    (688, 6905, 16450)
-    """
-    _check_share("bound", bound)
-    _check_count("allowed", allowed, 0)
-
-    def certifies(episodes: int) -> bool:
-        return upper_bound(allowed, episodes, confidence) <= bound
-
-    most = allowed + 1
-    while not certifies(most):
-        most *= 2
-    return bisect.bisect_left(range(most), True, lo=allowed + 1, key=certifies)
-
-
 def _check_count(name: str, value: int, least: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InvalidInputError(f"{name}: got {value!r}, expected an integer >= {least}")
-
-
-def _check_share(name: str, value: float) -> None:
-    if not 0.0 < finite_float(name, value) < 1.0:
-        raise InvalidInputError(f"{name}: got {value!r}, expected a number between 0 and 1")

@@ -30,7 +30,7 @@ class Pool(Protocol):
 
     workers: int
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> Future:
+    def submit(self, function: Callable[..., object], *args: object) -> Future:
         """Begin a call; at most as many run as there are workers."""
         ...
 
@@ -71,7 +71,7 @@ class ThisProcess:
 
     workers = 1
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> Future:
+    def submit(self, function: Callable[..., object], *args: object) -> Future:
         """Call at once; return a future that is done."""
         future: Future = Future()
         try:
@@ -103,7 +103,7 @@ class Processes:
         self.workers = workers
         self._busy: dict[Future, ProcessPoolExecutor] = {}
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> Future:
+    def submit(self, function: Callable[..., object], *args: object) -> Future:
         """Begin a call in a process that is idle, or in a new one."""
         while _IDLE:
             executor = _IDLE.pop()
@@ -186,7 +186,7 @@ class RayTasks:
             )
         self._running: set[Future] = set()
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> Future:
+    def submit(self, function: Callable[..., object], *args: object) -> Future:
         """Begin a task, which Ray itself does not repeat."""
         task = self._ray.remote(num_cpus=1, max_retries=0)(function)
         future = task.remote(*args).future()

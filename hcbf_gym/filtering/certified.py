@@ -45,7 +45,7 @@ def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
     if plant.declared is None or not callable(plant.declared):
         said = certificates.declared(plant, env, None, {})
         plant = replace(plant, declared=said)  # once: files are read for it
-    judged = certificates.speak(certificate, certificates.declared(plant, env, None, {}))
+    judged = certificates.judged_by(certificate, certificates.declared(plant, env, None, {}))
     of_another = judged.outside and judged.covered_by == CoveredBy.ARGUMENT
     if judged.outside:
         of = "is of another plant:" if of_another else "does not know"

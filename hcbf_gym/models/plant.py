@@ -16,31 +16,51 @@ Reader = Callable[[Any, Any, dict[str, Any]], Any]
 
 
 class Reason(IntEnum):
-    """Why a filter brakes or has raised an alarm; 0 where there is none.
+    """Why a filter brakes or has raised an alarm, and `says` in words; 0 where there is none.
 
     Up to SOLVER the filter brakes for as long as the reason lasts. From INPUT on they are alarms,
     which last until the next reset: they say that the plant is not the one that was declared.
-
-    STATE: the state, its covariance or another part of the estimate is not finite or of another
-    shape. AGE: the state is older than the plant's `max_age`. CLOCK: its time does not go on.
-    BARRIERS: a barrier or its row is not finite, or there is no list of them. SOLVER: every solver
-    failed. INPUT: the plant does not receive the chosen input. MOTION: the position does not move
-    as the velocity says. SLIP, LAG, LIFT: a walking robot's feet slide, its torques come late, or
-    its legs carry another load. RESPONSE: the robot does not move as it was told.
     """
 
-    NONE = 0
-    STATE = 1
-    AGE = 2
-    CLOCK = 3
-    BARRIERS = 4
-    SOLVER = 5
-    INPUT = 6
-    MOTION = 7
-    SLIP = 8
-    LAG = 9
-    LIFT = 10
-    RESPONSE = 11
+    says: str
+
+    def __new__(cls, value: int, says: str) -> "Reason":
+        """Return the reason of a number, which is what counts of it."""
+        reason = int.__new__(cls, value)
+        reason._value_, reason.says = value, says
+        return reason
+
+    NONE = 0, ""
+    STATE = (
+        1,
+        "the state is not finite, farther away than anything is, or of another shape than the "
+        "model's",
+    )
+    AGE = 2, "the state is older than the plant's max_age"
+    CLOCK = 3, "the time of the state does not go on"
+    BARRIERS = (
+        4,
+        "the barriers, or the rows that they become, are not finite or not barriers",
+    )
+    SOLVER = 5, "no solver answered"
+    INPUT = (
+        6,
+        "the environment does not apply what the filter chose: expected no wrapper, delay, hold or "
+        "gain between filter and robot, and a model like the plant",
+    )
+    MOTION = (
+        7,
+        "the position does not move as the velocity says: expected both of one robot, at one time, "
+        "in one frame and unit",
+    )
+    SLIP = 8, "the robot's feet slide more than on the declared floor"
+    LAG = 9, "the robot's torques act later than the declared plant's"
+    LIFT = 10, "the robot's legs carry more or less than the declared load and motors"
+    RESPONSE = (
+        11,
+        "the robot does not do what it is told: expected it to follow as its response was "
+        "measured, on the declared floor, and odometry of that robot that is up to date",
+    )
 
 
 FIRST_ALARM = Reason.INPUT

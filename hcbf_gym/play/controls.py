@@ -9,10 +9,10 @@ import viser
 from hcbf_gym import scenarios
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.play import editing
-from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import BODIES, MODELS, policy_names, program_names
+from hcbf_gym.play.steering import Steering
 from hcbf_gym.scenarios import Scenario
 
 Act = Callable[[Any], None]
@@ -35,11 +35,11 @@ class Controls:
     Args:
         server: of the page.
         session: what they command.
-        helm: who may touch them.
+        steering: who may touch them.
     """
 
-    def __init__(self, server: viser.ViserServer, session: Session, helm: Helm):
-        self._server, self._session, self._helm = server, session, helm
+    def __init__(self, server: viser.ViserServer, session: Session, steering: Steering):
+        self._server, self._session, self._steering = server, session, steering
         self._stale, self._last_drag, self._held = True, 0.0, False
         self.show_field = False
         gui = server.gui
@@ -67,7 +67,7 @@ class Controls:
 
     def left(self, client: int) -> None:
         """Let the stick go if the browser that left was the one that steers."""
-        if self._helm.leave(client):
+        if self._steering.leave(client):
             self._held = False
             self._post(self._session.lead_to, None)
             self._set_stick(0.0, 0.0)
@@ -126,7 +126,7 @@ class Controls:
         def callback(event: Any) -> None:
             if event.client is None:
                 return
-            if self._helm.may(event.client.client_id):
+            if self._steering.may(event.client.client_id):
                 act(event)
                 return
             self._stale = True
@@ -173,7 +173,7 @@ class Controls:
         if event.client is None:
             return
         if event.target.value == "take the controls":
-            self._helm.take(event.client.client_id)
+            self._steering.take(event.client.client_id)
             self._notify(event, "You steer.")
             return
         commands = {"step": self._session.step_once, "restart": self._session.restart}

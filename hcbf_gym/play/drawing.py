@@ -6,10 +6,9 @@ import mujoco
 import numpy as np
 import trimesh
 import viser
-from numpy.typing import NDArray
 
 from hcbf_gym import guidance
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Oval, Shape, Wall
 from hcbf_gym.drawing.palette import PATH, REFERENCE, SPEED_ZONE, paler, priority_color
 from hcbf_gym.guidance.field import grid, to_world
@@ -217,7 +216,7 @@ def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
     return list(zip(regions, heights.tolist(), strict=True))
 
 
-def _raised(polygons: list[Array], bottom: float, top: float) -> tuple[Array, NDArray[np.int64]]:
+def _raised(polygons: list[Array], bottom: float, top: float) -> tuple[Array, Integers]:
     """Return vertices (n, 3) and faces (f, 3) of prisms over polygons (k, 2), without floors."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for corners in polygons:

@@ -8,16 +8,16 @@ import time
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.play import readings
-from hcbf_gym.play.bell import hang_bells
 from hcbf_gym.play.controls import Controls
 from hcbf_gym.play.drawing import Stage
-from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.plots import Plots
 from hcbf_gym.play.session import Session
+from hcbf_gym.play.steering import Steering
+from hcbf_gym.play.thread_safe_event import use_thread_safe_events
 
 HERE = "127.0.0.1"
 FIRST_PORT = 8080
@@ -45,7 +45,7 @@ class Page:
     Attributes:
         port: the port that it is.
         address: what to open in a browser.
-        helm: who steers.
+        steering: who steers.
         controls: what can be touched.
 
     Raises:
@@ -61,17 +61,17 @@ class Page:
                 label="hcbf play",
                 verbose=False,
             )
-        hang_bells(self._server)
+        use_thread_safe_events(self._server)
         self.port = self._server.get_port()
         self.address = f"http://{HERE}:{self.port}/"
         self._session = session
-        self.helm = Helm()
+        self.steering = Steering()
         self._server.gui.configure_theme(
             show_logo=False, show_share_button=False, control_width="large"
         )
         self._server.gui.add_html(readings.STYLE)
         self._words = self._server.gui.add_html("")
-        self.controls = Controls(self._server, session, self.helm)
+        self.controls = Controls(self._server, session, self.steering)
         self._server.on_client_disconnect(lambda client: self.controls.left(client.client_id))
         self._plots = Plots(self._server, self.controls.plots)
         self._stage = Stage(self._server)
@@ -86,7 +86,7 @@ class Page:
         self._count = 0
 
     def run(self, stop: threading.Event, alive: threading.Thread) -> None:
-        """Show the session until told to stop, or until its thread has ended."""
+        """Show the session until `stop` is set, or until its thread has ended."""
         due = time.perf_counter()
         while alive.is_alive() and not stop.is_set():
             self.show()
@@ -122,12 +122,12 @@ class Page:
             if self.controls.follows:
                 self._follow(snapshot.position)
             if self._count % SLOWER == 0:
-                self._words.content = readings.html(snapshot, self._steering())
+                self._words.content = readings.html(snapshot, self._who_steers())
                 self._stage.show_path()
                 self._plots.show(snapshot)
         self._count += 1
 
-    def _follow(self, position: NDArray[np.float64]) -> None:
+    def _follow(self, position: Array) -> None:
         """Bring the robot back to the middle of every browser's view where it has left it."""
         for client in self._server.get_clients().values():
             camera = client.camera
@@ -142,9 +142,9 @@ class Page:
             for client in self._server.get_clients().values():
                 client.add_notification("no guidance field", str(error), auto_close_seconds=6.0)
 
-    def _steering(self) -> str:
+    def _who_steers(self) -> str:
         watching = len(self._server.get_clients())
-        holder = self.helm.holder
+        holder = self.steering.holder
         who = "nobody steers yet" if holder is None else f"browser {holder} steers"
         return f"{who}, {watching} connected"
 

@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.filtering.alarms import SAYS
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
@@ -73,7 +71,7 @@ class Snapshot(NamedTuple):
     messages: int
 
 
-def by_rank(values: Array, priority: NDArray[np.int64], pick: Any) -> dict[int, float]:
+def by_rank(values: Array, priority: Integers, pick: Any) -> dict[int, float]:
     """Return rank → the picked one of its values; `pick` is `np.min` or `np.max`."""
     ranks = np.unique(priority).tolist()
     return {rank: float(pick(values[priority == rank])) for rank in ranks}
@@ -108,7 +106,7 @@ def sentence(
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
         lasts = "; a restart ends that" if reason >= FIRST_ALARM else ""
-        return f"The filter brakes{lasts}: {SAYS[Reason(reason)].partition(':')[0]}."
+        return f"The filter brakes{lasts}: {Reason(reason).says.partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
         return f"No input satisfies rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
     held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]
@@ -121,7 +119,7 @@ def sentence(
 def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names: list[str]) -> str:
     """Return which rows conflict at a state, and whether the input's limits are part of it.
 
-    Of a map's class the place that is nearest is told, too.
+    Of a map's class it names the nearest place, too.
 
     Args:
         inner: the environment.

@@ -41,7 +41,7 @@ CONFLICT_EVERY = 10
 
 
 class Session:
-    """A scene, a robot, a filter and a policy that run until they are told otherwise.
+    """A scene, a robot, a filter and a policy that run until they are stopped.
 
     Args:
         settings: what is chosen at first.
@@ -70,7 +70,7 @@ class Session:
         self._commands.put(partial(command, *arguments, **named))
 
     def run(self, stop: threading.Event) -> None:
-        """Tick at the chosen pace until told to stop, or more slowly where a tick takes longer."""
+        """Tick at the chosen pace until `stop` is set, or more slowly where a tick takes longer."""
         due = time.perf_counter()
         while not stop.is_set():
             self.tick()

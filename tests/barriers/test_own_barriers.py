@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import barriers, scenarios, wrappers
+from hcbf_gym import Plant, VelocityFilter, barriers, models, scenarios, wrappers
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
@@ -19,7 +19,9 @@ from hcbf_gym.barriers import (
     RowSettings,
     SpeedLimit,
 )
+from hcbf_gym.barriers.many import Several
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.models.vehicles import Unicycle
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
@@ -157,3 +159,48 @@ def test_what_is_no_barrier_is_refused_by_name():
     ):
         with pytest.raises(InvalidInputError, match="expected"):
             make()
+
+
+class Fence(Several):
+    """A way of one's own to hand over barriers: posts in a row."""
+
+    conditions = tuple(Disc(f"post {y}", 1, center=(1.0, y), radius=0.1) for y in (0.0, 0.3))
+
+
+class Still(gym.Env):
+    """A robot that stands, whatever its model is."""
+
+    observation_space = gym.spaces.Box(-9.0, 9.0, (2,))
+
+    def __init__(self, model):
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (model.n_u,))
+        self.x = np.zeros(model.n)
+
+    def reset(self, *, seed=None, options=None):
+        return self.x[:2], {}
+
+    def step(self, action):
+        return self.x[:2], 0.0, False, False, {}
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize(
+    "model", [models.DoubleIntegrator(), models.SingleIntegrator(), Unicycle()]
+)
+def test_what_stands_for_several_barriers_is_taken_whatever_the_model_is(model):
+    def filtered(scene):
+        plant = Plant(model, scene, lambda env, *_: env.x.copy(), period=0.02)
+        env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
+        env.reset(seed=0)
+        return env.step(np.ones(model.n_u))[4]["safety_filter"]
+
+    fence, posts = filtered([Fence()]), filtered(list(Fence.conditions))
+    assert len(fence["margin"]) == len(Fence.conditions)
+    for name, value in posts.items():
+        np.testing.assert_array_equal(fence[name], value, name)
+
+
+def test_a_velocity_filter_takes_it_too():
+    door = VelocityFilter("cart", [Fence()], period=0.05)
+    report = door.step((0.5, 0.0), np.zeros(3), np.zeros(3), 0.0)[1]
+    assert len(report["margin"]) == 1 + len(Fence.conditions)  # and the limit of its speed

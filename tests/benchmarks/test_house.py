@@ -50,6 +50,29 @@ def test_each_figure_is_that_of_the_package_without_its_studies(checkout):
     assert counted["words of README"] == "6"
 
 
+def test_circles_arrows_upwards_and_aliases_are_counted(checkout):
+    package = checkout / "hcbf_gym"
+    for name, text in {
+        "low/one.py": "from hcbf_gym.low.two import g",
+        "low/two.py": "def f():\n    from hcbf_gym.low import one",
+        "low/three.py": "from hcbf_gym.low import two\nNumbers = NDArray[np.float64]",
+        "low/__init__.py": "from hcbf_gym.low.one import f",
+        "high/four.py": "from hcbf_gym.low.three import Numbers",
+        "low/five.py": "if TYPE_CHECKING:\n    from hcbf_gym.high.four import g",
+    }.items():
+        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).write_text(text + "\n")
+    (checkout / "tests").mkdir()
+    (checkout / "tests" / "test.py").write_text("a = 1\nb = 2\n")
+    contract = '[[tool.importlinter.contracts]]\ntype = "layers"\nlayers = ["high", "low"]\n'
+    (checkout / "pyproject.toml").write_text(contract)
+    counted = house.count(checkout)
+    assert counted["circles of imports"] == "1"
+    assert counted["imports upwards"] == "1"
+    assert counted["aliases of arrays elsewhere"] == "1"
+    assert (counted["lines of tests"], counted["lines of benchmarks"]) == ("2", "0")
+
+
 def test_what_is_no_checkout_and_what_is_no_revision_is_refused(tmp_path):
     with pytest.raises(InvalidInputError, match="checkout"):
         house.count(tmp_path)

@@ -1,12 +1,14 @@
 """Published figures: what is kept with them, and how the pages follow them."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from benchmarks import publishing
 from benchmarks.__main__ import main
 from benchmarks.registry import SUITES
+from hcbf_gym import certificates
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 
 PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
@@ -123,3 +125,14 @@ def test_the_sources_of_a_suite_are_those_it_imports_and_those_it_loads_by_name(
     assert len(set(hashes.values())) == len(hashes)
     course = SUITES["course"]
     assert course.sources() != course._replace(also=()).sources()
+
+
+@pytest.mark.parametrize("page", ["guarantees.md", "certificates.md"])
+def test_pages_show_the_certificates_and_what_they_cover(page):
+    root = Path(publishing.__file__).parents[1]
+    text = (root / "docs" / page).read_text(encoding="utf-8")
+    assert publishing.certified(root, text) == text
+    if page == "guarantees.md":
+        assert all(f"| {name} |" in text for name in certificates.shipped())
+    with pytest.raises(InvalidInputError, match="no/such"):
+        publishing.certified(root, "<!-- coverage: no/such.json -->\n<!-- end of coverage -->")

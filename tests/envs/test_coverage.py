@@ -3,7 +3,6 @@
 import re
 import warnings
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -22,8 +21,6 @@ from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 pytestmark = pytest.mark.usefixtures("fresh")
-
-PAGE = Path(__file__).parents[2] / "docs" / "guarantees.md"
 
 
 def made(**options):
@@ -149,14 +146,6 @@ def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():
     assert outside(settings(), exact, certificates.load("regions")) == ()
     cbf = settings()._replace(program="cbf-qp")
     assert len(outside(cbf, exact, certificates.load("regions"))) == 1
-
-
-def test_the_page_shows_the_list():
-    page = PAGE.read_text(encoding="utf-8")
-    begin = "<!-- coverage: certificates/shipped/a1-mixture.json -->"
-    end = "<!-- end of coverage -->"
-    shown = page[page.index(begin) + len(begin) : page.index(end)].strip()
-    assert shown == certificates.covered_table("a1-mixture")
 
 
 def test_the_worst_sensors_that_are_covered_are_the_worst_preset():

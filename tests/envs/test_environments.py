@@ -5,6 +5,7 @@ import functools
 import pickle
 import warnings
 from dataclasses import replace
+from itertools import islice
 
 import gymnasium as gym
 import numpy as np
@@ -17,6 +18,7 @@ import hcbf_gym
 from hcbf_gym import policies, programs, scenarios, wrappers
 from hcbf_gym.envs.a1_regions import A1RegionsEnv
 from hcbf_gym.errors import HcbfError, InvalidInputError, RenderingError, UnknownNameError
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.programs import FilterStatus
 
 ENV_IDS = ("HCBF-Regions-v0", "HCBF-A1Regions-v0")
@@ -35,15 +37,8 @@ def filtered(env_id, program="h-cbf-qp", **kwargs):
 
 
 def run(env, steps, seed=0):
-    policy = policies.PDTracker.for_env(env)
-    observation, info = env.reset(seed=seed)
-    record = [(observation, 0.0, info)]
-    for _ in range(steps):
-        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
-        record.append((observation, reward, info))
-        if terminated or truncated:
-            break
-    return record
+    walk = islice(samples(env, policies.PDTracker.for_env(env), seed), steps + 1)
+    return [(sample.observation, sample.reward, sample.info) for sample in walk]
 
 
 def flat(info):

@@ -50,7 +50,7 @@ def test_no_attack_enters_the_exact_squares_of_a_strict_class(attack):
     wants = attacks.make(attack, 1)
     places, least, truncated = [], np.inf, False
     while not truncated:
-        _, _, terminated, truncated, info = env.step(wants.wants(attacks.look(env)))
+        _, _, terminated, truncated, info = env.step(wants.act(attacks.observe(env)))
         truncated = truncated or terminated
         assert info["safety_filter"]["status"] <= FilterStatus.RELAXED
         least = min(least, info["min_h"][0])

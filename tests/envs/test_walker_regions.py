@@ -5,6 +5,7 @@ import json
 import pickle
 import sys
 import warnings
+from itertools import islice
 from pathlib import Path
 
 import gymnasium as gym
@@ -22,6 +23,7 @@ from hcbf_gym.errors import (
     SafetyWarning,
     UnknownNameError,
 )
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.robots.walker import NAMES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robots"))
@@ -38,15 +40,8 @@ def filtered(robot, **arguments):
 
 
 def run(env, steps, seed=0):
-    policy = policies.PDTracker.for_env(env)
-    observation, info = env.reset(seed=seed)
-    record = [(observation, 0.0, info)]
-    for _ in range(steps):
-        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
-        record.append((observation, reward, info))
-        if terminated or truncated:
-            break
-    return record
+    walk = islice(samples(env, policies.PDTracker.for_env(env), seed), steps + 1)
+    return [(sample.observation, sample.reward, sample.info) for sample in walk]
 
 
 def flat(info):

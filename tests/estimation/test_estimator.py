@@ -71,6 +71,7 @@ def test_uncertainty_of_position_grows_between_fixes(legs, walk):
     position = covariances[:, 0, 0]
     arrivals = np.arange(1, len(position) + 1) % 125 == 0
     steps = np.diff(position)
+    assert arrivals[1:].sum() == len(walk[1:]) // 125 > 5
     assert (steps[~arrivals[1:]] > 0.0).all()
     assert (steps[arrivals[1:]] < 0.0).all()
 

@@ -18,18 +18,18 @@ NEAR = attacks.Surroundings(np.zeros(2), np.zeros(2), np.array([0.1]), np.array(
 
 @pytest.mark.parametrize("name", attacks.ATTACKS)
 def test_an_attack_takes_an_input_to_its_limit_beside_one_region_alone(name):
-    u = attacks.make(name, 0).wants(NEAR)
+    u = attacks.make(name, 0).act(NEAR)
     assert np.abs(u).max() == pytest.approx(attacks.FULL)
 
 
 @pytest.mark.parametrize("name", ["nearest", "corner"])
 def test_who_aims_at_the_nearest_region_goes_into_it(name):
-    u = attacks.make(name, 0).wants(NEAR)
+    u = attacks.make(name, 0).act(NEAR)
     np.testing.assert_allclose(u / np.linalg.norm(u), -NEAR.normal[0], atol=1e-12)
 
 
 def test_an_attack_is_decided_by_its_seed():
-    wanted = [attacks.make("bang-bang", seed).wants(NEAR).tolist() for seed in (*range(8), 3)]
+    wanted = [attacks.make("bang-bang", seed).act(NEAR).tolist() for seed in (*range(8), 3)]
     assert wanted[8] == wanted[3]
     assert len({tuple(u) for u in wanted}) > 1
 
@@ -40,7 +40,7 @@ def test_a_scene_without_a_strict_region_and_an_unknown_name_are_refused():
     env = gym.make("HCBF-Regions-v0", scenario=scene)
     env.reset(seed=0)
     with pytest.raises(InvalidInputError, match="no strict barrier"):
-        attacks.look(env)
+        attacks.observe(env)
     with pytest.raises(UnknownNameError, match="slam"):
         attacks.make("stare", 0)
 
@@ -59,7 +59,7 @@ def own(tmp_path, monkeypatch):
     lines = (
         "from hcbf_gym.evaluation.attacks import Attack",
         "class Away(Attack):",
-        "    def wants(self, s):",
+        "    def act(self, s):",
         "        return 5.0 * s.normal[0]",
         "def away(s):",
         "    return 5.0 * s.normal[0]",
@@ -73,7 +73,7 @@ def own(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["own_attacks:Away", "own_attacks:away"])
 def test_a_class_or_a_function_of_a_module_is_an_attack(own, name):
-    np.testing.assert_array_equal(attacks.make(name, 0).wants(NEAR), 5.0 * NEAR.normal[0])
+    np.testing.assert_array_equal(attacks.make(name, 0).act(NEAR), 5.0 * NEAR.normal[0])
     episode = AttackedEpisode(name, "random", 0, "HCBF-Regions-v0", {"max_episode_steps": 5})
     assert episode.run().least_h > 0.0
 
@@ -89,7 +89,7 @@ def test_what_a_module_does_not_have_is_refused(own, name, message):
 
 def test_what_is_no_input_is_refused(own):
     with pytest.raises(InvalidInputError, match="finite"):
-        attacks.make("own_attacks:wrong", 0).wants(NEAR)
+        attacks.make("own_attacks:wrong", 0).act(NEAR)
 
 
 def test_the_trained_attack_reads_what_is_shipped_and_depends_on_it():
@@ -97,10 +97,10 @@ def test_the_trained_attack_reads_what_is_shipped_and_depends_on_it():
     assert "train_attack" in shipped["command"]
     parameters = tuple(shipped["parameters"])
     assert len(parameters) == attacks.N_TRAINED
-    trained = attacks.make("trained", 3).wants(NEAR)
-    np.testing.assert_array_equal(attacks.make("trained", 3, parameters).wants(NEAR), trained)
+    trained = attacks.make("trained", 3).act(NEAR)
+    np.testing.assert_array_equal(attacks.make("trained", 3, parameters).act(NEAR), trained)
     turned = (*(-number for number in parameters[:18]), *parameters[18:])
-    np.testing.assert_allclose(attacks.make("trained", 3, turned).wants(NEAR), -trained)
+    np.testing.assert_allclose(attacks.make("trained", 3, turned).act(NEAR), -trained)
 
 
 def test_the_trained_attack_s_axes_turn_with_the_scene():
@@ -110,5 +110,5 @@ def test_the_trained_attack_s_axes_turn_with_the_scene():
     h, velocity = np.array([0.1, 0.4]), np.array([0.3, -0.2])
     here = attacks.Surroundings(np.zeros(2), velocity, h, normal, 0.7)
     there = attacks.Surroundings(np.zeros(2), turn @ velocity, h, normal @ turn.T, 0.7)
-    straight, turned = (attacks.make("trained", 5).wants(s) for s in (here, there))
+    straight, turned = (attacks.make("trained", 5).act(s) for s in (here, there))
     np.testing.assert_allclose(turned, turn @ straight, atol=1e-12)

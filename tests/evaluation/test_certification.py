@@ -14,16 +14,16 @@ from hcbf_gym import certificates
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import (
     calibration,
     certify,
     check,
     command,
+    exact_path,
     families,
-    looking,
     own,
     page,
-    parts,
 )
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
@@ -145,9 +145,9 @@ def test_a_function_that_is_no_plant_is_refused(source, message, monkeypatch):
 FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.4, seed=3)
 
 
-def boat(folder, known=(), at_most=None, frozen=FROZEN):
-    runs = certify.Runs(folder, workers=1, quiet=True)
-    return certify.certify(frozen, runs, at_most, known)
+def boat(folder, at_most=None, frozen=FROZEN):
+    runs = chunks.Runs(folder, workers=1, quiet=True)
+    return certify.certify(frozen, runs, at_most)
 
 
 @pytest.fixture(scope="module")
@@ -167,24 +167,20 @@ def test_it_is_the_same_however_it_was_stopped_or_killed(tmp_path, whole):
     assert f"≤ {whole.bound:.3g}" in text
 
 
-def test_ranges_of_several_machines_give_the_same(tmp_path, whole):
-    runs = certify.Runs(None, workers=1, quiet=True)
-    plan = parts.plan_of(FROZEN)
-    files = []
-    for first, end in ((6, 12), (0, 6), (14, 16), (4, 7)):
-        seen = list(certify.in_order(FROZEN, runs, range(first, end)))
-        files.append(tmp_path / f"{first}.json")
-        parts.save(files[-1], plan, first, seen)
-    known = parts.together(files[:3], plan)
-    assert len(known) == 12  # what lies beyond the gap does not count
-    assert boat(None, known) == whole
-    with pytest.raises(InvalidInputError, match="overlap"):
-        parts.together(files, plan)
-    with pytest.raises(InvalidInputError, match="of the plan"):
-        parts.together(files[:1], "another")
-    files[0].write_text("{}")
-    with pytest.raises(InvalidInputError, match="--part"):
-        parts.together(files[:1], plan)
+def test_chunks_of_several_machines_in_one_folder_are_those_of_one(tmp_path, whole, monkeypatch):
+    together = tmp_path / "together"
+    together.mkdir()
+    for first, end in ((13, whole.episodes), (0, 7)):  # whole blocks run
+        runs = chunks.Runs(tmp_path / f"from {first}", workers=1, quiet=True)
+        assert len(list(certify.in_order(FROZEN, runs, range(first, end)))) == end - first
+        for chunk in runs.folder.iterdir():
+            chunk.rename(together / chunk.name)
+    kept = {chunk.name for chunk in together.iterdir()}
+    assert boat(together) == whole
+    assert {chunk.name for chunk in together.iterdir()} == kept  # nothing ran again
+    monkeypatch.setattr(chunks, "versions", lambda: {"numpy": "1"})
+    assert boat(together, frozen=FROZEN) == replace(whole, versions={"numpy": "1"})
+    assert len(list(together.iterdir())) == 2 * len(kept)  # another version is other work
 
 
 def test_a_try_of_several_spends_less_on_seeds_of_its_own():
@@ -195,7 +191,7 @@ def test_a_try_of_several_spends_less_on_seeds_of_its_own():
 
 
 def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
-    runs = certify.Runs(None, workers=1, quiet=True)
+    runs = chunks.Runs(None, workers=1, quiet=True)
     checked = check.check(whole, 5, 0, runs)
     assert (checked.episodes, checked.differs, checked.elsewhere) == (BLOCK, (), ())
     first = whole.blocks[0]
@@ -217,7 +213,7 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
 def test_a_file_of_before_cannot_be_repeated():
     old = certificates.load("regions")
     with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
-        check.check(old, 10, 0, certify.Runs(None, workers=1, quiet=True))
+        check.check(old, 10, 0, chunks.Runs(None, workers=1, quiet=True))
 
 
 DRIFTING = """
@@ -331,7 +327,7 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
     with pytest.raises(RefusedError, match="name: 'boat', expected 'other'"):
         run("--check", str(file.with_name("other.json")), "--episodes", "1")
     settings = json.loads((tmp_path / "boat" / "settings.json").read_text())
-    assert settings["versions"] == certify.versions()  # others are another study
+    assert settings["versions"] == chunks.versions()  # others are another study
 
 
 @pytest.mark.parametrize(
@@ -351,7 +347,7 @@ def test_arguments_that_make_no_sense_are_refused(arguments, message, tmp_path):
 
 
 def test_the_exact_way_is_no_deeper_than_a_finer_look_and_no_shallower_than_the_environments():
-    env = looking.EachMillisecond(gym.make("HCBF-Regions-v0", scenario="random-moving"))
+    env = exact_path.EachMillisecond(gym.make("HCBF-Regions-v0", scenario="random-moving"))
     inner = env.unwrapped
     env.reset(seed=2)
     for _ in range(30):

@@ -11,6 +11,7 @@ import pytest
 
 from hcbf_gym import cli
 from hcbf_gym.errors import HcbfError
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
 from hcbf_gym.programs import FilterStatus
 
@@ -87,7 +88,7 @@ def test_episodes_do_not_depend_on_the_number_of_workers():
     one, two = (
         {
             (case.program, seed): episode
-            for case, seed, episode in evaluate(cases, range(3), workers)
+            for case, seed, episode in evaluate(cases, range(3), Runs(workers=workers))
         }
         for workers in (1, 2)
     )
@@ -121,4 +122,4 @@ def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
 
 def test_ray_and_unknown_backends_are_refused_in_words():
     with pytest.raises(HcbfError, match="processes"):
-        list(evaluate([Case(ROM, "random", "pd", "none")], [0], backend="cloud"))
+        list(evaluate([Case(ROM, "random", "pd", "none")], [0], Runs(backend="cloud")))

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import binom
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation.statistics import episodes_needed, upper_bound
+from hcbf_gym.evaluation.statistics import upper_bound
 
 
 @pytest.mark.parametrize(("entered", "episodes"), [(0, 1), (0, 688), (3, 40), (5, 16450), (39, 40)])
@@ -25,15 +25,6 @@ def test_nothing_is_bounded_where_all_enter():
 
 
 @pytest.mark.parametrize(
-    ("bound", "allowed", "episodes"),
-    [(1e-2, 0, 688), (1e-3, 0, 6905), (1e-2, 5, 1640), (1e-3, 5, 16450)],
-)
-def test_the_episodes_needed_are_the_fewest_that_certify(bound, allowed, episodes):
-    assert episodes_needed(bound, allowed) == episodes
-    assert upper_bound(allowed, episodes) <= bound < upper_bound(allowed, episodes - 1)
-
-
-@pytest.mark.parametrize(
     "refused",
     [
         lambda: upper_bound(0, 0),
@@ -43,10 +34,6 @@ def test_the_episodes_needed_are_the_fewest_that_certify(bound, allowed, episode
         lambda: upper_bound(0.0, 5),  # type: ignore[arg-type]
         lambda: upper_bound(0, 5, 1.0),
         lambda: upper_bound(0, 5, float("nan")),
-        lambda: episodes_needed(0.0),
-        lambda: episodes_needed(1.0),
-        lambda: episodes_needed(0.1, -1),
-        lambda: episodes_needed(0.1, 0, 0.0),
     ],
 )
 def test_what_is_no_count_and_no_share_is_refused(refused):

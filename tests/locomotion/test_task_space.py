@@ -136,6 +136,7 @@ def test_the_torques_are_those_of_the_paper_s_program(stance, effort):
 
 @pytest.mark.parametrize("stance", STANCES)
 def test_solutions_meet_the_kkt_conditions(stance):
+    complementary = 0
     for effort in (1.0, 8.0):
         program, _ = condensed(problem(1, stance, effort)[0])
         solution = qp.solve(program)
@@ -145,7 +146,9 @@ def test_solutions_meet_the_kkt_conditions(stance):
         multipliers = solution.multipliers
         slack = np.where(multipliers > 0, upper - rows, rows - lower)
         bound = np.abs(multipliers) > 1e-9
-        assert (np.abs(slack[bound]) < 1e-6).all()  # complementary
+        assert (np.abs(slack[bound]) < 1e-6).all()
+        complementary += bound.sum()
+    assert (complementary > 0) == any(stance)  # in the air nothing is at its bound
 
 
 def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():

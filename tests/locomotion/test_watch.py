@@ -39,7 +39,7 @@ def attacked(name, seconds, change=None, **options):
         change(env.unwrapped.simulation)
     attack, signals, faults = attacks.make(name, 7), [], set()
     for _ in range(round(seconds / 0.02)):
-        _, _, ended, _, info = env.step(0.6 * attack.wants(attacks.look(env)))
+        _, _, ended, _, info = env.step(0.6 * attack.act(attacks.observe(env)))
         signals.append([info["slip"], info["lag"], info["lift"]])
         faults.add(env.unwrapped.walker.watch.fault)
         if ended:

@@ -14,11 +14,11 @@ from websockets.typing import Subprotocol
 from hcbf_gym import cli
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.play import command
-from hcbf_gym.play.bell import Bell
-from hcbf_gym.play.helm import Helm
 from hcbf_gym.play.page import FIRST_PORT, Page
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
+from hcbf_gym.play.steering import Steering
+from hcbf_gym.play.thread_safe_event import ThreadSafeEvent
 
 
 @pytest.fixture(scope="module")
@@ -42,24 +42,24 @@ def test_two_pages_find_a_port_each(session):
             socket.create_connection(("127.0.0.1", page.port), timeout=10.0).close()
 
 
-def test_a_sender_wakes_though_its_bell_is_rung_while_it_goes_to_sleep(monkeypatch):
+def test_a_sender_wakes_though_its_event_is_set_while_it_goes_to_sleep(monkeypatch):
     async def wait():
         loop = asyncio.get_running_loop()
-        bell = Bell(loop)
+        event = ThreadSafeEvent(loop)
 
         def ring():  # what asyncio asks for between its look at the event and its wait
-            other = threading.Thread(target=bell.set)
+            other = threading.Thread(target=event.set)
             other.start()
             other.join()
             return loop
 
-        monkeypatch.setattr(bell, "_get_loop", ring)
-        await asyncio.wait_for(bell.wait(), timeout=10.0)
+        monkeypatch.setattr(event, "_get_loop", ring)
+        await asyncio.wait_for(event.wait(), timeout=10.0)
 
     asyncio.run(wait())
 
 
-def test_all_senders_of_a_page_have_bells(session):
+def test_all_senders_of_a_page_have_thread_safe_events(session):
     with contextlib.closing(Page(session, 0)) as page:
         senders = [page._server._websock_server.get_message_buffer()]
         page._server._websock_server.on_client_connect(
@@ -72,7 +72,7 @@ def test_all_senders_of_a_page_have_bells(session):
             browser.recv(timeout=10.0)
         assert gone.wait(10.0)  # or its transport would be closed with the page alone
         assert len(senders) == 2
-        assert all(isinstance(sender.message_event, Bell) for sender in senders)
+        assert all(isinstance(sender.message_event, ThreadSafeEvent) for sender in senders)
 
 
 def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
@@ -118,15 +118,15 @@ def test_the_command_says_where_the_page_is_when_its_usual_port_is_taken(
 
 
 def test_the_first_who_touches_steers_until_it_leaves_or_another_takes_over():
-    helm = Helm()
-    assert helm.may(1)
-    assert not helm.may(2)
-    assert not helm.leave(2)
-    helm.take(2)
-    assert not helm.may(1)
-    assert helm.leave(2)
-    assert helm.holder is None
-    assert helm.may(1)
+    steering = Steering()
+    assert steering.may(1)
+    assert not steering.may(2)
+    assert not steering.leave(2)
+    steering.take(2)
+    assert not steering.may(1)
+    assert steering.leave(2)
+    assert steering.holder is None
+    assert steering.may(1)
 
 
 def test_the_stick_goes_back_when_the_browser_that_steers_leaves(session):
@@ -136,7 +136,7 @@ def test_the_stick_goes_back_when_the_browser_that_steers_leaves(session):
         session.post(session.lead_to, (3.0, 3.0))
         for _ in range(5):
             session.tick()
-        page.helm.take(7)
+        page.steering.take(7)
         page.controls.left(8)  # one that only watched
         session.tick()
         moving = session.latest.velocity.copy()

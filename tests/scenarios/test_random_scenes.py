@@ -58,6 +58,7 @@ def test_standing_still_at_the_start_meets_every_strict_row_with_the_stated_clea
         scenario = scene(seed, name)
         rows = rows_at_start(scenario)
         strict = rows.priority[0] == 1
+        assert strict.sum() > 1  # the speed limit, and a region
         assert (rows.b[0, strict] <= 0.0).all()
         clearance = random_scenes.START_CLEARANCE if name in HALLS else clutter.CLEAR_ENDS
         assert rows.h[0, : len(scenario.barriers)][strict[:-1]].min() >= (
@@ -74,6 +75,7 @@ def test_the_stated_share_of_scenes_starts_in_a_conflict_that_no_input_resolves(
         assert met.status in (0, 2)
         if met.status == 2:
             # it lies between priorities 2 and 3 alone: inside the lower, outside the higher
+            assert set(rows.priority[0].tolist()) == {1, 2, 3}
             assert (rows.h[0][rows.priority[0] < 3] > 0.0).all()
             assert (rows.h[0][rows.priority[0] == 3] < 0.0).all()
     expected = random_scenes.CONFLICT_SHARE * len(SEEDS)
@@ -155,6 +157,7 @@ def test_only_relaxed_regions_move_and_only_where_asked():
     assert not speeds["random"].any()
     moving = speeds["random-moving"]
     strict = np.array(random_scenes.PRIORITIES) == 1
+    assert min(strict.sum(), (~strict).sum()) > 1
     assert not moving[:, strict].any()
     assert (moving.max(axis=0)[~strict] > 0.5 * random_scenes.MAX_DRIFT).all()
     assert moving.max() <= random_scenes.MAX_DRIFT
@@ -208,6 +211,7 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
         clear = wide.half_width - random_scenes.WIDE_GAP + 1e-12
         strict = within & (np.array(random_scenes.PRIORITIES) == 1)
         reach = np.abs(wide.regions[:, hall.Y]) + wide.regions[:, hall.RADIUS]
+        assert strict.any()
         assert (reach[strict] <= clear).all()
 
 

@@ -16,7 +16,7 @@ from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.scenarios import BoxObstacle
-from hcbf_gym.studies.reproduction import Runs, figure5, figures67
+from hcbf_gym.studies.reproduction import figure5, figures67
 from hcbf_gym.studies.tuning import Samples
 
 ROOT = Path(__file__).parents[2]
@@ -25,6 +25,11 @@ ROOT = Path(__file__).parents[2]
 def rom_job(gamma0, seed=0):
     options = {"gamma0": gamma0, "delta_gamma": 1.3}
     return Job(Case("HCBF-Regions-v0", "paper-simulation", "pd", "h-cbf-qp", options), seed)
+
+
+def ran(folder, workers, jobs):
+    """Return the episodes of jobs, which a folder keeps."""
+    return chunks.in_order(chunks.Runs(folder, workers).over(Job.run, jobs))
 
 
 def assert_same(first, second):
@@ -68,7 +73,7 @@ def test_a_valley_is_found_where_there_is_one_and_nowhere_else(cost, holds):
 @pytest.mark.physics
 def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal(tmp_path):
     jobs = figures67._jobs()
-    episodes = Runs(tmp_path, workers=1).episodes("fig 6", [jobs["R"], jobs["H"]])
+    episodes = ran(tmp_path, workers=1, jobs=[jobs["R"], jobs["H"]])
     claims = figures67._claims(dict(zip(("R", "H"), episodes, strict=True)))
     assert len(claims) == 7
     assert all(claims.values()), claims
@@ -98,12 +103,12 @@ def test_the_force_on_a_box_is_that_of_the_tick_in_which_it_acts():
 
 def test_an_episode_is_run_once_and_is_the_same_for_any_number_of_workers(tmp_path):
     jobs = [rom_job(1.0), rom_job(5.0)]
-    alone = Runs(tmp_path / "one", workers=1).episodes("", jobs)
-    pair = Runs(tmp_path / "two", workers=2).episodes("", jobs)
+    alone = ran(tmp_path / "one", workers=1, jobs=jobs)
+    pair = ran(tmp_path / "two", workers=2, jobs=jobs)
     for first, second in zip(alone, pair, strict=True):
         assert_same(first, second)
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
-    again = Runs(tmp_path / "one", workers=1).episodes("", jobs)
+    again = ran(tmp_path / "one", workers=1, jobs=jobs)
     assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
     for first, second in zip(alone, again, strict=True):
         assert_same(first, second)
@@ -111,7 +116,7 @@ def test_an_episode_is_run_once_and_is_the_same_for_any_number_of_workers(tmp_pa
 
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     jobs = [rom_job(gamma0) for gamma0 in (0.5, 1.0, 2.0)]
-    unbroken = Runs(tmp_path / "unbroken", workers=1).episodes("", jobs)
+    unbroken = ran(tmp_path / "unbroken", workers=1, jobs=jobs)
     run, calls = Case.run, []
 
     def run_until_the_power_fails(case, seed):
@@ -122,9 +127,9 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Case, "run", run_until_the_power_fails)
     with pytest.raises(KeyboardInterrupt):
-        Runs(tmp_path / "broken", workers=1).episodes("", jobs)
+        ran(tmp_path / "broken", workers=1, jobs=jobs)
     assert len(list((tmp_path / "broken").iterdir())) == 1
-    resumed = Runs(tmp_path / "broken", workers=1).episodes("", jobs)
+    resumed = ran(tmp_path / "broken", workers=1, jobs=jobs)
     assert len(calls) == 4
     for first, second in zip(unbroken, resumed, strict=True):
         assert_same(first, second)

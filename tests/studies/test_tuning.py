@@ -133,7 +133,7 @@ def test_a_database_holds_a_study_too(problem, tmp_path):
 
 @pytest.mark.parametrize("kind", ["journal", "database"])
 def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch, kind):
-    def costs(self, gamma0, delta_gamma, **options):
+    def costs(self, gamma0, delta_gamma, runs):
         return enumerate(np.where(np.array(gamma0) > 3.0, np.inf, np.array(gamma0)))
 
     monkeypatch.setattr(Problem, "costs", costs)

@@ -21,7 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.errors import RefusedError, finite_array
+from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.evaluation.certification.families import Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
 
@@ -34,16 +36,12 @@ LEAST_TAIL = 5
 BEYOND = (1.1, 1.25)
 """What is reserved at least and at most, of the greatest need that was seen: a tail that is read
 from few episodes says too much."""
-CONSTANTS = ("distance", "speed")
-"""Of `Uncertainty`, what is calibrated."""
 GENERATIONS, POPULATION = 4, 12
 """Of a search: attackers of one generation meet the same episode."""
 ELITE = 4
 """Of a generation, those that the next one is drawn around."""
 STREAM = 43
 """Sets a search's draws apart from those of the episodes that it runs."""
-PARAMETERS = 6
-"""How many numbers a searched attacker has, each in [0, 1]."""
 
 Run = Callable[[Uncertainty, Sequence[int], str], list[Seen]]
 """(margins, seeds, title) → what the episodes of these seeds showed."""
@@ -118,7 +116,7 @@ def calibrate(
         rounds.append(recorded("round", margins, seed, seen))
         seed += episodes
         _check_standing(seen)
-        settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CONSTANTS)
+        settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CALIBRATED)
         if settled and not rounds[-1].entered and attack is not None:
             tried = search(margins, attack, seed)
             rounds.append(recorded("search", margins, seed, tried))
@@ -153,7 +151,7 @@ def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str
         "speed": [margins.speed - s.least_speed_h for s in outcomes],
     }
     found = {}
-    for name in CONSTANTS:
+    for name in CALIBRATED:
         finite = np.array([need for need in needs[name] if np.isfinite(need)])
         if finite.size:
             found[name] = quantile(finite, share)
@@ -186,11 +184,11 @@ def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
         attack: runs searched attackers.
         first_seed: of the episode that the first generation meets.
     """
-    rng = np.random.default_rng([STREAM, first_seed])
-    mean, spread = np.full(PARAMETERS, 0.5), np.full(PARAMETERS, 0.35)
+    rng, count = np.random.default_rng([STREAM, first_seed]), len(PARAMETERS)
+    mean, spread = np.full(count, 0.5), np.full(count, 0.35)
     every: list[Seen] = []
     for generation in range(GENERATIONS):
-        drawn = rng.normal(mean, spread, (POPULATION, PARAMETERS)).clip(0.0, 1.0)
+        drawn = rng.normal(mean, spread, (POPULATION, count)).clip(0.0, 1.0)
         tried = [(first_seed + generation, tuple(numbers.tolist())) for numbers in drawn]
         seen = attack(margins, tried, f"search, generation {generation + 1} of {GENERATIONS}")
         best = np.argsort([min(s.least_h, s.least_speed_h) for s in seen])[:ELITE]

@@ -1,20 +1,16 @@
 """A certificate from fresh episodes: frozen first, then one look, then a bound."""
 
 import functools
-import importlib.metadata
-import platform
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-import hcbf_gym
 from hcbf_gym import certificates
 from hcbf_gym.certificates import BLOCK, Block, Certificate, Shown, Stratum, sequential, sources
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
@@ -24,45 +20,19 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, fi
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.certification import calibration, families, own
-from hcbf_gym.evaluation.certification.families import Seen, see
-from hcbf_gym.evaluation.workers import Backend
+from hcbf_gym.evaluation.certification.families import Family, Seen, run_searched, run_seed
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.models.plant import Plant, Uncertainty
 
 LOOK = 100
-"""After how many episodes the running bound is told."""
+"""After how many episodes the running bound is printed."""
 PATIENCE = 10
 """How many times the fewest episodes are waited for."""
 TRIES = SEEDS // 2 // TRY_SEEDS
 """How many tries a seed has seeds for."""
-COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
-"""Whose versions decide the bits of an episode."""
 
 
-@dataclass(frozen=True)
-class Runs:
-    """How episodes run.
-
-    Args:
-        folder: where finished chunks are kept; None to keep none.
-        workers: chunks that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
-        quiet: show no bar.
-    """
-
-    folder: Path | None
-    workers: int | None = None
-    backend: Backend = "processes"
-    quiet: bool = False
-
-    def over(self, function: Any, jobs: Sequence[Any], family: Any, title: str, size: int) -> Any:
-        """Yield (number, result) of jobs, with a bar that tells the time left."""
-        return chunks.run(
-            function, jobs, folder=self.folder, reads=family.files, size=size,
-            workers=self.workers, backend=self.backend, title=None if self.quiet else title,
-        )  # fmt: skip
-
-
-def plant_of(family: Any) -> tuple[Plant, dict[str, Any]]:
+def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
     """Return the plant of a family's first episode, and what it declares.
 
     Args:
@@ -82,12 +52,12 @@ def plant_of(family: Any) -> tuple[Plant, dict[str, Any]]:
 
 def _env_of(episode: AttackedEpisode) -> gym.Env:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # not covered: that is what is asked
+        warnings.simplefilter("ignore", CoverageWarning)  # not covered: it is to be certified
         return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
 
 
 def calibrated(
-    family: Any,
+    family: Family,
     start: Uncertainty,
     runs: Runs,
     episodes: int,
@@ -97,7 +67,7 @@ def calibrated(
     """Return margins for a family's plant, from episodes of it and from a search.
 
     Args:
-        family: of episodes; one with `searched` is searched, too.
+        family: of episodes.
         start: the plant's own margins.
         runs: how they run.
         episodes: of each round.
@@ -109,29 +79,25 @@ def calibrated(
     """
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
-        job = functools.partial(see, family, margins)
-        return chunks.in_order(runs.over(job, list(seeds), family, title, BLOCK))
+        job = functools.partial(run_seed, family, margins)
+        return chunks.in_order(runs.over(job, seeds, title, family.files, BLOCK))
 
-    def attack(margins: Uncertainty, tried: Sequence[Any], title: str) -> list[Seen]:
-        job = functools.partial(_try, family, margins)
-        return chunks.in_order(runs.over(job, list(tried), family, title, 3))
+    def attack(
+        margins: Uncertainty, tried: Sequence[tuple[int, tuple[float, ...]]], title: str
+    ) -> list[Seen]:
+        job = functools.partial(run_searched, family, margins)
+        return chunks.in_order(runs.over(job, tried, title, family.files, 3))
 
     caps = getattr(family, "caps", None)
     return calibration.calibrate(
         start,
         run,
-        attack if hasattr(family, "searched") else None,
+        attack,
         episodes,
         share,
         SEEDS * seed,
         v_max=np.inf if caps is None else caps[0],
     )
-
-
-def _try(family: Any, margins: Uncertainty, tried: tuple[int, tuple[float, ...]]) -> Seen:
-    """Run the episode of a seed with a searched attacker of some parameters."""
-    episode = family.searched(*tried)
-    return families.look(families.with_margins(episode, margins))
 
 
 @dataclass(frozen=True)
@@ -150,9 +116,9 @@ class Frozen:
     """
 
     name: str
-    family: Any
+    family: Family
     margins: Uncertainty | None
-    calibration: tuple[Any, ...]
+    calibration: tuple[Mapping[str, Any], ...]
     bound: float
     confidence: float = 0.999
     attempt: int = 0
@@ -195,42 +161,32 @@ class Frozen:
             "confidence": self.confidence,
             "attempt": self.attempt,
             "first_seed": self.first_seed,
-            "versions": versions(),
+            "versions": chunks.versions(),
             "sources": sources.today(),
         }
 
 
-def versions() -> dict[str, str]:
-    """Return name → version of what decides the bits of an episode."""
-    found = {name: importlib.metadata.version(name) for name in COMPUTING}
-    here = {"python": platform.python_version(), "machine": platform.machine()}
-    return {"hcbf-gym": hcbf_gym.__version__} | found | here
-
-
-def certify(
-    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
-) -> Certificate:
+def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certificate:
     """Return the certificate that fresh episodes give, as soon as they are enough.
 
     Args:
         frozen: what was fixed before.
         runs: how they run.
         at_most: as `draw` takes it.
-        known: of the first episodes, what other machines saw.
 
     Raises:
         RefusedError: if there is none, by `draw`; if a seed does not decide its episode; or if the
             episodes put nothing to the test.
     """
     fields = frozen.fields()
-    once, again = (see(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
+    once, again = (run_seed(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
     if once != again:
         raise RefusedError(
             f"{frozen.name}: no certificate: the episode of seed {frozen.first_seed} came out "
             f"otherwise when it ran again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); "
             "expected that the seed decides all that the environment draws"
         )
-    seen = draw(frozen, runs, at_most, known)
+    seen = draw(frozen, runs, at_most)
     found = outcome(seen, frozen.bound)
     why = vacuous(found["shown"], len(seen))
     if why:
@@ -238,16 +194,13 @@ def certify(
     return Certificate(**fields, **found, repeated="")
 
 
-def draw(
-    frozen: Frozen, runs: Runs, at_most: int | None = None, known: Sequence[Seen] = ()
-) -> list[Seen]:
+def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
     """Return what fresh episodes showed, as many in the order of their seeds as are enough.
 
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
         at_most: how many episodes to wait for; `PATIENCE` times the fewest if None.
-        known: of the first episodes, what they showed.
 
     Raises:
         RefusedError: as soon as the chance is shown to be above ε/2, so that none may come; or
@@ -256,9 +209,9 @@ def draw(
     tally = Tally(frozen.bound, frozen.doubt)
     most = PATIENCE * frozen.fewest if at_most is None else at_most
     seen: list[Seen] = []
-    waiting = iter(known)
-    while True:
-        for one in waiting:
+    needed = frozen.fewest
+    while len(seen) < min(most, needed):
+        for one in in_order(frozen, runs, range(len(seen), min(most, needed))):
             seen.append(one)
             tally.add(one.entered)
             if tally.certified:
@@ -269,11 +222,9 @@ def draw(
                 why = f"P(enter) is above {frozen.bound / 2.0:.3g}, where none ever comes"
                 raise RefusedError(_refusal(frozen, seen, why))
         needed = sequential.episodes_needed(frozen.bound, tally.entered, frozen.doubt)
-        if len(seen) >= min(most, needed):
-            raise RefusedError(
-                _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
-            )
-        waiting = in_order(frozen, runs, range(len(seen), min(most, needed)))
+    raise RefusedError(
+        _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
+    )
 
 
 def so_far(tally: Tally) -> str:
@@ -285,19 +236,24 @@ def so_far(tally: Tally) -> str:
 def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
     """Yield what some of a certificate's episodes show, in their order.
 
+    Blocks run whole, so that chunks of several machines are those of one.
+
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
         numbers: of the episodes, from 0.
     """
-    job = functools.partial(see, frozen.family, frozen.margins)
-    seeds = [frozen.first_seed + k for k in numbers]
+    job = functools.partial(run_seed, frozen.family, frozen.margins)
+    first, end = BLOCK * (numbers.start // BLOCK), BLOCK * -(-numbers.stop // BLOCK)
+    seeds = range(frozen.first_seed + first, frozen.first_seed + end)
     early: dict[int, Seen] = {}
-    following = 0
-    for number, one in runs.over(job, seeds, frozen.family, "certificate", BLOCK):
-        early[number] = one
+    following = first
+    for number, one in runs.over(job, seeds, "certificate", frozen.family.files, BLOCK):
+        early[first + number] = one
         while following in early:
-            yield early.pop(following)
+            found = early.pop(following)
+            if following in numbers:
+                yield found
             following += 1
 
 
@@ -352,8 +308,8 @@ def _refusal(frozen: Frozen, seen: Sequence[Seen], why: str) -> str:
     entered = [s for s in seen if s.entered]
     tally = Tally(frozen.bound, frozen.doubt, len(entered), len(seen))
     who = Counter(f"{s.policy} in {s.scene}" for s in entered)
-    told = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
+    listed = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
     return (
         f"{frozen.name}: no certificate: {so_far(tally)}; {why}"
-        f"{'; most by ' + told if told else ''}"
+        f"{'; most by ' + listed if listed else ''}"
     )

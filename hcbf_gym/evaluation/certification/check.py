@@ -13,7 +13,8 @@ from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, families
-from hcbf_gym.evaluation.certification.families import Seen, see
+from hcbf_gym.evaluation.certification.families import Family, Seen, run_seed
+from hcbf_gym.evaluation.chunks import Runs
 
 SAME = 1e-6
 """By how much a least h may differ [unit of h]."""
@@ -38,7 +39,7 @@ class Checked:
     least_h: float
 
 
-def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs) -> Checked:
+def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:
     """Run a random part of a certificate's episodes again; of all of them, calibration, too.
 
     Args:
@@ -65,9 +66,9 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
         for block in sorted(chosen.tolist())
         for number in range(block * BLOCK, min((block + 1) * BLOCK, certificate.episodes))
     ]
-    job = functools.partial(see, family, certificate.margins)
+    job = functools.partial(run_seed, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, family, "check", BLOCK))
+    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, "check", family.files, BLOCK))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -85,14 +86,14 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: certify.Runs
     )
 
 
-def _frozen(c: Certificate, family: Any) -> certify.Frozen:
+def _frozen(c: Certificate, family: Family) -> certify.Frozen:
     return certify.Frozen(
         c.name, family, c.margins, c.calibration, c.bound, c.confidence, c.attempt,
         c.first_seed // SEEDS,
     )  # fmt: skip
 
 
-def _derived(c: Certificate, family: Any) -> list[str]:
+def _derived(c: Certificate, family: Family) -> list[str]:
     """Return in what a file says other things than its family does, a phrase for each."""
     plant, declared = certify.plant_of(family)
     expected = {
@@ -115,13 +116,13 @@ def _derived(c: Certificate, family: Any) -> list[str]:
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
         drawn[families.stratum_of(family.episode(seed))] += 1
-    told = {(s.policy, s.scene): s.episodes for s in c.strata}
-    if told != dict(drawn):
-        differs.append(f"strata: {told}, expected {dict(drawn)} as the seeds draw them")
+    stated = {(s.policy, s.scene): s.episodes for s in c.strata}
+    if stated != dict(drawn):
+        differs.append(f"strata: {stated}, expected {dict(drawn)} as the seeds draw them")
     return differs
 
 
-def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: certify.Runs) -> list[str]:
+def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[str]:
     """Return in what margins and rounds are not those that a calibration gives."""
     if not c.calibration or c.margins is None:
         return []
@@ -135,18 +136,18 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: certify.Runs) ->
     except HcbfError as error:
         return [f"calibration: {error}"]
     return [
-        f"{name}: {told}, now {value}"
-        for name, told, value in (
+        f"{name}: {stated}, now {value}"
+        for name, stated, value in (
             ("calibration", c.calibration, calibration.plain(found.rounds)),
             ("margins", c.margins, found.margins),
         )
-        if not _same(told, value)
+        if not _same(stated, value)
     ]
 
 
 def _elsewhere(c: Certificate) -> list[str]:
     """Return in what a certificate was computed otherwise than here."""
-    here = certify.versions()
+    here = chunks.versions()
     said = [
         f"{name} {c.versions.get(name)} (here {here.get(name)})"
         for name in sorted({*here, *c.versions})
@@ -160,19 +161,19 @@ def _elsewhere(c: Certificate) -> list[str]:
     return said
 
 
-def _same(told: Any, value: Any) -> bool:
+def _same(stated: object, value: object) -> bool:
     """Return whether two are alike, numbers to within `SAME`."""
-    told, value = records.plain(_parts(told)), records.plain(_parts(value))
-    if isinstance(told, dict) and isinstance(value, dict):
-        return set(told) == set(value) and all(_same(told[k], value[k]) for k in told)
-    if isinstance(told, list) and isinstance(value, list):
-        return len(told) == len(value) and all(map(_same, told, value))
-    if isinstance(told, float) and isinstance(value, float):
-        return abs(told - value) <= SAME * max(1.0, abs(told))
-    return type(told) is type(value) and told == value
+    stated, value = records.plain(_parts(stated)), records.plain(_parts(value))
+    if isinstance(stated, dict) and isinstance(value, dict):
+        return set(stated) == set(value) and all(_same(stated[k], value[k]) for k in stated)
+    if isinstance(stated, list) and isinstance(value, list):
+        return len(stated) == len(value) and all(map(_same, stated, value))
+    if isinstance(stated, float) and isinstance(value, float):
+        return abs(stated - value) <= SAME * max(1.0, abs(stated))
+    return type(stated) is type(value) and stated == value
 
 
-def _parts(thing: Any) -> Any:
+def _parts(thing: object) -> Any:
     return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing
 
 

@@ -9,6 +9,7 @@ again to resume it.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,12 +21,15 @@ from hcbf_gym import records
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation.certification import calibration, certify, check, families, page, parts
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
-from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
+from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
-from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
+from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
 
@@ -45,16 +49,15 @@ class Args:
     """What P(enter) is to be below. Where none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each
     that enters takes a quarter more."""
     at_most: int | None = None
-    """Episodes to wait for; ten times those fewest if not given. More may be asked for later."""
+    """Episodes to wait for; ten times those fewest if not given. More may be requested later."""
     confidence: float = 0.999
     """Of the bound."""
     attempt: Annotated[int, tyro.conf.arg(name="try")] = 0
     """Which of several tries with fresh episodes this is, from 1: the n-th spends 2⁻ⁿ of the doubt.
     0 is the only one, and spends it all."""
     part: tuple[int, int] | None = None
-    """First episode, from 0, and the one after the last, of which this machine writes a file."""
-    parts: tuple[Path, ...] = ()
-    """Such files; only those without a gap from episode 0 on count."""
+    """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
+    the chunks of all machines into one folder, and run the command without --part."""
     episodes: int = 50
     """Of --check: how many are repeated; all of them repeat the calibration, too."""
     calibration: int = 200
@@ -88,10 +91,11 @@ class Args:
 
 def main(args: Args) -> None:
     """Certify or check, and say what came out."""
-    open_pool(args.backend, args.workers).close()
+    runs = Runs(None, args.workers, args.backend)
+    runs.check()
     console = Console()
     if args.check is not None:
-        _check(args, console)
+        _check(args, runs, console)
         return
     if args.plant is None:
         raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
@@ -101,10 +105,10 @@ def main(args: Args) -> None:
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
-        "calibration": args.calibration, "versions": certify.versions(),
+        "calibration": args.calibration, "versions": chunks.versions(),
     }  # fmt: skip
     open_folder(folder, records.plain(settings))
-    runs = certify.Runs(folder / "chunks", args.workers, args.backend)
+    runs = replace(runs, folder=folder / "chunks")
     frozen = certify.Frozen(
         name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
     )
@@ -112,10 +116,9 @@ def main(args: Args) -> None:
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)
     if args.part is not None:
-        _run_part(frozen, runs, args.part, folder, console)
+        _run_part(frozen, runs, args.part, console)
         return
-    known = parts.together(args.parts, parts.plan_of(frozen)) if args.parts else ()
-    certificate = certify.certify(frozen, runs, args.at_most, known)
+    certificate = certify.certify(frozen, runs, args.at_most)
     file = folder / f"{name}.json"
     certificate.save(file)
     write_text(file.with_suffix(".md"), page.page(certificate))
@@ -123,14 +126,8 @@ def main(args: Args) -> None:
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
 
 
-def _run_part(
-    frozen: certify.Frozen,
-    runs: certify.Runs,
-    part: tuple[int, int],
-    folder: Path,
-    console: Console,
-) -> None:
-    """Run a range of the episodes, and write what they showed.
+def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
+    """Run a range of the episodes, whose chunks stay.
 
     Raises:
         InvalidInputError: if it is none.
@@ -139,32 +136,30 @@ def _run_part(
     if not 0 <= first < end:
         raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
     seen = list(certify.in_order(frozen, runs, range(first, end)))
-    file = folder / f"{frozen.name}-{first}-{end}.part.json"
-    parts.save(file, parts.plan_of(frozen), first, seen)
     entered = sum(one.entered for one in seen)
-    console.print(f"{entered} of {len(seen)} entered; written to {file}", soft_wrap=True)
+    console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
-def family_of(args: Args) -> Any:
+def family_of(args: Args) -> Family:
     """Return the family of episodes that the arguments ask for.
 
     Raises:
         HcbfError: if there is no such plant, scene or policy.
     """
     assert args.plant is not None
-    asked: dict[str, Any] = {"program": args.program}
+    requested: dict[str, Any] = {"program": args.program}
     if args.policies:
-        asked["policies"] = tuple((policy, 1.0) for policy in args.policies)
+        requested["policies"] = tuple((policy, 1.0) for policy in args.policies)
     if args.steps is not None:
-        asked["steps"] = args.steps
+        requested["steps"] = args.steps
     if ":" in args.plant:
         if args.scenes or args.v_max is not None:
             raise InvalidInputError(
                 f"certify: got scenes or v_max with {args.plant}, whose environment draws by itself"
             )
-        return OwnFamily(args.plant, **asked)
+        return OwnFamily(args.plant, **requested)
     if args.scenes:
-        asked["scenes"] = tuple((scene, 1.0) for scene in args.scenes)
+        requested["scenes"] = tuple((scene, 1.0) for scene in args.scenes)
     if args.plant in PLANTS:
         if args.v_max is not None:
             raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
@@ -172,20 +167,20 @@ def family_of(args: Args) -> Any:
             raise InvalidInputError(
                 "certify: got scenes or policies with a1-mixture, which has its own"
             )
-        return _able(args, replace(PLANTS[args.plant], **asked))
+        return _able(args, replace(PLANTS[args.plant], **requested))
     if args.plant not in NAMES and not args.plant.endswith(".json"):
         raise InvalidInputError(
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
             "a contract's path, module:function or file.py:function"
         )
     caps = _caps(Walker.load(args.plant)) if args.v_max is None else args.v_max
-    family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **asked)
+    family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **requested)
     return _able(args, family)
 
 
-def _able(args: Args, family: Any) -> Any:
-    """Return a family without the policies that cannot act in scenes that were asked for."""
-    if not args.scenes or args.policies:
+def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
+    """Return a family without the policies that cannot act in scenes that were requested."""
+    if not args.scenes or args.policies or isinstance(family, A1Mixture):
         return family
     able = families.policies_in(family.env, family.options, args.scenes)
     return replace(family, policies=able)
@@ -199,7 +194,7 @@ def _caps(walker: Walker) -> tuple[float, float]:
     return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
 
 
-PLANTS: dict[str, Any] = {
+PLANTS: dict[str, SceneFamily | A1Mixture] = {
     "regions": SceneFamily("HCBF-Regions-v0"),
     "a1": SceneFamily("HCBF-A1Regions-v0"),
     "a1-mixture": A1Mixture(),
@@ -207,7 +202,9 @@ PLANTS: dict[str, Any] = {
 """name → family of episodes of the package's own plants, walkers apart."""
 
 
-def _margins(args: Args, family: Any, runs: certify.Runs, console: Console) -> Any:
+def _margins(
+    args: Args, family: Family, runs: Runs, console: Console
+) -> tuple[Uncertainty | None, tuple[Mapping[str, Any], ...]]:
     """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
     if isinstance(family, A1Mixture):
         return None, ()
@@ -227,15 +224,14 @@ def _margins(args: Args, family: Any, runs: certify.Runs, console: Console) -> A
     return found.margins, calibration.plain(found.rounds)
 
 
-def _check(args: Args, console: Console) -> None:
-    """Repeat a part of a certificate.
+def _check(args: Args, runs: Runs, console: Console) -> None:
+    """Repeat a part of a certificate; what was kept would be no repetition.
 
     Raises:
         RefusedError: if it is not the same.
     """
     assert args.check is not None
     certificate = Certificate.load(args.check)
-    runs = certify.Runs(None, args.workers, args.backend)  # what was kept would be no repetition
     checked = check.check(certificate, args.episodes, args.seed, runs)
     for phrase in checked.elsewhere:
         console.print(f"computed elsewhere: {phrase}", soft_wrap=True)

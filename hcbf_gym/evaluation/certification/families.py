@@ -11,10 +11,10 @@ import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
-from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
+from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.evaluation.certification import own
-from hcbf_gym.evaluation.certification.looking import EachMillisecond
+from hcbf_gym.evaluation.certification.exact_path import EachMillisecond
 from hcbf_gym.evaluation.certification.mixture import SCENES, A1Mixture
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
@@ -30,11 +30,28 @@ SEARCHED = "searched"
 Shares = tuple[tuple[str, float], ...]
 
 
+Episode = AttackedEpisode | own.OwnEpisode
+
+
 class Family(Protocol):
     """A frozen dataclass of JSON's types that says what a seed stands for."""
 
-    def episode(self, seed: int) -> Any:
-        """Return the `AttackedEpisode` or `OwnEpisode` that a seed decides."""
+    def episode(self, seed: int) -> Episode:
+        """Return the episode that a seed decides."""
+        ...
+
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
+        """Return what a plant must declare to be the one of these episodes."""
+        ...
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What it is, in sentences."""
+        ...
+
+    @property
+    def files(self) -> list[Path]:
+        """The user's files that decide the episodes."""
         ...
 
 
@@ -69,7 +86,7 @@ class Seen(NamedTuple):
         return not (self.least_h >= 0.0 and self.least_speed_h >= 0.0)
 
 
-def see(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
+def run_seed(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
     """Run the episode of a seed.
 
     Args:
@@ -77,19 +94,30 @@ def see(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
         margins: what rows reserve; None is the plant's own.
         seed: of the episode.
     """
-    return look(with_margins(family.episode(seed), margins))
+    return _run(family.episode(seed), margins)
 
 
-def with_margins(episode: Any, margins: Uncertainty | None) -> Any:
-    """Return an episode in which rows reserve other margins; None are the plant's own."""
-    return episode if margins is None else replace(episode, uncertainty=margins)
+def run_searched(
+    family: Family, margins: Uncertainty, searched: tuple[int, tuple[float, ...]]
+) -> Seen:
+    """Run the episode of a seed with the attacker that a search tries.
+
+    Args:
+        family: it belongs to.
+        margins: what rows reserve.
+        searched: the seed, and the attacker's parameters.
+    """
+    seed, parameters = searched
+    return _run(replace(family.episode(seed), attack=SEARCHED, parameters=parameters), margins)
 
 
-def look(episode: Any) -> Seen:
+def _run(episode: Episode, margins: Uncertainty | None) -> Seen:
     """Run an episode, and keep what a certificate reads of it."""
+    if margins is not None:
+        episode = replace(episode, uncertainty=margins)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what is not covered yet; alarms are in the outcome
-        outcome: Outcome = episode.run()
+        outcome = episode.run()
     body = outcome.least_body_h
     return Seen(
         *stratum_of(episode), outcome.least_h if np.isinf(body) else body, outcome.least_speed_h,
@@ -97,7 +125,7 @@ def look(episode: Any) -> Seen:
     )  # fmt: skip
 
 
-def stratum_of(episode: Any) -> tuple[str, str]:
+def stratum_of(episode: Episode) -> tuple[str, str]:
     """Return an episode's policy, and the family of its scene."""
     guided = "guidance" in (episode.filter_options or {})
     scene = episode.scenario
@@ -164,11 +192,7 @@ class SceneFamily:
         """Whether the robot is its model, so that its way between two samples is known."""
         return self.env == "HCBF-Regions-v0"
 
-    def searched(self, seed: int, parameters: tuple[float, ...]) -> AttackedEpisode:
-        """Return the episode of a seed with the attacker that a search tries."""
-        return replace(self.episode(seed), attack=SEARCHED, parameters=parameters)
-
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes.
 
         Args:
@@ -190,8 +214,8 @@ class SceneFamily:
             cap = f"a cap on the speed of {low:g}, of {high:g}, or between them [m/s]"
         return (
             f"The environment is {self.env}{f' with {options}' if options else ''}, with {cap}.",
-            f"Scenes: {_told(self.scenes)}; each seed draws another one.",
-            f"Policies: {_told(self.policies)}.",
+            f"Scenes: {_listed(self.scenes)}; each seed draws another one.",
+            f"Policies: {_listed(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
             f"Entered is what the truth shows at every {looks}, of every condition of rank 1, the "
             "speed limit included.",
@@ -248,11 +272,7 @@ class OwnFamily:
         policy = _drawn(np.random.default_rng([STREAM, seed]), self.policies)
         return own.OwnEpisode(self.source, policy, seed, self.steps, {"program": self.program})
 
-    def searched(self, seed: int, parameters: tuple[float, ...]) -> own.OwnEpisode:
-        """Return the episode of a seed with the attacker that a search tries."""
-        return replace(self.episode(seed), attack=SEARCHED, parameters=parameters)
-
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes."""
         return dict(declared)
 
@@ -262,7 +282,7 @@ class OwnFamily:
         return (
             f"Environment and plant are what {self.source} returns.",
             "Scenes and starts are what the environment draws with each seed.",
-            f"Policies: {_told(self.policies)}.",
+            f"Policies: {_listed(self.policies)}.",
             f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
             "Entered is what the plant's strict barriers say of its state at every step, or the "
             "infos' min_h where the environment reports less.",
@@ -283,7 +303,7 @@ def to_dict(family: Family) -> dict[str, Any]:
     return records.to_dict(family, KINDS)
 
 
-def from_dict(data: Mapping[str, Any]) -> Any:
+def from_dict(data: Mapping[str, object]) -> Family:
     """Return the family that `to_dict` made this of.
 
     Raises:
@@ -310,5 +330,5 @@ def _drawn(rng: np.random.Generator, shares: Shares) -> str:
     return str(names[int(rng.choice(len(names), p=weights))])
 
 
-def _told(shares: Shares) -> str:
+def _listed(shares: Shares) -> str:
     return ", ".join(f"{name} {share:.1%}" for name, share in shares)

@@ -45,7 +45,7 @@ LOAD = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
 """Where the payload may be, along each axis of the trunk [m]."""
 
 CAPS = (0.5, 1.7)
-"""The caps on the speed [m/s]; the plant's own may be lower than the one asked."""
+"""The caps on the speed [m/s]; the plant's own may be lower than the one requested."""
 
 LEAST_ABLE = 2.5
 """What U does in its weakest direction on the floor of least friction [m/s²]."""
@@ -139,7 +139,7 @@ class A1Mixture:
             "estimation": _one(rng, tuple(sensors.PRESETS)) if estimated else None,
         }
 
-    def certifies(self, declared: Mapping[str, Any]) -> dict[str, Any]:
+    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be one of these.
 
         Args:

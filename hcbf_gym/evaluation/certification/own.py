@@ -18,7 +18,7 @@ from hcbf_gym import wrappers
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.evaluation import attacks, stakes
+from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.models.input_sets import InputSet
@@ -85,7 +85,7 @@ class OwnEpisode:
         view = Foresight(self.source, plant, env.unwrapped, input_set)
 
         def act(observation: Any, info: dict[str, Any]) -> Any:
-            u = attack.wants(view)
+            u = attack.act(view)
             return u if plant.to_action is None else plant.to_action(u)
 
         try:
@@ -93,7 +93,7 @@ class OwnEpisode:
             outcome = judge(observed, view.look, plant.model, input_set)
         finally:
             filtered.close()
-        stakes.check_jumps(self.source, view.path, view.expected)
+        vacuity.check_jumps(self.source, view.path, view.expected)
         return replace(outcome, first_h=view.first_h)
 
 
@@ -201,7 +201,7 @@ def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
     x = np.asarray(estimate.x, dtype=np.float64)
     time = counted if estimate.time is None else float(estimate.time)
     barriers = read(plant.barriers, env, observation, info)
-    every: stakes.Strict
+    every: vacuity.Strict
     if isinstance(plant.model, DoubleIntegrator):
         scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
         rank, reads = scene.priority[0], scene.keeps_margin[0] > 0.0  # or not strict
@@ -224,16 +224,16 @@ def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
     return truth(x, time, h, rank, reads, every)
 
 
-def _checked(told: Any, count: int) -> Array:
+def _checked(reported: object, count: int) -> Array:
     """Return (count,) an environment's own min_h; NaN counts as entered.
 
     Raises:
         InvalidInputError: if it is not one real number for each barrier.
     """
-    given = as_array("min_h", told)
+    given = as_array("min_h", reported)
     if given.dtype.kind not in "fiu" or given.shape != (count,):
         raise InvalidInputError(
-            f"certify: got min_h {told!r} in the infos, expected {count} numbers, one for each "
+            f"certify: got min_h {reported!r} in the infos, expected {count} numbers, one for each "
             "barrier in its order"
         )
     return given.astype(np.float64)

@@ -1,11 +1,12 @@
 """The page of a certificate: what it says, what it was drawn from, and what it does not say."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from hcbf_gym.certificates import Certificate
+from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.certificates.parts import PRESSED
 from hcbf_gym.certificates.sequential import running_bound
+from hcbf_gym.evaluation.tables import Table
 
 SILENT = (
     "Of an attacker, a scene or a start that is not drawn as below, nothing: a policy that was "
@@ -14,8 +15,8 @@ SILENT = (
     "Of a real robot, nothing: the plant is the simulated one, and its files are hashed.",
     "Of a second episode after an alarm, and of what happens while the filter brakes, nothing "
     "beyond what these episodes held.",
-    "Of tries that are not told: several on fresh seeds share the doubt by `--try`; one alone may "
-    "be looked at, stopped and continued at no price.",
+    "Of tries that are not declared: several on fresh seeds share the doubt by `--try`; one alone "
+    "may be looked at, stopped and continued at no price.",
 )
 """What no certificate says, a sentence for each."""
 
@@ -47,25 +48,16 @@ def page(certificate: Certificate) -> str:
         "",
         "A plant is this one where it declares:",
         "",
-        "| name | certified |",
-        "|---|---|",
-        *(f"| {name} | {_cell(value)} |" for name, value in c.plant.items()),
+        Table("", ("name", "certified"), [(n, _cell(v)) for n, v in c.plant.items()]).markdown(),
         "",
         "## What it does not say",
         *(f"- {sentence}" for sentence in SILENT),
         "",
         "## Who was drawn",
-        "| policy | scenes | episodes | entered (≤ at β/m) | least h |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {s.policy} | {s.scene} | {s.episodes} | {s.entered} "
-            f"(≤ {running_bound(s.entered, s.episodes, c.doubt / len(c.strata)):.2%}) | "
-            f"{s.least_h:+.4g} |"
-            for s in c.strata
-        ),
+        _strata(c).markdown(),
         "",
         "## How the margins were found",
-        *_calibration(c),
+        _calibration(c),
         "",
         "Repeat a part of it: `hcbf certify --check FILE --episodes 50`.",
         "",
@@ -93,30 +85,43 @@ def _stakes(c: Certificate) -> list[str]:
 def _margins(c: Certificate) -> str:
     if c.margins is None:
         return "Rows reserve what the plant's own law says for each episode."
-    told = ", ".join(f"{name} {value:.4g}" for name, value in c.margins._asdict().items())
-    return f"Rows reserve: {told}."
+    listed = ", ".join(f"{name} {value:.4g}" for name, value in c.margins._asdict().items())
+    return f"Rows reserve: {listed}."
 
 
-def _calibration(c: Certificate) -> list[str]:
+def _strata(c: Certificate) -> Table:
+    """Return what each policy did in each family of scenes."""
+    doubt = c.doubt / len(c.strata)
+    rows = [
+        (
+            s.policy, s.scene, str(s.episodes),
+            f"{s.entered} (≤ {running_bound(s.entered, s.episodes, doubt):.2%})",
+            f"{s.least_h:+.4g}",
+        )
+        for s in c.strata
+    ]  # fmt: skip
+    return Table("", ("policy", "scenes", "episodes", "entered (≤ at β/m)", "least h"), rows)
+
+
+def _calibration(c: Certificate) -> str:
     """Return a table of the rounds, or that there were none."""
     if not c.calibration:
-        return ["They are the plant's own; no calibration came before."]
+        return "They are the plant's own; no calibration came before."
     rows = [
-        "Searched attackers find failures; they are no independent draws, and bound nothing.",
-        "",
-        "| what | distance | speed | episodes | entered | least h |",
-        "|---|---|---|---|---|---|",
-    ]
-    for one in c.calibration:
-        margins: Mapping[str, Any] = one["margins"]
-        rows.append(
-            f"| {one['what']} | {margins['distance']:.4g} | {margins['speed']:.4g} | "
-            f"{one['episodes']} | {one['entered']} | {one['least_h']:+.4g} |"
+        (
+            one["what"], *(f"{one['margins'][name]:.4g}" for name in CALIBRATED),
+            str(one["episodes"]), str(one["entered"]), f"{one['least_h']:+.4g}",
         )
-    return rows
+        for one in c.calibration
+    ]  # fmt: skip
+    table = Table("", ("what", *CALIBRATED, "episodes", "entered", "least h"), rows)
+    return (
+        "Searched attackers find failures; they are no independent draws, and bound nothing.\n\n"
+        + table.markdown()
+    )
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     if isinstance(value, Mapping) and set(value) == {"any of"}:
         return ", ".join(map(str, value["any of"]))
     if isinstance(value, Mapping) and set(value) == {"from", "to"}:

@@ -1,1 +1,1 @@
-"""How a walker follows the velocities that it is told, measured."""
+"""How a walker follows the velocities that it is commanded, measured."""

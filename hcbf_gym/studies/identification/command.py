@@ -1,7 +1,7 @@
-"""How a walker follows the velocities that it is told: the numbers from which margins come.
+"""How a walker follows the velocities that it is commanded: the numbers from which margins come.
 
 Stops from full speed first, then random commands that change as hard as the robot brakes. Writes
-NAME.response.json, which the contract's next reader takes, and a picture of told against done.
+NAME.response.json, which the contract's next reader takes, and a picture of commanded against done.
 """
 
 from dataclasses import dataclass

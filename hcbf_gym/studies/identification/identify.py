@@ -4,9 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.robots.response_monitor import SHARE
 from hcbf_gym.robots.walker import Walker
@@ -19,7 +18,7 @@ QUANTILES = (50.0, 95.0, 99.9)
 
 
 FAST = 0.6
-"""Share of the greatest speed that was told from which on the robot is fast."""
+"""Share of the greatest speed that was commanded from which on the robot is fast."""
 RECENT = 1.0
 """How far back a greater command excuses a speed [s]."""
 
@@ -60,14 +59,14 @@ def identify(walker: Walker, seconds: float, seed: int) -> Identified:
     left = walker.command.in_plane(record.done) - _predicted(walker, fits, record)
     creeping = [runner.creep(command) for command in _runs(walker)[::2]]
     lasting = max(_lasting(walker, fits, one) for one in (record, *creeping))
-    told = walker.command.in_plane(record.command * np.array([one.gain for one in fits]))
+    commanded = walker.command.in_plane(record.command * np.array([one.gain for one in fits]))
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
         residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
         sway=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
-        overshoot=round(_overshoot(walker, told, record), 4),
+        overshoot=round(_overshoot(walker, commanded, record), 4),
         rise=round(float(np.median([_rise(_speed(walker, one.done)) for one in stops])), 3),
         stopping=round(max(one.distance for one in braked), 3),
         braking=round(braking, 2),
@@ -81,8 +80,8 @@ def identify(walker: Walker, seconds: float, seed: int) -> Identified:
 def _predicted(walker: Walker, fits: tuple[Fit, ...], record: Record) -> Array:
     """Return (n, 2) the velocity that the response makes of commands [m/s]."""
     entries = [
-        one.gain * respond(late(told, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
-        for one, told in zip(fits, record.command.T, strict=True)
+        one.gain * respond(late(commanded, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
+        for one, commanded in zip(fits, record.command.T, strict=True)
     ]
     return walker.command.in_plane(np.column_stack(entries))
 
@@ -149,7 +148,7 @@ def _rise(speed: Array) -> float:
     return max(_first(up > 0.9 * ran) - _first(up > 0.1 * ran), 1) * CONTROL_DT
 
 
-def _first(holds: NDArray[np.bool_]) -> int:
+def _first(holds: Mask) -> int:
     """Return the first sample at which something holds, or how many there are."""
     return int(holds.argmax()) if holds.any() else len(holds)
 
@@ -168,19 +167,19 @@ def _moved(velocity: Array, seconds: float) -> Array:
     return way[steps:] - way[:-steps]
 
 
-def _overshoot(walker: Walker, told: Array, record: Record) -> float:
-    """Return by how much the speed exceeds all that was told of late, in 99.9 % of the time [m/s].
+def _overshoot(walker: Walker, commanded: Array, record: Record) -> float:
+    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s].
 
     What sways at rest does not count: near a cap on the speed the robot is fast.
 
     Args:
         walker: the robot.
-        told: (n, 2) velocities that it should reach [m/s].
+        commanded: (n, 2) velocities that it should reach [m/s].
         record: what it did.
     """
     back = round(RECENT / CONTROL_DT)
-    asked = np.concatenate([np.zeros(back), np.hypot(*told.T)])
-    recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
+    requested = np.concatenate([np.zeros(back), np.hypot(*commanded.T)])
+    recent = np.lib.stride_tricks.sliding_window_view(requested, back + 1).max(axis=1)
     excess = (np.hypot(*walker.command.in_plane(record.done).T) - recent).clip(0.0)
     return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))
 

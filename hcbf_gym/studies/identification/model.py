@@ -40,15 +40,15 @@ def fit(command: Array, measured: Array, period: float) -> Fit:
     """Return the response that explains an axis best.
 
     Args:
-        command: (n,) what was told from each sample on.
+        command: (n,) what was commanded from each sample on.
         measured: (n,) what the robot did at it.
         period: between two samples [s].
     """
     best, least = None, np.inf
     for steps in range(round(LONGEST_DELAY / period) + 1):
-        told = late(command, steps * period, period)
+        commanded = late(command, steps * period, period)
         for tau in TIME_CONSTANTS:
-            unit = respond(told, float(tau), period)
+            unit = respond(commanded, float(tau), period)
             power = float(unit @ unit)
             gain = float(unit @ measured) / power if power > 0.0 else 0.0
             left = measured - gain * unit
@@ -67,5 +67,5 @@ def late(command: Array, delay: float, period: float) -> Array:
 def respond(command: Array, time_constant: float, period: float) -> Array:
     """Return (n,) the first-order response to a held command, from rest."""
     keep = float(np.exp(-period / time_constant))
-    # what is told from sample k on shows at sample k + 1
+    # what is commanded from sample k on shows at sample k + 1
     return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], command), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What a walker was told beside what it did, as a picture."""
+"""What a walker was commanded beside what it did, as a picture."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ NAMES = {2: ("v [m/s]", "ω [rad/s]"), 3: ("v_x [m/s]", "v_y [m/s]", "ω [rad/s]
 
 
 def plot(identified: Identified, title: str, path: Path) -> None:
-    """Draw every entry of the command: told, done, and what the fitted response makes of it.
+    """Draw every entry of the command: commanded, done, and what the fitted response makes of it.
 
     Args:
         identified: what was measured.
@@ -31,7 +31,9 @@ def plot(identified: Identified, title: str, path: Path) -> None:
     FigureCanvasAgg(figure)
     rows = figure.subplots(len(fits), 1, sharex=True)
     for k, (axes, name, fit) in enumerate(zip(rows, NAMES[len(fits)], fits, strict=True)):
-        axes.step(time, record.command[:shown, k], where="post", color="0.6", lw=1.2, label="told")
+        axes.step(
+            time, record.command[:shown, k], where="post", color="0.6", lw=1.2, label="commanded"
+        )
         axes.plot(time, record.done[:shown, k], color=palette.PATH, lw=1.2, label="done")
         axes.plot(time, fit.predicted[:shown], "--", color="#d55e00", lw=1.0, label="fitted")
         axes.set_ylabel(name)

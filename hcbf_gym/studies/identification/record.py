@@ -26,14 +26,14 @@ RUN, STAND = 2.5, 2.0
 
 SLOW, CREEP = 0.3, 30.0
 """Share of the greatest speed up to which a command creeps, and within which time [s]: many a robot
-stands where it is told to go slowly."""
+stands where it is commanded to go slowly."""
 
 
 class Record(NamedTuple):
-    """What was told and what was done, in the axes in which commands are told.
+    """What was commanded and what was done, in the axes of its commands.
 
     Attributes:
-        command: (n, k) told from each sample on [m/s, rad/s].
+        command: (n, k) commanded from each sample on [m/s, rad/s].
         done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
             axes comes first, then the turning rate.
         falls: how often the robot fell; it went on from the start then.
@@ -67,17 +67,17 @@ class Runner:
 
     def tell(self, command: Array, seconds: float) -> Record:
         """Tell a command (k,) for some time [s], and return what the robot did."""
-        told, done, falls = [], [], 0
+        commanded, done, falls = [], [], 0
         for _ in range(round(seconds / CONTROL_DT)):
-            told.append(command)
+            commanded.append(command)
             done.append(self.doing())
-            self._adapter.told = tuple(command.tolist())
+            self._adapter.commanded = tuple(command.tolist())
             self.drive.follow(np.zeros(2), self._nothing, self._time)
             self._time += CONTROL_DT
             if self.drive.simulation.fallen or self.drive.failed:
                 falls += 1
                 self._start()
-        return Record(np.array(told), np.array(done), falls)
+        return Record(np.array(commanded), np.array(done), falls)
 
     def doing(self) -> Array:
         """Return (k,) what the robot does now, in the axes of the command."""
@@ -130,14 +130,14 @@ class Runner:
 
 
 class _Direct(Adapter):
-    """Hands on what it is told, in the robot's own axes."""
+    """Hands on what it is commanded, in the robot's own axes."""
 
     def __init__(self, walker: Walker):
         super().__init__(walker.command, None)
-        self.told: tuple[float, ...] = (0.0,) * len(walker.command.limits)
+        self.commanded: tuple[float, ...] = (0.0,) * len(walker.command.limits)
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        return self.told
+        return self.commanded
 
 
 def joined(parts: list[Record]) -> Record:

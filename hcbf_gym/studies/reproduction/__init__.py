@@ -2,9 +2,8 @@
 
 from hcbf_gym.studies.reproduction.figure5 import fig5
 from hcbf_gym.studies.reproduction.figures67 import fig6, fig7
-from hcbf_gym.studies.reproduction.runs import Runs
 
 FIGURES = {"fig5": fig5, "fig6": fig6, "fig7": fig7}
 """name → function (runs, folder, quick) that draws the figure and returns its claims."""
 
-__all__ = ["FIGURES", "Runs", "fig5", "fig6", "fig7"]
+__all__ = ["FIGURES", "fig5", "fig6", "fig7"]

@@ -16,9 +16,10 @@ from rich.console import Console
 from rich.table import Table
 
 import hcbf_gym
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
-from hcbf_gym.studies.reproduction import FIGURES, Runs
+from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.studies.reproduction import FIGURES
 
 
 @dataclass(frozen=True)
@@ -40,29 +41,26 @@ class Args:
 def main(args: Args) -> None:
     """Draw the figures, check the claims, and write both."""
     names = list(FIGURES) if args.figure == "all" else [args.figure]
-    claims = reproduce(names, args.output, args.quick, args.workers, args.backend)["claims"]
+    runs = Runs(args.output / "episodes", args.workers, args.backend)
+    claims = reproduce(names, args.output, args.quick, runs)["claims"]
     console = Console()
     console.print(_table(claims))
     console.print(f"written to {args.output}")
 
 
-def reproduce(
-    names: Sequence[str], folder: Path, quick: bool, workers: int | None, backend: Backend
-) -> dict[str, Any]:
+def reproduce(names: Sequence[str], folder: Path, quick: bool, runs: Runs) -> dict[str, Any]:
     """Draw figures into a folder, and return what `reproduction.json` holds then.
 
     Args:
         names: of `FIGURES`.
-        folder: for the pictures, the episodes and the JSON; figures that it has stay.
+        folder: for the pictures and the JSON; figures that it has stay.
         quick: fewer episodes.
-        workers: episodes that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
+        runs: how episodes run.
     """
-    open_pool(backend, workers).close()
+    runs.check()
     settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
     open_folder(folder, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    runs = Runs(folder / "episodes", workers, backend)
     for name in names:
         write_json(folder / f"{name}.json", FIGURES[name](runs, folder, quick))
     results = {

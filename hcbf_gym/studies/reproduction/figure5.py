@@ -1,6 +1,7 @@
 """Figure 5: tracking against safety over the weights, in simulation."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.rollouts import Case, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.studies.reproduction import plots
-from hcbf_gym.studies.reproduction.runs import Runs
+from hcbf_gym.studies.reproduction.film import film
 from hcbf_gym.studies.reproduction.trajectories import Trajectories, of_episodes, of_simulations
 from hcbf_gym.studies.tuning import (
     WINDOW,
@@ -52,7 +55,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
     Args:
-        runs: where episodes come from.
+        runs: how episodes run.
         folder: where the pictures go.
         quick: fewer samples, and no cost map on the A1.
 
@@ -66,7 +69,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
 
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
-    a1 = of_episodes(runs.episodes("fig 5, A1", jobs))
+    a1 = of_episodes(chunks.in_order(runs.over(Job.run, jobs, "fig 5, A1")))
     a1_samples = None if quick else _a1_samples(runs)
     plots.fig5_panels(a1, GAMMAS, None, a1_samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
@@ -84,7 +87,8 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     }
     times = (2.0, 5.0, 8.0, 12.0)
     try:
-        films = runs.films("fig 5e, pictures", [jobs[0], jobs[3]], times)
+        shots = runs.over(partial(film, times=times), [jobs[0], jobs[3]], "fig 5e, pictures")
+        films = chunks.in_order(shots)
     except RenderingError as error:
         return result | {"frames": str(error)}
     plots.frames(("R", "H"), films, times).savefig(folder / "fig5e-frames.png")
@@ -146,7 +150,7 @@ def _a1_samples(runs: Runs) -> Samples:
     problem = Problem("HCBF-A1Regions-v0", _a1_scene(), options={"margin": A1_MARGIN})
     pairs = [(gamma0, delta_gamma) for gamma0 in _GRID[0] for delta_gamma in _GRID[1]]
     jobs = [Job(problem.case(*pair)) for pair in pairs]
-    episodes = runs.episodes("fig 5d, A1", jobs)
+    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 5d, A1"))
     costs = np.array([problem.cost_of(episode) for episode in episodes])
     gamma0, delta_gamma = np.array(pairs).T
     return Samples(gamma0, delta_gamma, costs)

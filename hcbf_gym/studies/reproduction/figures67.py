@@ -1,6 +1,7 @@
 """Figures 6 and 7: the experiment with boxes, on the A1 in full physics."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.studies.reproduction import plots
-from hcbf_gym.studies.reproduction.runs import Runs
+from hcbf_gym.studies.reproduction.film import film
 
 SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
 R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)
@@ -37,7 +40,7 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 6, check its claims, and count contacts over disturbed episodes.
 
     Args:
-        runs: where episodes come from.
+        runs: how episodes run.
         folder: where the pictures go.
         quick: four seeds instead of twenty.
 
@@ -45,7 +48,8 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         ``claims`` {text: bool} and the figures they rest on, in JSON types.
     """
     jobs = _jobs()
-    episodes = dict(zip(jobs, runs.episodes("fig 6", list(jobs.values())), strict=True))
+    ran = chunks.in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
+    episodes = dict(zip(jobs, ran, strict=True))
     relaxed, hierarchical = episodes["R"], episodes["H"]
     series = {"R-CBF-QP": relaxed, "H-CBF-QP": hierarchical}
     plots.fig6_series(series).savefig(folder / "fig6-barriers.png")
@@ -66,7 +70,8 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     }
     times = (4.0, 6.0, 8.0, 16.0)
     try:
-        films = runs.films("fig 6, pictures", [jobs["R"], jobs["H"]], times)
+        shots = runs.over(partial(film, times=times), [jobs["R"], jobs["H"]], "fig 6, pictures")
+        films = chunks.in_order(shots)
     except RenderingError as error:
         return result | {"frames": str(error)}
     plots.frames(("R", "H"), films, times).savefig(folder / "fig6-frames.png")
@@ -76,7 +81,8 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
 def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 7 from the episodes of figure 6; see `fig6` for the arguments."""
     jobs = _jobs()
-    relaxed, hierarchical = runs.episodes("fig 7", [jobs["R"], jobs["H"]])
+    ran = runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7")
+    relaxed, hierarchical = chunks.in_order(ran)
     plots.fig7(SCENE, relaxed, hierarchical).savefig(folder / "fig7.png")
     beside = {name: _beside_the_box(e) for name, e in (("R", relaxed), ("H", hierarchical))}
     return {
@@ -117,7 +123,7 @@ def _disturbed(weights: tuple[str, float, float], seed: int) -> Job:
 def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
     """Return how often, over the seeds, R and H touched the box, reached the goal, and fell."""
     jobs = [_disturbed(weights, seed) for weights in (R_WEIGHTS, H_WEIGHTS) for seed in seeds]
-    episodes = runs.episodes("fig 6, seeds", jobs)
+    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
     groups = {"R": episodes[: len(seeds)], "H": episodes[len(seeds) :]}
     return {
         name: {

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_gym.studies.tuning import WeightRollouts
 
@@ -27,7 +26,7 @@ class Trajectories(NamedTuple):
     h: Array
     min_h: Array
     tracking_error: Array
-    fell: NDArray[np.bool_]
+    fell: Mask
 
 
 def of_simulations(*parts: WeightRollouts) -> Trajectories:

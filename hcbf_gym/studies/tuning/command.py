@@ -17,8 +17,9 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.workers import Backend, Workers, open_pool
+from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
 
@@ -63,7 +64,8 @@ def main(args: Args) -> None:
     """Sample, and write what came out."""
     if args.samples < 1:
         raise InvalidInputError(f"samples: got {args.samples}, expected at least 1")
-    open_pool(args.backend, args.workers).close()
+    runs = Runs(None, args.workers, args.backend)
+    runs.check()
     if "cmaes" in args.sampler:
         require("--sampler cmaes", "studies", "cmaes")
     cost = Cost(args.w_i, args.w_f, args.w_delta)
@@ -83,15 +85,8 @@ def main(args: Args) -> None:
             bar = progress.add_task(name, total=args.samples)
             study = TuningStudy(problem, normal, name, args.seed, storage)
             start = time.perf_counter()
-            studies[name] = (
-                study,
-                study.run(
-                    args.samples,
-                    args.workers,
-                    args.backend,
-                    lambda done, bar=bar: progress.update(bar, completed=done),
-                ),
-            )
+            advance = lambda done, bar=bar: progress.update(bar, completed=done)  # noqa: E731
+            studies[name] = study, study.run(args.samples, runs, advance)
             seconds[name] = time.perf_counter() - start
     _write(args, settings, studies)
     console = Console()

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, finite_float
 
 
@@ -68,7 +67,7 @@ def _sum(series: Array) -> Array:
     return np.add.accumulate(series, axis=0)[-1] if len(series) else np.zeros(series.shape[1:])
 
 
-def relaxation(delta: Array, priority: NDArray[np.int64]) -> Array:
+def relaxation(delta: Array, priority: Integers) -> Array:
     """Return ``Σ_k max(0, δ_k)`` (…) over the rows below priority 1.
 
     Args:

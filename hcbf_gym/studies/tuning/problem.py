@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 from hcbf_gym import programs, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.rollouts import ENVIRONMENTS, Case, Episode
-from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning.cost import Cost, relaxation
 from hcbf_gym.studies.tuning.simulate import check_weights, simulate
 
@@ -74,16 +73,14 @@ class Problem:
         self,
         gamma0: ArrayLike,
         delta_gamma: ArrayLike,
-        workers: int | None = None,
-        backend: Backend = "processes",
+        runs: Runs = Runs(),  # noqa: B008 - frozen
     ) -> Iterator[tuple[int, float]]:
         """Yield (k, r) of N pairs of weights, as they finish.
 
         Args:
             gamma0: (N,) γ₀ ≥ 0.
             delta_gamma: (N,) Δγ ≥ 0.
-            workers: episodes that run at once, in full physics; None for the backend's CPUs.
-            backend: "processes" or "ray".
+            runs: how episodes run, in full physics.
 
         Raises:
             InvalidInputError: if a weight is negative or not finite, or there are none.
@@ -91,7 +88,7 @@ class Problem:
         gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
         if not self.batched:
             pairs = list(zip(gamma0.tolist(), delta_gamma.tolist(), strict=True))
-            return chunks.run(self._walk, pairs, workers=workers, backend=backend)
+            return runs.over(self._walk, pairs)
         parts = (
             self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK])
             for i in range(0, len(gamma0), _CHUNK)

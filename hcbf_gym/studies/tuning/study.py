@@ -1,7 +1,7 @@
 """Optuna studies of a `Problem`: the paper's sampling, and Optuna's TPE and CMA-ES.
 
-A generation is asked for as a whole, evaluated as one batch and told as a whole. What a killed run
-had not told is asked for again.
+A generation is requested as a whole, evaluated as one batch and recorded as a whole. What a killed
+run had not recorded is requested again.
 """
 
 import json
@@ -19,7 +19,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation.workers import Backend
+from hcbf_gym.evaluation.chunks import Runs, in_order
 from hcbf_gym.studies.tuning.draws import Normal
 from hcbf_gym.studies.tuning.problem import Problem
 
@@ -104,16 +104,14 @@ class TuningStudy:
     def run(
         self,
         samples: int,
-        workers: int | None = None,
-        backend: Backend = "processes",
+        runs: Runs = Runs(),  # noqa: B008 - frozen
         on_done: Callable[[int], None] = lambda done: None,
     ) -> Samples:
         """Bring the study to at least so many samples and return the first of them.
 
         Args:
             samples: how many, at least 1.
-            workers: episodes that run at once, in full physics; None for the backend's CPUs.
-            backend: "processes" or "ray".
+            runs: how episodes run, in full physics.
             on_done: called with the number of samples that are done, again and again.
 
         Raises:
@@ -127,7 +125,7 @@ class TuningStudy:
         size = DRAWS if extend == self._draw and self.problem.batched else GENERATION
         while (done := len(_complete(study))) < samples:
             on_done(done)
-            extend(study, done, min(size, samples - done), workers, backend)
+            extend(study, done, min(size, samples - done), runs)
         on_done(samples)
         found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
         return Samples(*np.array(found, dtype=np.float64).T)
@@ -138,21 +136,17 @@ class TuningStudy:
             return 0
         return sum(self.normal.draw(self.seed, number).rejected for number in range(samples))
 
-    def _draw(
-        self, study: Study, done: int, count: int, workers: int | None, backend: Backend
-    ) -> None:
+    def _draw(self, study: Study, done: int, count: int, runs: Runs) -> None:
         """Add the next draws of the paper's sampling."""
         drawn = [self.normal.draw(self.seed, done + k) for k in range(count)]
         pairs = [{"gamma0": one.gamma0, "delta_gamma": one.delta_gamma} for one in drawn]
-        costs = self._costs(pairs, workers, backend)
+        costs = self._costs(pairs, runs)
         study.add_trials(
             optuna.trial.create_trial(params=pair, distributions=_ANY, value=cost)
             for pair, cost in zip(pairs, costs, strict=True)
         )
 
-    def _search(
-        self, study: Study, done: int, count: int, workers: int | None, backend: Backend
-    ) -> None:
+    def _search(self, study: Study, done: int, count: int, runs: Runs) -> None:
         """Ask one of Optuna's samplers for a generation, and tell what it costs."""
         for left in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             study.tell(left.number, state=TrialState.FAIL, skip_if_finished=True)
@@ -160,16 +154,13 @@ class TuningStudy:
         assert make is not None
         study.sampler = make(int(np.random.SeedSequence([self.seed, done]).generate_state(1)[0]))
         trials = [study.ask(_WEIGHTS) for _ in range(count)]
-        costs = self._costs([trial.params for trial in trials], workers, backend)
+        costs = self._costs([trial.params for trial in trials], runs)
         for trial, cost in zip(trials, costs, strict=True):
             study.tell(trial, cost)
 
-    def _costs(
-        self, pairs: list[dict[str, float]], workers: int | None, backend: Backend
-    ) -> list[float]:
-        weights = [[pair[name] for pair in pairs] for name in WINDOW]
-        found = dict(self.problem.costs(*weights, workers=workers, backend=backend))
-        return [found[k] for k in range(len(pairs))]
+    def _costs(self, pairs: list[dict[str, float]], runs: Runs) -> list[float]:
+        gamma0, delta_gamma = ([pair[name] for pair in pairs] for name in WINDOW)
+        return in_order(self.problem.costs(gamma0, delta_gamma, runs))
 
     def _open(self) -> Study:
         with warnings.catch_warnings():

@@ -1,6 +1,6 @@
 """Whether an episode tests rank 1: what u* would have done, and what the filter did."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 AHEAD = (0.25, 0.5, 0.75, 1.0)
 """When a held u* may have entered [s]."""
@@ -23,7 +24,12 @@ Strict = Callable[[Array, Array], Array]
 
 
 def pressed(
-    model: Any, input_set: InputSet, x: Array, time: float, strict: Strict, report: Any
+    model: ReducedOrderModel,
+    input_set: InputSet,
+    x: Array,
+    time: float,
+    strict: Strict,
+    report: Mapping[str, Any],
 ) -> bool:
     """Return whether the filter changed an input that would have entered rank 1 within a second.
 

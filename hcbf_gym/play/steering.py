@@ -3,8 +3,8 @@
 import threading
 
 
-class Helm:
-    """The controls of a page: the first browser that touches them has them until it leaves."""
+class Steering:
+    """Whose the controls are: the first browser that touches them has them until it leaves."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,7 +1,7 @@
-"""What wakes viser's senders.
+"""An event that wakes viser's senders from any thread.
 
 Viser sets an `asyncio.Event` from the threads that have messages, which asyncio does not allow: set
-between a sender's look at it and its wait, the event is set and wakes nobody, ever again. The page
+between a sender's check of it and its wait, the event is set and wakes nobody, ever again. The page
 stands still while the robot walks on. That takes a moment without messages, so it happens to
 machines that are busy.
 """
@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 
-class Bell(asyncio.Event):
+class ThreadSafeEvent(asyncio.Event):
     """An event that every thread may set.
 
     Args:
@@ -30,15 +30,15 @@ class Bell(asyncio.Event):
             self._home.call_soon_threadsafe(super().set)
 
 
-def hang_bells(server: viser.ViserServer) -> None:
-    """Give a bell to what sends to all browsers, and to each one that connects from now on."""
+def use_thread_safe_events(server: viser.ViserServer) -> None:
+    """Give such an event to all browsers' sender, and to each browser that connects from now on."""
     loop = server.get_event_loop()
     sender = server._websock_server  # pyright: ignore[reportPrivateUsage] - no public way to it
 
-    def hang(connection: Any) -> None:
+    def replace(connection: Any) -> None:
         buffer = connection.get_message_buffer()
-        before, buffer.message_event = buffer.message_event, Bell(loop)
+        before, buffer.message_event = buffer.message_event, ThreadSafeEvent(loop)
         loop.call_soon_threadsafe(before.set)  # who waits for it already
 
-    hang(sender)
-    sender.on_client_connect(hang)
+    replace(sender)
+    sender.on_client_connect(replace)
