@@ -294,7 +294,7 @@ def cost(quick: bool) -> list[dict[str, Any]]:
         goal = np.repeat(way.goal, many, axis=0)
         low, high = [0.0, -1.5, -1.0, -1.0], [6.0, 1.5, 1.0, 1.0]
         x = np.random.default_rng(0).uniform(low, high, (many, 4))
-        out = np.empty((many, 3))
+        out = np.zeros((many, 3))
         rows = []
         for _ in range(5 if quick else 30):
             begun = time.thread_time()

@@ -197,7 +197,7 @@ class Geodesic:
         if self._set is None:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
-        out = np.empty((len(x), 3))
+        out = np.zeros((len(x), 3))
         guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, out)
         return out[:, :2], out[:, 2]
 

@@ -17,6 +17,9 @@ from numba import njit
 from hcbf_gym.arrays import Array, Field, Integers, Ranks
 from hcbf_gym.guidance.field import cell_of, grid, to_cells, to_world
 
+AHEAD = 2.0
+"""Cells along the last row from which a path is sought that goes on there."""
+
 
 class Pull(NamedTuple):
     """How the guidance row pulls.
@@ -25,13 +28,14 @@ class Pull(NamedTuple):
         gain: k [1/s].
         speed: β, the least speed along the path [m/s].
         look_ahead: how far down the field the row aims [m].
-        ease: r₀, the distance from the goal within which β falls to zero [m].
+        ease: r₀, the distance from the goal within which β falls to zero [m]; short, as many a
+            robot with legs stands where a slow velocity is commanded.
     """
 
     gain: float = 3.0
     speed: float = 0.4
     look_ahead: float = 0.6
-    ease: float = 0.6
+    ease: float = 0.3
 
 
 @njit(cache=True, error_model="numpy")
@@ -99,7 +103,7 @@ def has_field(capacity: int, geometry: Array) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def row(
-    field: Field, geometry: Array, goal: Array, x: Array, pull: Pull
+    field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, last: Array
 ) -> tuple[float, float, float]:
     """Return (a_x, a_y, b) of the row ``a·u ≥ b`` at one state x (4,).
 
@@ -112,11 +116,15 @@ def row(
         goal: (2,) [m].
         x: (4,) position [m] and velocity [m/s].
         pull: gain, speed and ranges.
+        last: (3,) the row before; zeros where there was none.
     """
     px, py = x[0], x[1]
     if not (has_field(field.size, geometry) and np.isfinite(px + py + x[2] + x[3])):
         return 0.0, 0.0, -1.0
-    tx, ty = descent(grid(field, geometry), geometry, goal, px, py, pull.look_ahead)
+    view = grid(field, geometry)
+    tx, ty = descent(view, geometry, goal, px, py, pull.look_ahead)
+    if last[0] * (tx - px) + last[1] * (ty - py) < 0.0:
+        tx, ty = on_the_same_side(view, geometry, goal, x, pull.look_ahead, last, tx, ty)
     dx, dy = tx - px, ty - py
     length = np.sqrt(dx * dx + dy * dy)
     if length < 1e-6:
@@ -125,6 +133,43 @@ def row(
     away = np.sqrt((goal[0] - px) ** 2 + (goal[1] - py) ** 2)
     speed = pull.speed * min(1.0, away / pull.ease)
     return dx, dy, -pull.gain * (dx * x[2] + dy * x[3] - speed)
+
+
+@njit(cache=True, error_model="numpy")
+def on_the_same_side(
+    view: Field,
+    geometry: Array,
+    goal: Array,
+    x: Array,
+    length: float,
+    last: Array,
+    tx: float,
+    ty: float,
+) -> tuple[float, float]:
+    """Return where to aim where the path turns back: where the last row led, if that is as near.
+
+    On the ridge between two ways round, a place decides which is the shorter by a hair, and a robot
+    that is led to one and the other in turn stands.
+
+    Args:
+        view: the field.
+        geometry: (7,) of its grid.
+        goal: (2,) [m].
+        x: (4,) position [m] first.
+        length: how far down the field the row aims [m].
+        last: (3,) the row before.
+        tx: where it would aim now [m].
+        ty: likewise.
+    """
+    step = AHEAD * geometry[2]
+    sx, sy = x[0] + step * last[0], x[1] + step * last[1]
+    sx, sy = descent(view, geometry, goal, sx, sy, max(length - step, step))
+    if last[0] * (sx - x[0]) + last[1] * (sy - x[1]) <= 0.0:
+        return tx, ty
+    there = interpolate(view, *to_cells(sx, sy, geometry))[0]
+    return (
+        (sx, sy) if there <= interpolate(view, *to_cells(tx, ty, geometry))[0] + step else (tx, ty)
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -137,10 +182,11 @@ def rows(field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, out: 
         goal: (N, 2) [m].
         x: (N, 4) positions [m] and velocities [m/s].
         pull: gain, speed and ranges.
-        out: (N, 3) to be written.
+        out: (N, 3) the rows before, or zeros; written to.
     """
     for n in range(x.shape[0]):
-        out[n, 0], out[n, 1], out[n, 2] = row(field[n], geometry[n], goal[n], x[n], pull)
+        last = out[n]
+        last[0], last[1], last[2] = row(field[n], geometry[n], goal[n], x[n], pull, last)
 
 
 @njit(cache=True, error_model="numpy")
