@@ -267,7 +267,7 @@ def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
     """
     listed = isinstance(barriers, Sequence) and not isinstance(barriers, str)
     each = [b.conditions if isinstance(b, Several) else (b,) for b in barriers] if listed else []
-    own = tuple(itertools.chain.from_iterable(each))
+    own: tuple[Any, ...] = tuple(itertools.chain.from_iterable(each))
     if not listed or not all(isinstance(b, Barrier) for b in own):
         raise InvalidInputError(
             f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "

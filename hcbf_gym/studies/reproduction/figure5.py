@@ -19,14 +19,14 @@ from hcbf_gym.evaluation.rollouts import Case, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.studies.reproduction import plots
 from hcbf_gym.studies.reproduction.film import film
-from hcbf_gym.studies.reproduction.trajectories import Trajectories, of_episodes, of_simulations
+from hcbf_gym.studies.reproduction.trajectories import of_episodes, side_by_side
 from hcbf_gym.studies.tuning import (
     WINDOW,
     Normal,
     Problem,
     Samples,
+    Trajectories,
     TuningStudy,
-    WeightRollouts,
     simulate,
 )
 from hcbf_gym.studies.tuning.cost_map import inside
@@ -123,7 +123,7 @@ def _draws(count: int) -> Array:
     return np.array(draws)
 
 
-def _fan(count: int) -> WeightRollouts:
+def _fan(count: int) -> Trajectories:
     return simulate(SCENE, "h-cbf-qp", *_draws(count).T)
 
 
@@ -132,7 +132,7 @@ def _rom() -> Trajectories:
     relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]])
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
     hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T)
-    return of_simulations(relaxed, hierarchical)
+    return side_by_side(relaxed, hierarchical)
 
 
 def _distance_with_equal_weights() -> list[float]:

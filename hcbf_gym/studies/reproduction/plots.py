@@ -16,8 +16,7 @@ from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
 from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
 from hcbf_gym.evaluation.episode_plot import new_figure
 from hcbf_gym.evaluation.rollouts import Episode
-from hcbf_gym.studies.reproduction.trajectories import Trajectories
-from hcbf_gym.studies.tuning import Samples, WeightRollouts
+from hcbf_gym.studies.tuning import Samples, Trajectories
 from hcbf_gym.studies.tuning.cost_map import draw_cost_map
 
 R, H = PROGRAM_COLORS["r-cbf-qp"], PROGRAM_COLORS["h-cbf-qp"]
@@ -51,7 +50,7 @@ def _stacked(cell: SubplotSpec) -> tuple[Axes, Axes]:
 
 
 def fig5_panels(
-    run: Trajectories, gammas: Sequence[float], fan: WeightRollouts | None, samples: Samples | None
+    run: Trajectories, gammas: Sequence[float], fan: Trajectories | None, samples: Samples | None
 ) -> Figure:
     """Return panels (a) to (d): positions, barriers, tracking error and the map of the cost.
 

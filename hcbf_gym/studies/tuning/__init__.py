@@ -3,7 +3,7 @@
 from hcbf_gym.studies.tuning.cost import Cost
 from hcbf_gym.studies.tuning.draws import Normal
 from hcbf_gym.studies.tuning.problem import Problem
-from hcbf_gym.studies.tuning.simulate import WeightRollouts, simulate
+from hcbf_gym.studies.tuning.simulate import Trajectories, simulate
 from hcbf_gym.studies.tuning.study import SAMPLERS, WINDOW, Samples, TuningStudy
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "Normal",
     "Problem",
     "Samples",
+    "Trajectories",
     "TuningStudy",
-    "WeightRollouts",
     "simulate",
 ]

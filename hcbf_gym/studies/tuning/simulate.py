@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import policies, wrappers
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.studies.tuning.cost import relaxation
 
 
-class WeightRollouts(NamedTuple):
-    """N trajectories of k steps.
+class Trajectories(NamedTuple):
+    """N trajectories of k steps in one scene.
 
     Attributes:
         time: (k + 1,) [s].
@@ -25,6 +25,7 @@ class WeightRollouts(NamedTuple):
         tracking_error: (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is
             zero up to the last entry, which repeats the error at its end.
         relaxation: (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end.
+        fell: (N,) whether the robot fell; the reduced-order model cannot.
     """
 
     time: Array
@@ -33,6 +34,7 @@ class WeightRollouts(NamedTuple):
     min_h: Array
     tracking_error: Array
     relaxation: Array
+    fell: Mask
 
 
 def check_weights(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, Array]:
@@ -60,7 +62,7 @@ def simulate(
     delta_gamma: ArrayLike,
     options: Mapping[str, Any] | None = None,
     seed: int = 0,
-) -> WeightRollouts:
+) -> Trajectories:
     """Walk N reduced-order robots through one scene, each under its own weights.
 
     Args:
@@ -95,11 +97,12 @@ def simulate(
     error = episodes.tracking_error.copy()
     error[1:][~episodes.running] = 0.0
     error[-1] = last
-    return WeightRollouts(
+    return Trajectories(
         time=episodes.time,
         position=episodes.position,
         h=episodes.h,
         min_h=episodes.min_h,
         tracking_error=error,
         relaxation=relaxation(episodes.delta, inner.barrier_set.priority[0]),
+        fell=np.zeros(n, dtype=np.bool_),
     )
