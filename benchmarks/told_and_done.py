@@ -54,10 +54,10 @@ def following(change: Callable[[Any], Any]) -> Callable[[Any], None]:
         act = drive.act
 
         def changed() -> None:
-            told = drive.told.copy()
-            drive.told[:] = change(told)
+            told = drive.command.copy()
+            drive.command[:] = change(told)
             act()
-            drive.told[:] = told
+            drive.command[:] = told
 
         drive.act = changed
 
@@ -69,7 +69,7 @@ def late_following(seconds: float) -> Callable[[Any], None]:
 
     def arm(drive: Any) -> None:
         count = round(seconds / drive.simulation.walker.period)
-        waiting = deque(np.zeros((count, len(drive.told))))
+        waiting = deque(np.zeros((count, len(drive.command))))
 
         def late(told: Any) -> Any:
             waiting.append(told)
@@ -293,7 +293,7 @@ def run(robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str 
         return Seen(math.inf, math.inf, 0)
     if fault is not None:
         arm = faults_of(robot)[fault] if isinstance(fault, str) else following(partial(mul, fault))
-        arm(inner.walker)
+        arm(inner.drive)
     entered = alarmed = math.inf
     reason = 0
     for step, (_, info, *_) in enumerate(walk, 1):

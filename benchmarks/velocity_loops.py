@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hcbf_gym import VelocityFilter, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs.walker_drive import tracked
+from hcbf_gym.envs.drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import Outcome, alarm_of

@@ -151,7 +151,7 @@ class _Bare:
         model, data, drive = self._physics.model, self._physics.data, self._drive
         start = time.perf_counter()
         for _ in range(round(seconds / self._period)):
-            drive.told[0] = 0.5
+            drive.command[0] = 0.5
             drive.act()
             data.ctrl[:] = drive.ctrl
             for _ in range(self._ticks):

@@ -19,4 +19,7 @@ Records = NDArray[Any]
 Rationals = NDArray[np.object_]
 """Exact numbers, as objects."""
 
+Info = dict[str, Any]
+"""What an environment reports: numbers and arrays by their names, nested."""
+
 Pair = tuple[float, float]

@@ -1,5 +1,6 @@
 """How records leave the process: as plain dicts that travel through JSON, and as whole files."""
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -72,6 +73,24 @@ def check_mapping(what: str, data: Any) -> None:
     """
     if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
         raise InvalidInputError(f"{what}: got {data!r}, expected a mapping with text keys")
+
+
+def read_json(what: str, path: Path) -> Any:
+    """Return what a JSON file holds.
+
+    Args:
+        what: names it in the message.
+        path: of the file.
+
+    Raises:
+        InvalidInputError: if it cannot be read, or is not JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InvalidInputError(
+            f"{what}: got {str(path)!r} ({error}), expected a readable JSON file"
+        ) from error
 
 
 def plain(value: Any) -> Any:

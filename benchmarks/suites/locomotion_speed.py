@@ -72,7 +72,7 @@ def make_env() -> gym.Env[Any, Any]:
     """Return the paper's course on the A1."""
     env = gym.make("HCBF-A1Regions-v0", scenario="paper-simulation")
     core: Any = env.unwrapped
-    core.walker.controller = LocomotionController(max_speed=1.2)
+    core.drive.controller = LocomotionController(max_speed=1.2)
     return env
 
 

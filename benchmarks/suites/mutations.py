@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from hcbf_gym import scenarios
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table
@@ -207,20 +207,20 @@ def _scenario(rng: np.random.Generator) -> None:
         observation, _, _, _, info = env.step(np.zeros(2))
     if not (np.isfinite(observation).all() and np.isfinite(info["h"]).all()):
         raise Nonsense(f"observation {observation.tolist()}, h {info['h'].tolist()}")
-    Physics(obstacles=env.scenario.obstacles)
+    A1Physics(obstacles=env.scenario.obstacles)
 
 
 def _randomization(rng: np.random.Generator) -> None:
     data = bent(RANDOMIZATION, rng)
-    _fall_free(data, Physics(randomization=data), rng)
+    _fall_free(data, A1Physics(randomization=data), rng)
 
 
 def _disturbance(rng: np.random.Generator) -> None:
     data = bent({"of": DISTURBANCES[rng.integers(2)]}, rng).get("of")
-    _fall_free(data, Physics(disturbances=data), rng)
+    _fall_free(data, A1Physics(disturbances=data), rng)
 
 
-def _fall_free(data: Any, physics: Physics, rng: np.random.Generator) -> None:
+def _fall_free(data: Any, physics: A1Physics, rng: np.random.Generator) -> None:
     """Let the robot hang in its motors for some ticks: the numbers must stay finite."""
     physics.reset(np.zeros(2), 0.0, rng)
     for _ in range(10):
@@ -232,7 +232,7 @@ def _fall_free(data: Any, physics: Physics, rng: np.random.Generator) -> None:
 def _robot(rng: np.random.Generator) -> None:
     path = Path("robot.xml")
     path.write_text(bent_xml(a1.XML_FILE.read_text(encoding="utf-8"), rng), encoding="utf-8")
-    physics, controller = Physics(path), LocomotionController(path)
+    physics, controller = A1Physics(path), LocomotionController(path)
     physics.reset(np.zeros(2), 0.0, rng)
     controller.reset(physics.state())
     for _ in range(150):

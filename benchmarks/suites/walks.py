@@ -7,7 +7,7 @@ import numpy as np
 
 from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.gait import GAITS
@@ -17,7 +17,7 @@ from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.policies.pd import pd_law
 from hcbf_gym.robots.motors import torque_limits
-from hcbf_gym.robots.reader import Robot
+from hcbf_gym.robots.reader import Quadruped
 
 Input = Callable[[float, BodyReference, RobotState], Array]
 
@@ -69,11 +69,11 @@ def walk(
         u: of time [s], reference and state → (2,) [m/s²].
         seed: of what is random about the plant.
         yaw: at the start [rad].
-        simulation: options of `Physics`.
+        simulation: options of `A1Physics`.
         gait: of the controller.
         heading: of the controller.
     """
-    plant = Physics(**(simulation or {}))
+    plant = A1Physics(**(simulation or {}))
     plant.reset(np.zeros(2), yaw, np.random.default_rng(seed))
     brain = LocomotionController(gait=gait, heading=heading, max_speed=SPEED_CAP)
     brain.reset(plant.state())
@@ -109,7 +109,7 @@ def walk(
     )
 
 
-def _saturated(robot: Robot, state: RobotState, torque: Array) -> Mask:
+def _saturated(robot: Quadruped, state: RobotState, torque: Array) -> Mask:
     limits = np.empty((2, 12))
     saturated = np.zeros(len(torque), dtype=np.bool_)
     for tick, (rate, delivered) in enumerate(zip(state.joint_velocity, torque, strict=True)):
@@ -180,7 +180,7 @@ def follow_course(
     Args:
         feedforward: whether the reference's acceleration is added to the PD law.
         seed: of what is random about the plant.
-        simulation: options of `Physics`.
+        simulation: options of `A1Physics`.
     """
     course = scenarios.make("paper-simulation", np.random.default_rng(0)).reference
 

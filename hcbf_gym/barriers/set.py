@@ -16,7 +16,7 @@ from hcbf_gym.barriers.own_rows import own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
-from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.barriers.speed_limit import SpeedLimit, check_leaves_speed
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Uncertainty
 
@@ -152,12 +152,9 @@ class BarrierSet:
         capped = self.kind == layout.SPEED_LIMIT
         v_max = self.parameters[capped, layout.V_MAX]
         margin = self.own_margin[capped] + speed_margin
-        if (v_max <= 2.0 * margin).any():
+        if len(v_max):
             worst = int(np.argmin(v_max - 2.0 * margin))
-            raise InvalidInputError(
-                f"speed limit: got {v_max[worst]:g} m/s, expected above {2.0 * margin[worst]:g} "
-                f"m/s: its row reserves {margin[worst]:g} m/s, so that no speed is left"
-            )
+            check_leaves_speed("speed limit", v_max[worst], margin[worst])
         period, u_max = hold
         if period is None:
             return

@@ -19,6 +19,34 @@ def value(v_max: float, vx: float, vy: float) -> float:
     return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max)
 
 
+def leaves_speed(v_max: float, margin: float) -> bool:
+    """Return whether a cap leaves a speed, ``v_max > 2 margin``: at rest h = v_max/2.
+
+    Args:
+        v_max: the cap [m/s].
+        margin: what its row reserves of h [m/s].
+    """
+    return v_max > 2.0 * margin
+
+
+def check_leaves_speed(what: str, v_max: float, margin: float) -> None:
+    """Refuse a cap that leaves no speed, see `leaves_speed`.
+
+    Args:
+        what: what the message calls it.
+        v_max: the cap [m/s].
+        margin: what its row reserves of h [m/s].
+
+    Raises:
+        InvalidInputError: if it leaves none.
+    """
+    if not leaves_speed(v_max, margin):
+        raise InvalidInputError(
+            f"{what}: got {v_max:g} m/s, expected above {2.0 * margin:g} m/s: the row of the speed "
+            f"limit reserves {margin:g} m/s, so that no speed is left"
+        )
+
+
 @dataclass(frozen=True)
 class SpeedLimit(Barrier):
     """A cap on the speed of a second-order model, ``h = (v_max² − ‖v‖²) / (2 v_max)``.

@@ -5,6 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.drawing import palette
 from hcbf_gym.drawing.scene_plot import draw_scene
 from hcbf_gym.scenarios import Scenario
@@ -21,7 +22,7 @@ class TopDownView:
         self._figure = Figure(figsize=(4.8, 4.8), dpi=side / 4.8, layout="constrained")
         self._canvas = FigureCanvasAgg(self._figure)
 
-    def draw(self, scenario: Scenario, t: float, path: NDArray[np.float64]) -> NDArray[np.uint8]:
+    def draw(self, scenario: Scenario, t: float, path: Array) -> NDArray[np.uint8]:
         """Return the picture (side, side, 3).
 
         Args:

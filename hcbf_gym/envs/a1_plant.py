@@ -2,13 +2,17 @@
 
 import math
 import warnings
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import certificates, records
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.class_k import LogClassK
-from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.barriers.speed_limit import check_leaves_speed
+from hcbf_gym.envs.plants import PlantModel
+from hcbf_gym.envs.randomization import PlantConditions, Randomization
 from hcbf_gym.errors import InvalidInputError, LoweredWarning
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
@@ -85,9 +89,6 @@ LAW = Law(
 )
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
-BODIES = ("point", "footprint")
-"""What must stay outside: the trunk's centre, or the whole robot."""
-
 BELIEVED = 0.75
 """Share of the floor's least friction that the controller believes: the rest is for slips."""
 
@@ -128,6 +129,42 @@ def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
     return input_set if share >= 1.0 else input_set.scaled(share)
 
 
+def plant_model(
+    arguments: Mapping[str, object],
+    scenario: Scenario,
+    declared: Randomization,
+    friction: float,
+    reach: float,
+) -> PlantModel:
+    """Return what a filter takes for true of the A1.
+
+    Args:
+        arguments: of the environment, as certificates compare them.
+        scenario: the first scene.
+        declared: what the plant's conditions are drawn from.
+        friction: µ that is believed.
+        reach: of the robot beyond its trunk's centre [m]; 0 for a point.
+
+    Raises:
+        InvalidInputError: if the scenario's cap on the speed is more than the A1 walks, or leaves
+            no speed.
+    """
+    terrain = str(arguments["terrain"])
+    input_set = carried_inputs(scenario.input_set, friction)
+    v_max = speed_limit(scenario, declared, terrain, input_set)
+    uncertainty = uncertainty_of(declared, terrain, reach, input_set, v_max)
+    told = records.plain({
+        **arguments,
+        **{name: getattr(declared, name) for name in PlantConditions._fields},
+        "payload_position": declared.payload_position if declared.payload[1] > 0.0 else None,
+        "friction_derived": round(believed_friction(declared), 9),
+        "obstacles": len(scenario.obstacles),
+        "input_set": round(braking.weakest(input_set), 9),
+        "v_max": v_max,
+    })  # fmt: skip
+    return PlantModel(input_set, v_max, uncertainty, told, certificates.nearest(told))
+
+
 def uncertainty_of(
     declared: Randomization, terrain: str, body: float, input_set: InputSet, v_max: float
 ) -> Uncertainty:
@@ -150,11 +187,7 @@ def uncertainty_of(
         body=body,
         speed=still + growing * v_max,
     )
-    if v_max <= 2.0 * known.speed:
-        raise InvalidInputError(
-            f"v_max: got {v_max} m/s, expected above {2.0 * known.speed:g} m/s: the row of the "
-            f"speed limit reserves {known.speed:g} m/s, so that no speed is left"
-        )
+    check_leaves_speed("v_max", v_max, known.speed)
     return known
 
 
@@ -225,10 +258,9 @@ def watch_bounds(
         estimated: whether the trunk's velocity is an estimate.
         mass: m of the robot [kg].
     """
-    nominal = Randomization().delay[1]
-    delay = max(declared.delay[1], nominal)
     slip = SLIP + ROUGH_SLIP * (terrain == "rough") + ESTIMATED_SLIP * estimated
-    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * (delay - nominal) ** 2
+    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * _late(declared) ** 2
+    delay = max(declared.delay[1], NOMINAL.delay[1])
     loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
     return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
 

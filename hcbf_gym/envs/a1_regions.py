@@ -3,31 +3,27 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from hcbf_gym import certificates, records
-from hcbf_gym.barriers import braking
+from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import robot_of
 from hcbf_gym.envs import a1_plant, task
-from hcbf_gym.envs.a1_walker import Walk, Walker
-from hcbf_gym.envs.body import Footprint
-from hcbf_gym.envs.physics import Physics
-from hcbf_gym.envs.plants import plant_of
-from hcbf_gym.envs.randomization import Conditions, Randomization
-from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
-from hcbf_gym.errors import choose
+from hcbf_gym.envs.a1_drive import A1Drive
+from hcbf_gym.envs.a1_physics import A1Physics
+from hcbf_gym.envs.body import footprint_of
+from hcbf_gym.envs.drive import Motion
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.envs.robot_regions import RobotRegionsEnv
+from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.estimation import Estimator, sensors
 from hcbf_gym.locomotion.controller import LocomotionController, check_friction
 from hcbf_gym.locomotion.watch import Watch
-from hcbf_gym.models.plant import Plant
-from hcbf_gym.robots import a1
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import ScenarioLike
 
 
-class A1RegionsEnv(WalkedRegionsEnv):
+class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
     """A Unitree A1 walks through dangerous regions that are ranked by priority.
 
     ## Description
@@ -93,16 +89,16 @@ class A1RegionsEnv(WalkedRegionsEnv):
 
     def __init__(
         self,
-        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        scenario: ScenarioLike = "paper-simulation",
         feedback: str = "position",
         xml_file: str | None = None,
         timestep: float = task.PHYSICS_DT,
         gait: str = "trot",
         friction: float | None = None,
         terrain: str = "flat",
-        randomization: Mapping[str, Any] | None = None,
-        disturbances: Mapping[str, Any] | None = None,
-        estimation: str | Mapping[str, Any] | None = None,
+        randomization: Mapping[str, object] | None = None,
+        disturbances: Mapping[str, object] | None = None,
+        estimation: str | Mapping[str, object] | None = None,
         body: str = "point",
         diagnostics: bool = False,
         render_mode: str | None = None,
@@ -111,86 +107,67 @@ class A1RegionsEnv(WalkedRegionsEnv):
             self, scenario, feedback, xml_file, timestep, gait, friction, terrain, randomization,
             disturbances, estimation, body, diagnostics, render_mode,
         )  # fmt: skip
-        self._begin(scenario, render_mode)
-        self._diagnostics = diagnostics
-        robot = a1.XML_FILE if xml_file is None else xml_file
-        simulation = Physics(
-            robot,
+        scenes = SceneSource(scenario)
+        simulation = A1Physics(
+            xml_file,
             timestep=timestep,
-            obstacles=self.scenario.obstacles,
+            obstacles=scenes.own.obstacles,
             terrain=terrain,
             randomization=randomization,
             disturbances=disturbances,
         )
+        footprint = footprint_of(body, simulation)
+        reach = 0.0 if footprint is None else footprint.radius(simulation.home_joints)
         declared = Randomization.from_dict(randomization)
-        derived = a1_plant.believed_friction(declared)
-        believed = derived if friction is None else check_friction(friction)
-        self._carried = a1_plant.carried_inputs(self.scenario.input_set, believed)
-        self._v_max = a1_plant.speed_limit(self.scenario, declared, terrain, self._carried)
-        self._declared = records.plain({
+        if friction is None:
+            believed = a1_plant.believed_friction(declared)
+        else:
+            believed = check_friction(friction)
+        told = {
             "environment": "HCBF-A1Regions-v0",
             "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
             "feedback": feedback,
             "timestep": timestep,
             "gait": gait,
             "friction": None if friction is None else round(friction, 9),
-            "friction_derived": round(derived, 9),
             "terrain": terrain,
-            **{name: getattr(declared, name) for name in Conditions._fields},
-            "payload_position": declared.payload_position if declared.payload[1] > 0.0 else None,
             "disturbances": disturbances,
             "estimation": None if estimation is None else asdict(sensors.make(estimation)),
             "body": body,
-            "obstacles": len(self.scenario.obstacles),
-            "input_set": round(braking.weakest(self._carried), 9),
-            "v_max": self._v_max,
-        })  # fmt: skip
-        self._found = certificates.nearest(self._declared)
-        choose("body", body, dict.fromkeys(a1_plant.BODIES))
-        footprint = None if body == "point" else Footprint(simulation.model, a1.TRUNK)
-        radius = 0.0 if footprint is None else footprint.radius(simulation.robot.home_joints)
-        self._uncertainty = a1_plant.uncertainty_of(
-            declared, terrain, radius, self._carried, self._v_max
-        )
+        }
+        known = a1_plant.plant_model(told, scenes.own, declared, believed, reach)
         controller = LocomotionController(
-            robot, timestep=timestep, friction=believed, gait=gait, max_speed=self._v_max
+            simulation.robot.xml_file,
+            timestep=timestep,
+            friction=believed,
+            gait=gait,
+            max_speed=known.v_max,
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
+        estimator = None
+        if estimation is not None:
+            estimator = Estimator(legs, foot_radius, estimation, timestep)
         mass = float(controller.model.bodies.mass.sum())
-        self.walker: Walker = Walker(
-            simulation,
-            controller,
-            None if estimation is None else Estimator(legs, foot_radius, estimation, timestep),
-            footprint,
-            feedback,
-            Watch(
-                legs,
-                foot_radius,
-                timestep,
-                a1_plant.watch_bounds(declared, terrain, estimation is not None, mass),
-            ),
-        )
-        self._enter(terrain, "HCBF-A1Regions-v0")
+        bounds = a1_plant.watch_bounds(declared, terrain, estimation is not None, mass)
+        watch = Watch(legs, foot_radius, timestep, bounds)
+        drive = A1Drive(simulation, controller, estimator, footprint, feedback, watch)
+        super().__init__(drive, known, scenes, terrain, render_mode)
+        self._diagnostics = diagnostics
 
     @property
     def controller(self) -> LocomotionController:
         """What makes the robot walk."""
-        return self.walker.controller
+        return self.drive.controller
 
-    @property
-    def plant(self) -> Plant:
-        """What a safety filter must know."""
-        return plant_of(self, self._carried, self._uncertainty, on_alarm="brake")
-
-    def _info_of(self, walk: Walk) -> dict[str, Any]:
+    def _info_of(self, motion: Motion) -> Info:
         """Return what infos say of the robot besides."""
-        watch = self.walker.watch
-        info = super()._info_of(walk) | {
+        watch = self.drive.watch
+        info = super()._info_of(motion) | {
             "qp_failures": np.float64(self.controller.failed),
             "slip": np.float64(watch.slip),
             "lag": np.float64(watch.lag),
             "lift": np.float64(watch.lift),
         }
         if self._diagnostics:
-            info["locomotion"] = self.walker.diagnostics()
+            info["locomotion"] = self.drive.diagnostics()
         return info

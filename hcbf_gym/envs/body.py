@@ -9,11 +9,15 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, pieces
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.simulation import Simulation
+from hcbf_gym.errors import choose
+
+BODIES = ("point", "footprint")
+"""What must stay outside: the point that follows the model, or the whole robot."""
 
 ALONG = 5
 """Points along the axis of a capsule, and along each edge of a box."""
@@ -25,7 +29,7 @@ STRIDE = 0.065
 """How much farther from the trunk's centre a leg reaches in its stride than at home [m]."""
 
 
-class Body(NamedTuple):
+class BodyPoints(NamedTuple):
     """The points of a robot's geoms.
 
     Attributes:
@@ -34,7 +38,7 @@ class Body(NamedTuple):
         radius: (P,) of the ball around it [m].
     """
 
-    geom: NDArray[np.int64]
+    geom: Integers
     place: Array
     radius: Array
 
@@ -79,20 +83,34 @@ class Footprint:
         """Return the least h (m,) of each barrier over the whole body at time t [s]."""
         least = np.empty(barriers.kind.shape[1])
         scene = barriers.kind[0], barriers.parameters[0], barriers.atlas.numbers
-        body_h(*self._body, data.geom_xpos, data.geom_xmat, *scene, t, least)
+        body_h(self._body, data.geom_xpos, data.geom_xmat, scene, t, least)
         return least
 
     def reach(self, data: mujoco.MjData) -> float:
         """Return the greatest horizontal distance of the body from the trunk's origin [m]."""
-        return reach(*self._body, data.geom_xpos, data.geom_xmat, data.xpos[self._trunk])
+        return reach(self._body, data.geom_xpos, data.geom_xmat, data.xpos[self._trunk])
 
 
-def body_of(model: mujoco.MjModel, root: int) -> Body:
+def footprint_of(body: str, simulation: Simulation) -> Footprint | None:
+    """Return what measures the whole robot's distance; None for a point.
+
+    Args:
+        body: a name of `BODIES`.
+        simulation: the scene with the robot in it.
+
+    Raises:
+        UnknownNameError: if there is no such body.
+    """
+    choose("body", body, dict.fromkeys(BODIES))
+    return None if body == "point" else Footprint(simulation.model, simulation.trunk)
+
+
+def body_of(model: mujoco.MjModel, root: int) -> BodyPoints:
     """Return the points of every geom of the robot whose tree starts at the body `root`."""
     geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == root)
     parts = [_points(model, int(geom)) for geom in geoms]
     counts = [len(place) for place, _ in parts]
-    return Body(
+    return BodyPoints(
         np.repeat(geoms, counts).astype(np.int64),
         np.concatenate([place for place, _ in parts]),
         np.concatenate([np.full(n, r) for n, (_, r) in zip(counts, parts, strict=True)]),
@@ -119,24 +137,16 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
 
 
 @njit(cache=True)
-def reach(
-    geom: NDArray[np.int64],
-    place: Array,
-    radius: Array,
-    position: Array,
-    rotation: Array,
-    centre: Array,
-) -> float:
+def reach(body: BodyPoints, position: Array, rotation: Array, centre: Array) -> float:
     """Return the greatest horizontal distance of the body from a point (2,) [m].
 
     Args:
-        geom: (P,) of the points, as in `Body`.
-        place: (P, 3) [m].
-        radius: (P,) [m].
+        body: the points.
         position: (ngeom, 3) of the geoms in the world [m].
         rotation: (ngeom, 9) of the geoms, row by row.
         centre: (2,) [m].
     """
+    geom, place, radius = body
     farthest = 0.0
     for p in range(geom.size):
         x, y = _world(place[p], position[geom[p]], rotation[geom[p]])
@@ -147,14 +157,10 @@ def reach(
 
 @njit(cache=True)
 def body_h(
-    geom: NDArray[np.int64],
-    place: Array,
-    radius: Array,
+    body: BodyPoints,
     position: Array,
     rotation: Array,
-    kind: NDArray[np.int64],
-    parameters: Array,
-    atlas: Array,
+    scene: tuple[Integers, Array, Array],
     t: float,
     h: Array,
 ) -> None:
@@ -164,17 +170,16 @@ def body_h(
     ball around p.
 
     Args:
-        geom: (P,) of the points, as in `Body`.
-        place: (P, 3) [m].
-        radius: (P,) [m].
+        body: the points.
         position: (ngeom, 3) of the geoms in the world [m].
         rotation: (ngeom, 9) of the geoms, row by row.
-        kind: (m,) which kernel evaluates each barrier.
-        parameters: (m, WIDTH) what it reads.
-        atlas: where the pieces of maps stand.
+        scene: (m,) which kernel evaluates each barrier, (m, WIDTH) what it reads, and where the
+            pieces of maps stand.
         t: time [s].
         h: (m,) to be written [m].
     """
+    geom, place, radius = body
+    kind, parameters, atlas = scene
     h[:] = np.inf
     for p in range(geom.size):
         x, y = _world(place[p], position[geom[p]], rotation[geom[p]])

@@ -111,7 +111,7 @@ class RandomPushes:
 _KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
 
 
-def disturbance_from_dict(values: Mapping[str, Any] | None) -> Disturbance:
+def disturbance_from_dict(values: Mapping[str, object] | None) -> Disturbance:
     """Return what a plain dict ``{"kind": "scheduled" | "random", …}`` describes; None is calm.
 
     Raises:

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import CloudpickleWrapper, batch_space
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.arrays import Array, Info, Mask, Records
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs.fleet_group import Group, Maker, first_report, layout
 from hcbf_gym.errors import HcbfError, InvalidInputError, as_array
@@ -116,7 +116,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Any, dict[str, Any]]:
+    ) -> tuple[Any, Info]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
 
         Args:
@@ -144,7 +144,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         infos = vector_infos.only(vector_infos.with_masks(_fields(now["info"]), everyone), mask)
         return now["observation"].copy(), infos
 
-    def step(self, actions: Any) -> tuple[Any, Array, Mask, Mask, dict[str, Any]]:
+    def step(self, actions: object) -> tuple[Any, Array, Mask, Mask, Info]:
         """Step every environment.
 
         Raises:
@@ -169,7 +169,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             infos |= vector_infos.endings(of_step, ended, last["observation"])
         return now["observation"].copy(), now["reward"].copy(), terminated, truncated, infos
 
-    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+    def call(self, name: str, *args: object, **kwargs: object) -> tuple[Any, ...]:
         """Return each environment's attribute, or what it returns where it can be called."""
         answers = self._ask("call", *((name, args, kwargs),) * len(self._groups))
         return tuple(one for answer in answers for one in answer)
@@ -182,7 +182,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         """Return each environment's picture."""
         return self.call("render")
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         """Close all environments, and end the other processes."""
         self._group.close()
         for pipe in self._pipes:
@@ -191,7 +191,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             process.join(_PATIENCE)
             process.kill()
 
-    def _ask(self, command: str, *told: tuple[Any, ...]) -> list[Any]:
+    def _ask(self, command: str, *told: tuple[object, ...]) -> list[Any]:
         """Return what each group answers to a command.
 
         Args:
@@ -279,7 +279,7 @@ def _serve(
         pipe.send(error)
 
 
-def _fields(records: Records) -> dict[str, Any]:
+def _fields(records: Records) -> Info:
     """Return the arrays (N, …) of records by the names of their fields, nested as these are."""
     return {
         name: _fields(records[name]) if records[name].dtype.names else records[name]
@@ -287,7 +287,7 @@ def _fields(records: Records) -> dict[str, Any]:
     }
 
 
-def _box(what: str, space: Any) -> spaces.Box:
+def _box(what: str, space: object) -> spaces.Box:
     """Return a space that is a box.
 
     Raises:

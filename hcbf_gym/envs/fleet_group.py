@@ -12,13 +12,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Records
+from hcbf_gym.arrays import Info, Mask, Records
 from hcbf_gym.errors import InvalidInputError
 
 Maker = Callable[[], gym.Env]
 
 
-def layout(report: Mapping[str, Any], where: str = "") -> np.dtype:
+def layout(report: Mapping[str, object], where: str = "") -> np.dtype:
     """Return the record that holds such a report.
 
     Args:
@@ -69,7 +69,7 @@ class Group:
         self._ended = [False] * len(envs)
 
     def reset(
-        self, seeds: Sequence[int | None], mask: NDArray[np.bool_], options: dict[str, Any] | None
+        self, seeds: Sequence[int | None], mask: Mask, options: dict[str, Any] | None
     ) -> None:
         """Start new episodes in the masked environments (n,)."""
         for i in map(int, np.flatnonzero(mask)):
@@ -90,7 +90,7 @@ class Group:
             _write(self._now[i], report)
             self._ended[i] = ended
 
-    def call(self, name: str, args: tuple[Any, ...], kwargs: dict[str, Any]) -> list[Any]:
+    def call(self, name: str, args: tuple[object, ...], kwargs: dict[str, object]) -> list[Any]:
         """Return each environment's attribute, or what it returns where it can be called."""
         found = [env.get_wrapper_attr(name) for env in self._envs]
         return [one(*args, **kwargs) if callable(one) else one for one in found]
@@ -108,15 +108,15 @@ class Group:
         self._ended[i] = False
 
 
-def first_report(env: gym.Env) -> dict[str, Any]:
+def first_report(env: gym.Env) -> Info:
     """Return what an environment reports at a reset."""
     observation, info = env.reset()
     return _report(observation, 0.0, False, False, info)
 
 
 def _report(
-    observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any]
-) -> dict[str, Any]:
+    observation: object, reward: object, terminated: object, truncated: object, info: Info
+) -> Info:
     return {
         "observation": observation,
         "reward": reward,
@@ -126,7 +126,7 @@ def _report(
     }
 
 
-def _places(records: Records, i: int) -> dict[str, Any]:
+def _places(records: Records, i: int) -> Info:
     """Return views of record i by the names of the fields, nested as these are."""
     return {
         name: _places(records[name], i) if records[name].dtype.names else records[name][i, ...]
@@ -134,7 +134,7 @@ def _places(records: Records, i: int) -> dict[str, Any]:
     }
 
 
-def _write(places: dict[str, Any], report: dict[str, Any], where: str = "") -> None:
+def _write(places: Info, report: Info, where: str = "") -> None:
     """Write a report to its places.
 
     Raises:

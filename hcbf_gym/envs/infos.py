@@ -1,4 +1,4 @@
-"""Infos of N environments as Gymnasium's vector environments give them, in every autoreset mode.
+"""Info of N environments as Gymnasium's vector environments give them, in every autoreset mode.
 
 Beside each entry ``key``, with a leading axis N, stands ``_key``: which environments report it.
 """
@@ -8,23 +8,21 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from hcbf_gym.arrays import Array, Mask
-
-Infos = dict[str, Any]
+from hcbf_gym.arrays import Array, Info, Mask
 
 
-def with_masks(info: Infos, reported: Mask) -> Infos:
+def with_masks(info: Info, reported: Mask) -> Info:
     """Return the entries, those of nested infos too, each with its mask."""
-    infos: Infos = {}
+    infos: Info = {}
     for key, value in info.items():
         infos[key] = with_masks(value, reported) if isinstance(value, dict) else value
         infos[f"_{key}"] = reported.copy()
     return infos
 
 
-def only(infos: Infos, mask: Mask) -> Infos:
+def only(infos: Info, mask: Mask) -> Info:
     """Return a copy in which the masked environments (N,) alone report; zero elsewhere."""
-    kept: Infos = {}
+    kept: Info = {}
     for key, value in infos.items():
         if isinstance(value, dict):
             kept[key] = only(value, mask)
@@ -34,7 +32,7 @@ def only(infos: Infos, mask: Mask) -> Infos:
     return kept
 
 
-def put(infos: Infos, mask: Mask, fresh: Infos) -> None:
+def put(infos: Info, mask: Mask, fresh: Info) -> None:
     """Replace the masked environments' entries in place by those of `fresh`."""
     for key, value in fresh.items():
         if isinstance(value, dict):
@@ -43,7 +41,7 @@ def put(infos: Infos, mask: Mask, fresh: Infos) -> None:
             infos[key][mask] = value[mask]
 
 
-def endings(infos: Infos, done: Mask, last: Array) -> Infos:
+def endings(infos: Info, done: Mask, last: Array) -> Info:
     """Return the entries that mode SameStep adds to a step in which episodes ended.
 
     Args:
@@ -62,7 +60,7 @@ def endings(infos: Infos, done: Mask, last: Array) -> Infos:
     }
 
 
-def start_over(infos: Infos, done: Mask, last: Array, fresh: Infos) -> None:
+def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
     """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
 
     Args:
@@ -92,7 +90,7 @@ class Reporter:
         self._key = key
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
 
-    def at_reset(self, infos: Infos, fresh: Any, options: dict[str, Any] | None) -> None:
+    def at_reset(self, infos: Info, fresh: Any, options: dict[str, Any] | None) -> None:
         """Add what a reset reports, for those of ``options["reset_mask"]`` or for all.
 
         Args:
@@ -105,7 +103,7 @@ class Reporter:
         self._ended[mask] = False
         infos |= only(with_masks({self._key: fresh}, everyone), mask)
 
-    def at_step(self, infos: Infos, entry: Any, fresh: Any, ended: Mask) -> Mask:
+    def at_step(self, infos: Info, entry: Any, fresh: Any, ended: Mask) -> Mask:
         """Add what a step reports, and return (N,) which environments were reset in it.
 
         Args:

@@ -1,51 +1,67 @@
 """What a safety filter must know of this package's environments, as `Plant` records."""
 
 import warnings
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
-from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged
+from hcbf_gym.certificates import Judged, NearestCertificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import EXACT, CoveredBy, Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import EXACT, CoveredBy, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
+def _read(name: str, env: object, *_: object) -> Any:
+    """Return what an environment says of itself, as a plant's reader."""
+    return getattr(env, name)
+
+
+_BARRIERS, _ESTIMATE, _GOAL, _JUDGED, _DECLARED = (
+    partial(_read, name) for name in ("barrier_set", "estimate", "goal", "judged", "declared")
+)  # the same ones for every plant: filters compare them
+
+
+class PlantModel(NamedTuple):
+    """What a filter takes for true of a simulated robot, from its environment's arguments.
+
+    Attributes:
+        input_set: U, as the robot carries it.
+        v_max: the strict cap on the speed [m/s].
+        uncertainty: how far the robot may be from its reduced-order model.
+        declared: the arguments, as certificates compare them.
+        nearest: the shipped certificate that fits them best.
+    """
+
+    input_set: InputSet
+    v_max: float
+    uncertainty: Uncertainty
+    declared: dict[str, Any]
+    nearest: NearestCertificate
+
+
 def plant_of(
-    env: Any,
-    input_set: InputSet | None = None,
-    uncertainty: Uncertainty = EXACT,
-    on_alarm: str = "warn",
+    input_set: InputSet, uncertainty: Uncertainty = EXACT, on_alarm: str = "warn"
 ) -> Plant:
     """Return the plant of one of this package's environments, single or native vector.
 
     Args:
-        env: the environment.
-        input_set: U; None is the scenario's.
+        input_set: U.
         uncertainty: how far the plant may be from its model.
         on_alarm: what an alarm leads to, "warn" or "brake".
     """
     return Plant(
         model=DoubleIntegrator(),
-        barriers=_barriers,
-        state=_estimate,
-        input_set=env.scenario.input_set if input_set is None else input_set,
+        barriers=_BARRIERS,
+        state=_ESTIMATE,
+        input_set=input_set,
         period=CONTROL_DT,
-        goal=_goal,
+        goal=_GOAL,
         uncertainty=uncertainty,
         on_alarm=on_alarm,
-        covered=_judged,
-        declared=_declared,
+        covered=_JUDGED,
+        declared=_DECLARED,
     )
-
-
-def _barriers(env: Any, observation: Any, info: dict[str, Any]) -> BarrierSet:
-    return env.barrier_set
-
-
-def _estimate(env: Any, observation: Any, info: dict[str, Any]) -> Estimate:
-    return env.estimate
 
 
 def warn_of(name: str, judged: Judged) -> None:
@@ -64,15 +80,3 @@ def warn_of(name: str, judged: Judged) -> None:
     warnings.warn(
         f"{name}: rank 1 is not promised (covered = 0){why}", CoverageWarning, stacklevel=5
     )
-
-
-def _judged(env: Any, observation: Any, info: dict[str, Any]) -> Judged:
-    return env.judged
-
-
-def _declared(env: Any, observation: Any, info: dict[str, Any]) -> Any:
-    return env.declared
-
-
-def _goal(env: Any, observation: Any, info: dict[str, Any]) -> Any:
-    return env.goal

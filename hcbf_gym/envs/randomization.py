@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ FARTHEST_PAYLOAD = 1.0
 """From the trunk's origin along an axis [m]."""
 
 
-class Conditions(NamedTuple):
+class PlantConditions(NamedTuple):
     """One draw: the conditions of one episode.
 
     Attributes:
@@ -77,7 +77,7 @@ class Randomization:
 
     def __post_init__(self) -> None:
         positive = ("floor_friction", "motor_strength")
-        for name in (*Conditions._fields, "start_distance", "start_yaw"):
+        for name in (*PlantConditions._fields, "start_distance", "start_yaw"):
             bounds = _range(name, getattr(self, name), exclusive=name in positive)
             object.__setattr__(self, name, bounds)
         place = finite_array(
@@ -86,7 +86,7 @@ class Randomization:
         object.__setattr__(self, "payload_position", tuple(place.tolist()))
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any] | None) -> "Randomization":
+    def from_dict(cls, values: Mapping[str, object] | None) -> "Randomization":
         """Return the ranges that a plain dict names; None means the nominal plant.
 
         Raises:
@@ -101,12 +101,14 @@ class Randomization:
     def off_nominal(self) -> bool:
         """Whether the conditions may differ from the nominal plant's; the start does not count."""
         nominal = Randomization()
-        return any(getattr(self, name) != getattr(nominal, name) for name in Conditions._fields)
+        return any(
+            getattr(self, name) != getattr(nominal, name) for name in PlantConditions._fields
+        )
 
-    def draw(self, rng: np.random.Generator) -> Conditions:
+    def draw(self, rng: np.random.Generator) -> PlantConditions:
         """Draw an episode; every field takes one number from `rng`, whatever its range."""
-        return Conditions(
-            *(float(rng.uniform(*getattr(self, name))) for name in Conditions._fields)
+        return PlantConditions(
+            *(float(rng.uniform(*getattr(self, name))) for name in PlantConditions._fields)
         )
 
     def draw_start(self, rng: np.random.Generator) -> tuple[Array, float]:
@@ -118,7 +120,7 @@ class Randomization:
         return offset, float(side * rng.uniform(*self.start_yaw))
 
 
-def _range(name: str, value: Any, exclusive: bool) -> Range:
+def _range(name: str, value: object, exclusive: bool) -> Range:
     pair = value if isinstance(value, list | tuple | np.ndarray) else (value, value)
     if len(pair) != 2:
         raise InvalidInputError(f"{name}: got {value!r}, expected a number or [low, high]")

@@ -1,8 +1,6 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
 from collections import deque
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.certificates import Judged
@@ -23,7 +21,7 @@ from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Scenario, ScenarioLike
 
 PATH_POINTS = 3000
 """How many of the last positions a picture shows; an episode without end forgets the others."""
@@ -91,7 +89,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
 
     def __init__(
         self,
-        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        scenario: ScenarioLike = "paper-simulation",
         render_mode: str | None = None,
     ):
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -125,7 +123,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self)
+        return plant_of(self.scenario.input_set)
 
     @property
     def judged(self) -> Judged:
@@ -165,7 +163,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Start a new episode; a seed decides everything that follows.
 
         Args:
@@ -200,7 +198,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self._family = None
         self._batch.set_scene(0, scenario)
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the acceleration u (2,) [m/s²] for one control step.
 
         Raises:

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
@@ -39,7 +38,7 @@ class BatchStep(NamedTuple):
 
     observation: Array
     reward_terms: dict[str, Array]
-    reached: NDArray[np.bool_]
+    reached: Mask
     info: dict[str, Array]
 
 
@@ -53,8 +52,8 @@ class References(NamedTuple):
     """
 
     tables: Array
-    of: NDArray[np.int64]
-    last: NDArray[np.int64]
+    of: Integers
+    last: Integers
 
 
 class RegionsBatch:
@@ -114,7 +113,7 @@ class RegionsBatch:
         tables, of, last = self._references
         self._references = References(tables[of], np.arange(len(self.x)), last)
 
-    def restart(self, mask: NDArray[np.bool_]) -> None:
+    def restart(self, mask: Mask) -> None:
         """Put the masked environments (N,) at rest at their starts, time zero."""
         self.x[mask, :2] = self._start[mask]
         self.x[mask, 2:] = 0.0
@@ -142,7 +141,7 @@ class RegionsBatch:
         observation, h, error = self.look()
         return observation, reset_info(self.task, h, error)
 
-    def step(self, action: Array, restarting: NDArray[np.bool_] | None = None) -> BatchStep:
+    def step(self, action: Array, restarting: Mask | None = None) -> BatchStep:
         """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
 
         Args:
@@ -193,7 +192,7 @@ def _reference(references: References, i: int, step: int) -> Array:
 
 @njit(cache=True)
 def _observe(
-    references: References, x: Array, steps: NDArray[np.int64], sensed: Array, m: int
+    references: References, x: Array, steps: Integers, sensed: Array, m: int
 ) -> tuple[Array, Array]:
     """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,)."""
     references = References(*borrowed(references))
@@ -208,12 +207,12 @@ def _observe(
 
 @njit(cache=True)
 def _advance(
-    kind: NDArray[np.int64],
+    kind: Integers,
     parameters: Array,
     atlas: Array,
     references: References,
     x: Array,
-    steps: NDArray[np.int64],
+    steps: Integers,
     u: Array,
     v_max: Array,
 ) -> tuple[Array, Array]:

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from hcbf_gym import certificates, scenarios
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.certificates import Judged
 from hcbf_gym.envs import infos as vector_infos
@@ -23,7 +22,7 @@ from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Layout, Route, Scenario
+from hcbf_gym.scenarios import Layout, Route, Scenario, ScenarioLike
 
 FRAME = 240
 """Side of the picture of one environment [pixels]."""
@@ -49,7 +48,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        scenario: ScenarioLike = "paper-simulation",
         max_episode_steps: int = task.MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
@@ -113,7 +112,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self)
+        return plant_of(self.scenario.input_set)
 
     @property
     def judged(self) -> Judged:
@@ -157,7 +156,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
 
         Args:
@@ -183,7 +182,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         observation, info = self._batch.reset_infos()
         return observation, vector_infos.only(self._report(info), mask)
 
-    def step(self, actions: Array) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Array, Array, Mask, Mask, Info]:
         """Hold the accelerations (N, 2) [m/s²] for one control step.
 
         Raises:
@@ -230,7 +229,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             )
         )
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         """Release the picture's memory."""
         if self._view is not None:
             self._view.close()
@@ -241,7 +240,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         if self.render_mode is not None:
             self._trace.append(self._batch.x[:, :2].copy())
 
-    def _check_mask(self, mask: Any) -> Mask:
+    def _check_mask(self, mask: object) -> Mask:
         mask = as_array("reset_mask", mask)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise InvalidInputError(
@@ -260,7 +259,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             if one is not None:
                 self._rngs[i], _ = seeding.np_random(one)
 
-    def _draw_scenes(self, mask: Mask, given: Mapping[str, Any]) -> None:
+    def _draw_scenes(self, mask: Mask, given: Mapping[str, object]) -> None:
         """Put the next scenes into the masked environments: those asked for, or their own."""
         family = self._source.family(given)
         self._families = [family if m else k for m, k in zip(mask, self._families, strict=True)]
@@ -275,5 +274,5 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
                 self._scenes[i] = drawn = scenarios.draw(self._source.source, self._rngs[i])
                 self._batch.set_drawn(i, drawn)
 
-    def _report(self, info: dict[str, Array]) -> dict[str, Any]:
+    def _report(self, info: dict[str, Array]) -> Info:
         return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

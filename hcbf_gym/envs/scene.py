@@ -1,7 +1,6 @@
 """The scene as an MjSpec: the robot, the ground under it and boxes in its way."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,7 +9,8 @@ from hcbf_gym.drawing import palette
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
-from hcbf_gym.robots.reader import Robot, foot_name, load_spec
+from hcbf_gym.robots.reader import Quadruped, foot_name, load_spec
+from hcbf_gym.scenarios import BoxObstacle
 
 FIXED_BOX_RGBA = palette.rgba(palette.FIXED_BOX)
 LIGHT_BOX_RGBA = palette.rgba(palette.LIGHT_BOX)
@@ -29,7 +29,7 @@ PAYLOAD = "payload"
 PAYLOAD_HALF_SIZE = (0.06, 0.05, 0.04)  # [m]
 
 
-def robot_spec(robot: Robot) -> mujoco.MjSpec:
+def robot_spec(robot: Quadruped) -> mujoco.MjSpec:
     """Return the robot alone, its actuators replaced by torque motors, its feet named and felt."""
     spec = load_spec(robot.xml_file)
     for element in (*spec.actuators, *spec.keys, *spec.sensors):  # keys would not fit the scene
@@ -71,21 +71,24 @@ def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 100.0
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a divergence is reported
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND  # one robot is one island
 
 
-def add_ground(spec: mujoco.MjSpec, terrain: str) -> None:
+def add_ground(spec: mujoco.MjSpec, terrain: str, decides: bool) -> None:
     """Lay the ground and light it.
 
     Args:
         spec: of the scene.
         terrain: "flat" without end, or "rough": blocks of random height up to `ROUGH_STEP`, always
             the same, between four walls.
+        decides: whether contacts have the floor's friction alone.
     """
     lay = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
     _add_floor_material(spec)
     lay(spec)
+    if decides:
+        floor = spec.geom(FLOOR)
+        floor.priority, floor.condim = 1, 3
     spec.worldbody.add_light(
         pos=(0, 0, 4),
         dir=(0.2, 0.2, -1),
@@ -142,7 +145,7 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
         )
 
 
-def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:
+def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[BoxObstacle]) -> None:
     """Put boxes on the ground.
 
     Args:
@@ -179,7 +182,7 @@ def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[Any]) -> None:
             spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
-def add_payload(spec: mujoco.MjSpec, position: Sequence[float], trunk: str = a1.TRUNK) -> None:
+def add_payload(spec: mujoco.MjSpec, position: Sequence[float], trunk: str) -> None:
     """Strap a box to the trunk at `position` (3,) in its axes [m]; its mass is set at reset."""
     body = spec.body(trunk).add_body(name=PAYLOAD, pos=position)
     body.add_geom(

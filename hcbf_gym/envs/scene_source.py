@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import InvalidInputError, check_options
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Scenario, ScenarioLike
 
 OPTIONS = ("scenario", "start")
 """What ``reset(options=…)`` takes: another scene, and where to start in it, for one episode."""
@@ -29,7 +28,7 @@ class SceneSource:
         random: whether each episode has another scene.
     """
 
-    def __init__(self, source: str | Path | Mapping[str, Any] | Scenario):
+    def __init__(self, source: ScenarioLike):
         self.source = source
         self.random = scenarios.is_random(source)
         self.own = scenarios.make(source, np.random.default_rng(0))

@@ -4,16 +4,16 @@ The numbers are those of `task.step_info`, `task.reward_terms` and `task.observe
 robots. One memory holds them all: a step copies it once, and every entry of its infos is a part.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers import kernels
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
-from hcbf_gym.envs.a1_walker import Walk
+from hcbf_gym.envs.drive import Motion
 from hcbf_gym.envs.task import (
     GOAL_REWARD,
     REWARD_TERMS,
@@ -42,10 +42,10 @@ class Counted(NamedTuple):
 
     observation: Array
     reward: float
-    info: dict[str, Any]
+    info: Info
 
 
-class Tally:
+class StepTally:
     """Counts the steps of one robot in one scene.
 
     Args:
@@ -67,7 +67,7 @@ class Tally:
     def count(
         self,
         scene: BarrierSet,
-        walk: Walk,
+        motion: Motion,
         known: Estimate,
         reference: Array,
         u: Array,
@@ -78,7 +78,7 @@ class Tally:
 
         Args:
             scene: the M barriers.
-            walk: where the robot was on the way.
+            motion: where the robot was on the way.
             known: of the robot at the end, on which the loop is closed.
             reference: (6,) position, velocity and acceleration at the end.
             u: (2,) the applied acceleration [m/s²].
@@ -87,12 +87,12 @@ class Tally:
         """
         x, task = known.x, (u, *distances, success, self._reaches)
         if scene.own:
-            h = scene.along(walk.path, walk.times)
+            h = scene.along(motion.path, motion.times)
             _, sensed = scene.sense(x[None], np.array([known.time]))
             _count(h, sensed[0], x, reference, task, self._memory)
         else:
             barriers = scene.kind, scene.parameters, scene.atlas.numbers
-            _look(barriers, walk.path, walk.times, x, known.time, reference, task, self._memory)
+            _look(barriers, motion.path, motion.times, x, known.time, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
         return Counted(memory[self._seen], float(memory[_REWARD]), info)
@@ -120,13 +120,13 @@ def _look(
 
 @njit(cache=True)
 def _count(h: Array, sensed: Array, x: Array, reference: Array, task: Task, memory: Array) -> None:
-    """Write what `Tally` holds.
+    """Write what `StepTally` holds.
 
     Args:
         h: (k, M) barrier values on the way; the last are those at the end.
         sensed: (M, 4) what `BarrierSet.sense` returns at the end.
         x: (4,) position [m] and velocity [m/s] on which the loop is closed.
-        reference: as `Tally.count` takes it.
+        reference: as `StepTally.count` takes it.
         task: u, the distances, the success, and whether the task is to reach the goal.
         memory: written to.
     """

@@ -1,13 +1,10 @@
 """What both environments share: time steps, observation, reward and the infos of a step."""
 
-from typing import Any
-
 import numpy as np
 from gymnasium import spaces
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -41,13 +38,11 @@ def observation_space(n_barriers: int) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, shape=(8 + 4 * n_barriers,), dtype=np.float64)
 
 
-def barriers_of(
-    scenario: Scenario, v_max: float | None, speed_margin: float = 0.0
-) -> tuple[Barrier, ...]:
+def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
     """Return the scenario's barriers, then the environment's own strict speed limit, if any."""
     if v_max is None:
         return scenario.conditions
-    return (*scenario.conditions, SpeedLimit("speed limit", 1, v_max, speed_margin))
+    return (*scenario.conditions, SpeedLimit("speed limit", 1, v_max))
 
 
 def reference_table(scenario: Scenario) -> Array:
@@ -95,7 +90,7 @@ def write_observation(x: Array, reference: Array, sensed: Array, seen: Array) ->
 
 
 def reward_terms(
-    task: str, distance_before: Array, distance_after: Array, reached: NDArray[np.bool_], u: Array
+    task: str, distance_before: Array, distance_after: Array, reached: Mask, u: Array
 ) -> dict[str, Array]:
     """Return the terms (N,) that sum to the reward.
 
@@ -116,7 +111,7 @@ def reward_terms(
 
 @njit(cache=True)
 def _terms(
-    distance_before: Array, distance_after: Array, reached: NDArray[np.bool_], u: Array
+    distance_before: Array, distance_after: Array, reached: Mask, u: Array
 ) -> tuple[Array, Array, Array]:
     """Return (N,) what effort costs, by how much the goal came nearer, and what reaching it earns.
 
@@ -140,9 +135,7 @@ def effort_cost(ux: float, uy: float) -> float:
     return -EFFORT_WEIGHT * (ux**2 + uy**2)
 
 
-def step_info(
-    h: Array, min_h: Array, tracking_error: Array, success: NDArray[np.bool_]
-) -> dict[str, Array]:
+def step_info(h: Array, min_h: Array, tracking_error: Array, success: Mask) -> dict[str, Array]:
     """Return the infos that every step carries, each with a leading axis N.
 
     Args:
@@ -195,12 +188,12 @@ def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
     return info | {term: np.zeros(len(h)) for term in REWARD_TERMS[task]}
 
 
-def first(info: dict[str, Array]) -> dict[str, Any]:
+def first(info: dict[str, Array]) -> Info:
     """Return the infos of environment 0: arrays, and numbers as NumPy's float64."""
     return {key: value[0] for key, value in info.items()}
 
 
-def check_action(action: Any, shape: tuple[int, ...]) -> Array:
+def check_action(action: object, shape: tuple[int, ...]) -> Array:
     """Return the action as float64.
 
     Raises:

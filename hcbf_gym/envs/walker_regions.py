@@ -3,38 +3,33 @@
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from hcbf_gym import certificates
-from hcbf_gym.envs import task, walker_plant
-from hcbf_gym.envs.a1_walker import Walk
-from hcbf_gym.envs.body import Footprint
-from hcbf_gym.envs.plants import plant_of
-from hcbf_gym.envs.walked_regions import WalkedRegionsEnv
+from hcbf_gym.arrays import Info
+from hcbf_gym.envs.body import footprint_of
+from hcbf_gym.envs.drive import Motion
+from hcbf_gym.envs.robot_regions import RobotRegionsEnv
+from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.envs.walker_plant import Declared, plant_model, widened
 from hcbf_gym.errors import SafetyWarning, choose
-from hcbf_gym.models.plant import Plant
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_margins import speed_cap
 from hcbf_gym.robots.walker_parts import HEADINGS
-from hcbf_gym.robots.walker_response import UNKNOWN, braked
-from hcbf_gym.scenarios import Scenario
-
-BODIES = ("point", "footprint")
-"""What must stay outside: the point that follows the model, or the whole robot."""
+from hcbf_gym.scenarios import ScenarioLike
 
 
-class WalkerRegionsEnv(WalkedRegionsEnv):
+class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     """A robot that takes velocities moves through dangerous regions that are ranked by priority.
 
     ## Description
     The task of `RegionsEnv` with a robot in MuJoCo that has a controller of its own: a learned
     policy, a vendor's, or wheels. The action is the acceleration of a reduced-order model; its
-    velocity, turned into the robot's axes, is what the controller is told.
+    velocity, turned into the robot's axes, is what the controller is commanded.
 
     ## Action Space
     `Box(low, high, (2,), float32)`, the acceleration u [m/s²] in the world, held for 0.02 s; ±5
@@ -57,7 +52,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
     ## Infos
     Those of `RegionsEnv`, with h of the robot at every physics step in `min_h`; the strict speed
     limit is the last barrier. Besides, `fallen` (0 or 1), `controller_failed` (0 or 1: the last
-    inputs of the actuators were kept), `command` (k,) what the controller was told last, in the
+    inputs of the actuators were kept), `command` (k,) the last command, in the
     robot's axes [m/s, rad/s], and `obstacle_force` (k,) the largest contact force with each box
     during the step [N].
 
@@ -66,7 +61,7 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
       a `Scenario`.
     * `heading`: "velocity" turns the robot along its velocity, "fixed" keeps its heading, "free"
-      turns it at `env.unwrapped.walker.adapter.turn` [rad/s]; None takes the contract's rule. A
+      turns it at `env.unwrapped.drive.adapter.turn` [rad/s]; None takes the contract's rule. A
       differential drive turns as it must.
     * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else the greatest
       forward speed of the contract.
@@ -86,12 +81,12 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
     def __init__(
         self,
         robot: str | Path = "cart",
-        scenario: str | Path | Mapping[str, Any] | Scenario = "paper-simulation",
+        scenario: ScenarioLike = "paper-simulation",
         heading: str | None = None,
         v_max: float | None = None,
         terrain: str = "flat",
-        randomization: Mapping[str, Any] | None = None,
-        disturbances: Mapping[str, Any] | None = None,
+        randomization: Mapping[str, object] | None = None,
+        disturbances: Mapping[str, object] | None = None,
         body: str = "point",
         render_mode: str | None = None,
     ):
@@ -99,49 +94,35 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
             self, robot, scenario, heading, v_max, terrain, randomization, disturbances, body,
             render_mode,
         )  # fmt: skip
-        self._begin(scenario, render_mode)
-        choose("body", body, dict.fromkeys(BODIES))
         if heading is not None:
             choose("heading", heading, HEADINGS)
-        self.contract = Walker.load(robot)
-        walker, boxes = self.contract, self.scenario.obstacles
+        scenes = SceneSource(scenario)
+        own, walker = scenes.own, Walker.load(robot)
+        self.contract = walker
         simulation = WalkerPhysics(
             walker,
-            obstacles=boxes,
+            obstacles=own.obstacles,
             terrain=terrain,
             randomization=randomization,
             disturbances=disturbances,
         )
-        self._v_max = walker_plant.speed_cap(walker, self.scenario, v_max)
-        declared = walker_plant.Declared(
-            heading, terrain, randomization, disturbances, len(boxes), body, self._v_max
-        )
-        self._declared = declared.told(walker)
-        self._found = certificates.nearest(self._declared)
-        response = UNKNOWN if walker.response is None else walker.response
-        self._braked = braked(self.scenario.input_set, response)
+        footprint = footprint_of(body, simulation)
         adapter = Adapter(walker.command, walker.response, heading)
-        footprint = None if body == "point" else Footprint(simulation.model, simulation.parts.trunk)
         reach = 0.0
         if footprint is not None:
-            at_home = footprint.radius(simulation.parts.home)
-            reach = (walker.body.reach or at_home) + adapter.look_ahead
-        self._uncertainty = walker_plant.uncertainty_of(
-            self._found, walker, task.CONTROL_DT, declared, reach
+            reach = walker.body.reach or footprint.radius(simulation.home_joints)
+            reach += adapter.look_ahead
+        cap = speed_cap(walker.command, own.v_max if v_max is None else v_max)
+        declared = Declared(
+            heading, terrain, randomization, disturbances, len(own.obstacles), body, cap
         )
-        self.walker: WalkerDrive = WalkerDrive(
-            simulation, adapter, footprint, walker_plant.widened(declared)
-        )
-        self._enter(terrain, "HCBF-WalkerRegions-v0")
-
-    @property
-    def plant(self) -> Plant:
-        """What a safety filter must know."""
-        return plant_of(self, self._braked, self._uncertainty, on_alarm="brake")
+        known = plant_model(walker, declared, own.input_set, reach)
+        drive = WalkerDrive(simulation, adapter, footprint, widened(declared))
+        super().__init__(drive, known, scenes, terrain, render_mode)
 
     def _stopped(self) -> bool:
-        """Tell whether the robot has fallen or its controller has failed; say so of the latter."""
-        if self.walker.failed:
+        """Return whether the robot has fallen or its controller has failed; warn of the latter."""
+        if self.drive.failed:
             warnings.warn(
                 f"walker {self.contract.name!r}: its controller {self.contract.policy} gave no "
                 "finite action of its size; the last inputs of the actuators stand, and the "
@@ -149,11 +130,11 @@ class WalkerRegionsEnv(WalkedRegionsEnv):
                 SafetyWarning,
                 stacklevel=3,
             )
-        return self.walker.failed or super()._stopped()
+        return self.drive.failed or super()._stopped()
 
-    def _info_of(self, walk: Walk) -> dict[str, Any]:
+    def _info_of(self, motion: Motion) -> Info:
         """Return what infos say of the robot besides."""
-        info = super()._info_of(walk)
-        info["controller_failed"] = np.float64(self.walker.failed)
-        info["command"] = self.walker.told.copy()
+        info = super()._info_of(motion)
+        info["controller_failed"] = np.float64(self.drive.failed)
+        info["command"] = self.drive.command.copy()
         return info

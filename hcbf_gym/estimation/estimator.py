@@ -61,7 +61,7 @@ class Estimator:
         self,
         legs: LegGeometry,
         foot_radius: float,
-        source: str | Mapping[str, Any] | Sensors = "lidar",
+        source: str | Mapping[str, object] | Sensors = "lidar",
         timestep: float = 0.002,
     ) -> None:
         self.sensors = sensors.make(source)

@@ -1,12 +1,12 @@
 """The locomotion controller: a planar acceleration in, twelve joint torques out, at 500 Hz."""
 
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.body_reference import BodyReference
@@ -41,7 +41,7 @@ class Diagnostics(NamedTuple):
         qp_failed: programs without a solution since reset; the last torques were held there.
     """
 
-    stance: NDArray[np.bool_]
+    stance: Mask
     foot_position: Array
     foothold: Array
     torque: Array
@@ -68,7 +68,6 @@ class LocomotionController:
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
         heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
         max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
-        height: of the trunk above the ground [m]; None is that of the home pose.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
@@ -84,7 +83,6 @@ class LocomotionController:
         gait: str = "trot",
         heading: str = "velocity",
         max_speed: float | None = None,
-        height: float | None = None,
     ) -> None:
         self.robot = read_robot(xml_file)
         self.model = RobotModel(self.robot)
@@ -94,12 +92,7 @@ class LocomotionController:
             check_friction(friction),
             self.robot.stall_torque,
             self.robot.no_load_speed,
-            finite_float(
-                "height",
-                self.robot.home_height if height is None else height,
-                minimum=0.0,
-                exclusive=True,
-            ),
+            self.robot.home_height,
             _speed_cap(chosen_gait, max_speed),
             choose("heading", heading, {"velocity": True, "fixed": False}),
             self.robot.foot_radius,
@@ -113,7 +106,7 @@ class LocomotionController:
         self.stance: NDArray[np.uint8] = self._memory["targets"]["stance"][0]
         self._qp = TaskSpaceQp(self._settings, self._memory)
         self._begun = False
-        self._solution: qp.QpSolution | None = None
+        self._solution: qp.Solution | None = None
         self._torque = np.zeros(12)
         self.solved = 0
         self.failed = 0
@@ -191,7 +184,7 @@ class LocomotionController:
         )
 
 
-def check_friction(friction: Any) -> float:
+def check_friction(friction: float) -> float:
     """Return µ of the contact forces.
 
     Raises:

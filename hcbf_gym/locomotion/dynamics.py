@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.models.constants import GRAVITY
@@ -39,7 +38,7 @@ class Dynamics(NamedTuple):
     v: Array
     R: Array
     feet: FootKinematics
-    stance: NDArray[np.bool_]
+    stance: Mask
 
 
 class Bodies(NamedTuple):

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.foothold import Trunk, foothold
 from hcbf_gym.locomotion.gait import FootPhases, Gait
@@ -26,7 +25,7 @@ class FootTargets(NamedTuple):
         foothold: (4, 2) where it shall land, or stands [m].
     """
 
-    stance: NDArray[np.bool_]
+    stance: Mask
     motion: Array
     foothold: Array
 

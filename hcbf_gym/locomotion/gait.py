@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 
 EARLY_TOUCHDOWN = 0.6  # share of the swing after which a touching foot becomes stance
 RESTING = -1.0  # what the clock shows while all feet are held down
@@ -63,12 +62,12 @@ class FootPhases(NamedTuple):
         remaining: (4,) until touchdown, 0 for feet in stance [s].
     """
 
-    stance: NDArray[np.bool_]
+    stance: Mask
     remaining: Array
 
 
 @njit(cache=True)
-def foot_phases(gait: Gait, clock: float, contact: NDArray[np.bool_]) -> FootPhases:
+def foot_phases(gait: Gait, clock: float, contact: Mask) -> FootPhases:
     """Return what each foot does at `clock` [s], given which feet (4,) touch."""
     stance = np.ones(4, dtype=np.bool_)
     remaining = np.zeros(4)

@@ -9,7 +9,7 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.dynamics import Bodies
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.robots import a1
-from hcbf_gym.robots.reader import Robot
+from hcbf_gym.robots.reader import Quadruped
 
 
 class RobotModel:
@@ -23,7 +23,7 @@ class RobotModel:
             legs.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Quadruped) -> None:
         self.pinocchio = _read(robot.xml_file)
         self.legs = _leg_geometry(self.pinocchio, robot)
         self.bodies = _bodies(self.pinocchio)
@@ -58,7 +58,7 @@ def _read(xml_file: Path) -> pin.Model:
     return model
 
 
-def _leg_geometry(model: pin.Model, robot: Robot) -> LegGeometry:
+def _leg_geometry(model: pin.Model, robot: Quadruped) -> LegGeometry:
     """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
     placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
     axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]

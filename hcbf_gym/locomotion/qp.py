@@ -33,7 +33,7 @@ class QuadraticProgram(NamedTuple):
     equalities: int
 
 
-class QpSolution(NamedTuple):
+class Solution(NamedTuple):
     """What the solver said.
 
     Attributes:
@@ -47,13 +47,13 @@ class QpSolution(NamedTuple):
     multipliers: Array
 
 
-def solve(program: QuadraticProgram) -> QpSolution:
+def solve(program: QuadraticProgram) -> Solution:
     """Solve a convex program with DAQP; where a Hessian is singular, it takes proximal steps."""
     H, f, A, lower, upper, equalities = program
     x, _, exitflag, info = daqp.solve(
         H, f, A, upper, lower, _senses(len(f), len(lower), equalities)
     )
-    return QpSolution(x if exitflag == OPTIMAL else None, exitflag, info["lam"])
+    return Solution(x if exitflag == OPTIMAL else None, exitflag, info["lam"])
 
 
 @cache
@@ -64,7 +64,7 @@ def _senses(unknowns: int, bounds: int, equalities: int) -> NDArray[np.int32]:
     return senses
 
 
-def residual(program: QuadraticProgram, solution: QpSolution) -> float:
+def residual(program: QuadraticProgram, solution: Solution) -> float:
     """Return the largest violation of the KKT conditions; infinite without a solution.
 
     Constraints count in their own units, stationarity relative to the largest entry of f.

@@ -5,11 +5,9 @@ A state travels as one vector: entering compiled code costs time per argument.
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 
 STATE_SIZE = 41
 
@@ -60,7 +58,7 @@ class RobotState:
         return self.vector[..., 25:37]
 
     @property
-    def foot_contact(self) -> NDArray[np.bool_]:
+    def foot_contact(self) -> Mask:
         """(4,) bool, whether the foot touches something."""
         return self.vector[..., 37:] > 0.0
 
@@ -74,7 +72,7 @@ class StateViews(NamedTuple):
     angular_velocity: Array
     joint_position: Array
     joint_velocity: Array
-    foot_contact: NDArray[np.bool_]
+    foot_contact: Mask
 
 
 @njit(cache=True)

@@ -40,12 +40,12 @@ class TaskSpaceQp:
         ]
         # where no bound binds, the solution is in the workspace and the multipliers are zero
         self._free = [
-            qp.QpSolution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
+            qp.Solution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
             for program in self._programs
         ]
         self.program = self._programs[0]
 
-    def step(self, state: RobotState, u: Array) -> tuple[Array, qp.QpSolution]:
+    def step(self, state: RobotState, u: Array) -> tuple[Array, qp.Solution]:
         """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
         contacts, free = tick(self._settings, self._memory, self._workspace, state.vector, u)
         self.program = self._programs[contacts]

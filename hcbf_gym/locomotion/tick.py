@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
 from hcbf_gym.locomotion.dynamics import BODIES, Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet
@@ -70,7 +69,7 @@ MEMORY = np.dtype(
 )
 
 
-class Plan(NamedTuple):
+class TickPlan(NamedTuple):
     """What a tick has decided when it comes to the QP.
 
     Attributes:
@@ -109,7 +108,7 @@ def is_quiet(state: StateViews, reference: BodyReference, u: Array, resting: boo
 
 
 @njit(cache=True)
-def ground_height(ground: float, feet: Array, carrying: NDArray[np.bool_], radius: float) -> float:
+def ground_height(ground: float, feet: Array, carrying: Mask, radius: float) -> float:
     """Return the ground's height [m], drawn slowly towards the feet (4, 3) that carry (4,)."""
     total, count = 0.0, 0
     for foot in range(4):
@@ -120,7 +119,7 @@ def ground_height(ground: float, feet: Array, carrying: NDArray[np.bool_], radiu
 
 
 @njit(cache=True)
-def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) -> Plan:
+def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) -> TickPlan:
     """Return what comes before the QP: gait → footholds → swing → tasks, and the impedance.
 
     Args:
@@ -154,14 +153,14 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
     feedback = joint_feedback(state, R, settings.legs, feet, targets, reference)
     quiet = is_quiet(state, reference, u, memory.clock < 0.0)
     memory.clock = advance_clock(settings.gait, memory.clock, quiet, dt)
-    return Plan(Dynamics(M, bias, v, R, feet, targets.stance), tasks, feedback)
+    return TickPlan(Dynamics(M, bias, v, R, feet, targets.stance), tasks, feedback)
 
 
 @njit(cache=True)
 def tick(
-    settings: NDArray[np.void],
-    memory: NDArray[np.void],
-    workspace: NDArray[np.void],
+    settings: Records,
+    memory: Records,
+    workspace: Records,
     state: Array,
     u: Array,
 ) -> tuple[int, bool]:

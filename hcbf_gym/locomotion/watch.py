@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask, Records
 from hcbf_gym.locomotion.leg import LEGS, LegGeometry, foot_kinematics
 from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix
@@ -68,6 +68,20 @@ class WatchBounds(NamedTuple):
     delay: float
 
 
+class Sampling(NamedTuple):
+    """How feet that stand are looked at.
+
+    Attributes:
+        foot_radius: [m].
+        settled: ticks that a foot must have touched.
+        every: how many ticks there are for a look.
+    """
+
+    foot_radius: float
+    settled: int
+    every: int
+
+
 class Memory(NamedTuple):
     """What the kernel carries from one judgement to the next.
 
@@ -83,7 +97,7 @@ class Memory(NamedTuple):
     rates: Array
     torque: Array
     changes: Array
-    touched: NDArray[np.int64]
+    touched: Integers
 
 
 class Watch:
@@ -113,9 +127,8 @@ class Watch:
     ) -> None:
         self.bounds = bounds
         self._legs = np.array([tuple(legs)], dtype=LEGS)
-        self._foot_radius = foot_radius
-        self._settled = max(round(SETTLING / timestep), 1)
-        self._every = max(round(LOOKED / timestep), 1)
+        settled, every = (max(round(time / timestep), 1) for time in (SETTLING, LOOKED))
+        self._sampling = Sampling(foot_radius, settled, every)
         self._declared = round(bounds.delay / timestep)
         delays = self._declared + 1 + max(round(SOUGHT / timestep), 1)
         self._stances = np.zeros((round(JUDGED / timestep), 4), dtype=np.uint8)
@@ -165,9 +178,7 @@ class Watch:
             self._memory,
             self._judgements % WINDOW,
             self._legs,
-            self._foot_radius,
-            self._settled,
-            self._every,
+            self._sampling,
             states,
             torques,
             self._stances,
@@ -193,10 +204,8 @@ class Watch:
 def add_up(
     memory: Memory,
     row: int,
-    legs: NDArray[np.void],
-    foot_radius: float,
-    settled: int,
-    every: int,
+    legs: Records,
+    sampling: Sampling,
     states: Array,
     torques: Array,
     stances: NDArray[np.uint8],
@@ -208,9 +217,7 @@ def add_up(
         memory: changed in place.
         row: of its sums.
         legs: (1,) `LEGS`.
-        foot_radius: [m].
-        settled: ticks that a foot must have touched.
-        every: how many ticks there are for a look at the feet that stand.
+        sampling: of the feet that stand.
         states: (n, 41).
         torques: (n, 12) [N·m].
         stances: (n, 4).
@@ -229,9 +236,9 @@ def add_up(
             memory.touched[foot] = memory.touched[foot] + 1 if touches else 0
             if stances[k, foot] == 0:
                 _correlate(sums, rates[k : k + 3], changes[k : k + delays], 3 * foot)
-        if (k + 1) % every == 0:
-            standing = (stances[k] > 0) & (memory.touched >= settled)
-            _add_slip(sums, legs[0], foot_radius, states[k], standing)
+        if (k + 1) % sampling.every == 0:
+            standing = (stances[k] > 0) & (memory.touched >= sampling.settled)
+            _add_slip(sums, legs[0], sampling.foot_radius, states[k], standing)
     memory.rates[:] = rates[-2:]
     memory.torque[:] = commanded[-1:]
     memory.changes[:] = changes[-delays:]
@@ -239,7 +246,7 @@ def add_up(
 
 @njit(cache=True)
 def _add_slip(
-    sums: Array, legs: LegGeometry, foot_radius: float, vector: Array, standing: NDArray[np.bool_]
+    sums: Array, legs: LegGeometry, foot_radius: float, vector: Array, standing: Mask
 ) -> None:
     """Add |v − v_foot| of the feet that stand (4,)."""
     state = state_views(vector)

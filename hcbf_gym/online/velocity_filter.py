@@ -14,6 +14,7 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.speed_limit import check_leaves_speed
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.core import FilterSettings
@@ -26,8 +27,9 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.robots.walker_margins import braked, margins, speed_cap
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import UNKNOWN, Response, braked, uncertainty
+from hcbf_gym.robots.walker_response import UNKNOWN, Response
 
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
@@ -110,30 +112,27 @@ class VelocityFilter:
         **options: Any,
     ):
         known = _known(robot)
-        response = UNKNOWN if known.response is None else known.response
         self.barriers: Any = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach + self._adapter.look_ahead if radius is None else radius
-        margins = certificates.at_least(uncertainty(response, self._period), known.known_as)
-        margins = margins._replace(body=finite_float("radius", reach, minimum=0.0))
-        cap = known.command.forward if v_max is None else v_max
-        self._cap = finite_float(
-            "v_max", cap, minimum=2.0 * margins.speed, maximum=known.command.forward, exclusive=True
-        )
+        reserved = margins(known.response, self._period, known.known_as)
+        reserved = reserved._replace(body=finite_float("radius", reach, minimum=0.0))
+        self._cap = speed_cap(known.command, v_max)
+        check_leaves_speed("v_max", self._cap, reserved.speed)
         self._limit = SpeedLimit("speed limit", 1, self._cap)
-        input_set = braked(Box.symmetric(HARDEST), response)
+        input_set = braked(Box.symmetric(HARDEST), known.response)
         self._able = braking.weakest(input_set)
         plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
-            uncertainty=margins,
+            uncertainty=reserved,
         )  # fmt: skip
         settings = FilterSettings(program, "held", guidance, None, None, on_alarm, False, options)
         self._core = PlanarCore(plant, input_set, settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
-        self._follows = response.follows
+        self._follows = (known.response or UNKNOWN).follows
         self._monitor = ResponseMonitor(known.command, known.response)
         self._goal = None if goal is None else finite_array("goal", goal, (2,))
         if guidance is not None and self._goal is None:

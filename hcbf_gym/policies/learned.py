@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.records import whole
 
@@ -45,7 +45,7 @@ class LearnedPolicy:
     squash: str
     about: dict[str, Any]
 
-    def __call__(self, observation: Array, info: dict[str, Any]) -> Array:
+    def __call__(self, observation: Array, info: Info) -> Array:
         """Return u* (…, 2) [m/s²] for one observation (n,) or a batch (N, n)."""
         x = np.clip((observation - self.mean) / self.scale, -CLIP, CLIP)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):

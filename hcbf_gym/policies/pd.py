@@ -8,14 +8,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, finite_float
 
 
 class Policy(Protocol):
     """Anything that turns an observation and its info into a nominal acceleration u*."""
 
-    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[Any]:
+    def __call__(self, observation: Array, info: Info) -> NDArray[Any]:
         """Return u* (…, 2) [m/s²]."""
         ...
 
@@ -83,7 +83,7 @@ class PDTracker:
             raise InvalidInputError(f"action space: got {space}, expected a Box of shape (2,)")
         return cls(space.low.astype(np.float64), space.high.astype(np.float64), **gains)
 
-    def __call__(self, observation: Array, info: dict[str, Any]) -> NDArray[np.float32]:
+    def __call__(self, observation: Array, info: Info) -> NDArray[np.float32]:
         """Return u* (…, 2) [m/s²], within the bounds."""
         u = pd_law(observation[..., 0:2], observation[..., 2:4], self.kp, self.kd)
         if self.feed_forward:

@@ -18,7 +18,7 @@ _DEFAULT_LEG = (0.0, 0.9, -1.8)  # [rad] abad, hip and knee where a file has no 
 
 
 @dataclass(frozen=True)
-class Robot:
+class Quadruped:
     """A trunk with four abad–hip–knee legs, joints ordered as in `a1.JOINTS`.
 
     Attributes:
@@ -68,7 +68,7 @@ def compile_spec(spec: mujoco.MjSpec, source: str | Path) -> mujoco.MjModel:
         raise RobotModelError(f"xml_file: MuJoCo refuses {source}: {error}") from error
 
 
-def read_robot(xml_file: str | Path = a1.XML_FILE) -> Robot:
+def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
     """Read a robot by rule and check that the controller can drive it.
 
     Legs are found by the names of `a1.JOINTS`; the foot is the lowest sphere of a calf; a torque
@@ -88,13 +88,34 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Robot:
     calf, radius = _foot(model, feet)
     joints, key_height = _home(model)
     height = max(key_height, _standing_height(model, joints, feet))
-    robot = Robot(
+    robot = Quadruped(
         Path(xml_file), calf, radius, _stall_torque(model), _no_load_speed(model), joints, height
     )
     _check_strength(model, robot)
     for array in (robot.stall_torque, robot.no_load_speed, robot.home_joints):
         array.setflags(write=False)
     return robot
+
+
+def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
+    """Refuse a file in which something stands besides the robot.
+
+    Args:
+        what: the file, for the message.
+        model: compiled from it.
+        trunk: the robot's first body.
+
+    Raises:
+        RobotModelError: if something does.
+    """
+    alone = model.body_rootid == model.body(trunk).id
+    strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
+    ground = int((model.geom_bodyid == 0).sum())
+    if strangers or ground:
+        raise RobotModelError(
+            f"{what}: got {ground} geom(s) in the world and the bodies {strangers} besides the "
+            "robot, expected the robot alone: the simulation adds floor and obstacles"
+        )
 
 
 def foot_name(leg: str) -> str:
@@ -130,14 +151,7 @@ def _check_tree(model: mujoco.MjModel) -> None:
 
 def _check_plausible(model: mujoco.MjModel) -> None:
     """Refuse what would silently turn the simulation into something else than a robot walking."""
-    alone = model.body_rootid == model.body(a1.TRUNK).id
-    strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
-    ground = int((model.geom_bodyid == 0).sum())
-    if strangers or ground:
-        raise RobotModelError(
-            f"xml_file: got {ground} geom(s) in the world and the bodies {strangers} besides the "
-            "robot, expected the robot alone: the simulation adds floor and obstacles"
-        )
+    check_alone("xml_file", model, a1.TRUNK)
     if not np.allclose(model.opt.gravity, (0.0, 0.0, -GRAVITY)):
         raise RobotModelError(
             f"xml_file: got gravity {model.opt.gravity.tolist()}, expected [0, 0, {-GRAVITY}]"
@@ -262,7 +276,7 @@ def _standing_height(model: mujoco.MjModel, joints: Array, feet: list[int]) -> f
     return float((model.geom_size[feet, 0] - data.geom_xpos[feet, 2]).max()) + CLEARANCE
 
 
-def _check_strength(model: mujoco.MjModel, robot: Robot) -> None:
+def _check_strength(model: mujoco.MjModel, robot: Quadruped) -> None:
     """Refuse a robot whose knees could not carry it on two legs in its home pose."""
     weight = GRAVITY * float(model.body_subtreemass[model.body(a1.TRUNK).id])
     legs = robot.home_joints.reshape(4, 3)

@@ -31,12 +31,11 @@ window is judged once it has seen W₀/k of motion, up to where sway may correla
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Pair
+from hcbf_gym.arrays import Array, Pair, Records
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import UNKNOWN, Response
 
@@ -171,7 +170,7 @@ class ResponseMonitor:
 
 
 @njit(cache=True, error_model="numpy")
-def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
+def _tell(notes: Records, forward: float, aside: float, time: float) -> None:
     note = notes[0]
     while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
         note.count -= 1  # what was to come after it is told no more
@@ -184,7 +183,7 @@ def _tell(notes: Any, forward: float, aside: float, time: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _observe(
-    notes: Any, laws: Any, pose: Array, velocity: Array, time: float, good_until: float
+    notes: Records, laws: Records, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
@@ -223,7 +222,9 @@ def _observe(
 
 
 @njit(cache=True, error_model="numpy")
-def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt: float) -> float:
+def _strays(
+    note: np.record, law: np.record, off: Pair, length: float, passed: float, doubt: float
+) -> float:
     """Add a sample to r of every window, and return the greatest share of its bound."""
     worst = 0.0
     for i in range(WINDOWS):
@@ -243,7 +244,9 @@ def _strays(note: Any, law: Any, off: Pair, length: float, passed: float, doubt:
 
 
 @njit(cache=True, error_model="numpy")
-def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float, hidden: float) -> float:
+def _differs(
+    note: np.record, law: np.record, off: Pair, went: Pair, passed: float, hidden: float
+) -> float:
     """Add a sample to c of both windows, and return the lesser share of the bound."""
     least = FAST * law.forward
     told = np.hypot(went[0], went[1]) > least * passed
@@ -270,7 +273,7 @@ def _differs(note: Any, law: Any, off: Pair, went: Pair, passed: float, hidden: 
 
 @njit(cache=True, error_model="numpy")
 def _follow(
-    note: Any, law: Any, start: float, end: float, moves: bool
+    note: np.record, law: np.record, start: float, end: float, moves: bool
 ) -> tuple[float, float, float]:
     """Let v̂ follow the commands from a time to another, and return ∫v̂ (2) and ∫‖v̂‖ [m]."""
     tau, delay = max(law.tau, 1e-6), law.delay

@@ -5,7 +5,6 @@
 array([1.2, 5. ])
 """
 
-import json
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +12,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import (
     HcbfError,
     InvalidInputError,
@@ -77,7 +75,7 @@ class Walker:
         period: how long the controller holds an action [s].
         observation: what the controller sees.
         action: what its output does.
-        command: what it may be told.
+        command: what it may be commanded.
         body: the robot's body.
         fall: when it counts as fallen.
         phase: the controller's clock; None for none.
@@ -144,7 +142,7 @@ class Walker:
         """Return (k,) by which the controller's output is multiplied."""
         return spread("action: scale", self.action.scale, len(parts.actuators))
 
-    def offset(self, parts: Parts, at: NDArray[np.int64]) -> Array:
+    def offset(self, parts: Parts, at: Integers) -> Array:
         """Return (k,) what is added to it: home, or nothing.
 
         Args:
@@ -266,12 +264,7 @@ def _find(path: str | Path) -> Path:
 
 def _read(file: Path) -> Walker:
     """Return the contract in a file; nothing is checked against other files."""
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InvalidInputError(
-            f"robot: got {str(file)!r} ({error}), expected a readable JSON file"
-        ) from error
+    data = records.read_json("robot", file)
     what = f"walker ({file})"
     records.check_mapping(what, data)
     keys = [f.name for f in fields(Walker) if f.name not in ("source", "response")]
@@ -306,7 +299,7 @@ def _read(file: Path) -> Walker:
     )
 
 
-def _text(what: str, value: Any) -> str:
+def _text(what: str, value: object) -> str:
     if not isinstance(value, str) or not value:
         raise InvalidInputError(f"{what}: got {value!r}, expected text")
     return value

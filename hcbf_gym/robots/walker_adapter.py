@@ -1,4 +1,4 @@
-r"""From the velocity that the reduced-order model has to what a robot's controller is told.
+r"""From the velocity that the reduced-order model has to what a robot's controller is commanded.
 
 A robot that moves in every direction gets the velocity in its own axes, divided by the gain with
 which it follows, and a turning rate from the adapter's own loop. A differential drive with the
@@ -28,7 +28,7 @@ class Adapter:
     """Turns the model's velocity into commands.
 
     Args:
-        command: limits of what the robot is told, and the rule of its heading.
+        command: limits of the command, and the rule of its heading.
         response: how it follows; None takes it at its word.
         heading: a name of `walker_parts.HEADINGS`; None takes the contract's.
 
@@ -56,7 +56,7 @@ class Adapter:
         self._target, self._turning = yaw, False
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        """Return what the robot is told.
+        """Return the command.
 
         Args:
             vx: of the model in the world [m/s].

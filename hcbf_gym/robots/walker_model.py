@@ -1,5 +1,6 @@
 """A walker's MJCF as the contract asks for it: checked, its actuators found by name."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,12 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, RobotModelError
 from hcbf_gym.models.constants import GRAVITY
-from hcbf_gym.robots.reader import compile_spec, load_spec
+from hcbf_gym.robots.reader import check_alone, compile_spec, load_spec
 from hcbf_gym.robots.walker_parts import Action, Body, Physics, spread
 
 _DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _VISIBLE_GROUPS = 3
-"""Groups of geoms that MuJoCo draws unless it is told otherwise."""
+"""Groups of geoms that MuJoCo draws by itself."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def walker_spec(
         spec.delete(sensor)
     _set_physics(spec, physics, joints)
     if action.gains is not None:
-        _add_servos(spec, model, action, joints)
+        _add_servos(spec, model, action.gains, joints)
         actuators = joints
     _show(spec)
     return spec, Parts(trunk, joints, actuators, home)
@@ -99,7 +100,7 @@ def indices(model: mujoco.MjModel, parts: Parts) -> Indices:
     )
 
 
-def as_slice(places: Integers) -> Any:
+def as_slice(places: Integers) -> slice | Integers:
     """Return places as a slice where they follow each other, which is a view and faster."""
     first = int(places[0]) if len(places) else 0
     follow = np.array_equal(places, first + np.arange(len(places)))
@@ -125,14 +126,7 @@ def _trunk(model: mujoco.MjModel, body: Body) -> str:
 
 def _check_alone(model: mujoco.MjModel, trunk: str) -> None:
     """Refuse what would turn the simulation into something else than one robot on the ground."""
-    alone = model.body_rootid == model.body(trunk).id
-    strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
-    ground = int((model.geom_bodyid == 0).sum())
-    if strangers or ground:
-        raise RobotModelError(
-            f"mjcf: got {ground} geom(s) in the world and the bodies {strangers} besides the "
-            "robot, expected the robot alone: the simulation adds floor and obstacles"
-        )
+    check_alone("mjcf", model, trunk)
     if not np.allclose(model.opt.gravity, (0.0, 0.0, -GRAVITY), atol=0.01):
         raise RobotModelError(
             f"mjcf: got gravity {model.opt.gravity.tolist()}, expected [0, 0, {-GRAVITY}]"
@@ -225,11 +219,14 @@ def _filled(before: Any, value: float) -> Any:
 
 
 def _add_servos(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, action: Action, joints: tuple[str, ...]
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    gains: Mapping[str, tuple[float, ...]],
+    joints: tuple[str, ...],
 ) -> None:
     """Replace the file's actuators by position servos that keep their torque limits."""
-    kp = spread("action: gains: kp", action.gains["kp"], len(joints))
-    kd = spread("action: gains: kd", action.gains["kd"], len(joints))
+    kp = spread("action: gains: kp", gains["kp"], len(joints))
+    kd = spread("action: gains: kd", gains["kd"], len(joints))
     limits = [_limit(model, name) for name in joints]
     for actuator in spec.actuators:
         spec.delete(actuator)

@@ -28,7 +28,7 @@ SLOWEST_PERIOD = 0.2
 
 @dataclass(frozen=True)
 class Command:
-    """The velocities that the robot may be told, in its own axes.
+    """The velocities that the robot may be commanded, in its own axes.
 
     Args:
         forward: greatest speed ahead and back [m/s], positive.
@@ -70,7 +70,7 @@ class Command:
         """Return (…, 2) the velocities of the point that follows, in the robot's axes [m/s].
 
         Args:
-            command: (…, k) as the controller is told them.
+            command: (…, k) as the controller takes them.
         """
         if self.look_ahead is None:
             return command[..., :2]
@@ -78,7 +78,7 @@ class Command:
 
     @property
     def limits(self) -> Array:
-        """(k,) of the entries that the controller is told: (v_x, v_y, ω), or (v, ω)."""
+        """(k,) of the controller's command: (v_x, v_y, ω), or (v, ω)."""
         if self.sideways is None:
             return np.array([self.forward, self.turn])
         return np.array([self.forward, self.sideways, self.turn])
@@ -104,12 +104,12 @@ class Action:
         UnknownNameError: if there is no such kind.
     """
 
-    scale: Any = 1.0
+    scale: tuple[float, ...] = (1.0,)
     kind: str = "position"
-    home: Any = None
-    joints: Any = None
-    actuators: Any = None
-    gains: Any = None
+    home: tuple[float, ...] | None = None
+    joints: tuple[str, ...] | None = None
+    actuators: tuple[str, ...] | None = None
+    gains: Mapping[str, tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
         choose("kind of action", self.kind, KINDS)
@@ -140,7 +140,7 @@ class Phase:
     """
 
     frequency: float
-    start: Any = (0.0,)
+    start: tuple[float, ...] = (0.0,)
 
     def __post_init__(self) -> None:
         finite_float("phase: frequency", self.frequency, minimum=0.0, maximum=100.0, exclusive=True)
@@ -224,18 +224,18 @@ class Body:
             finite_float("body: reach", self.reach, minimum=0.0, maximum=100.0, exclusive=True)
 
 
-def names(what: str, value: Any) -> tuple[str, ...]:
+def names(what: str, value: object) -> tuple[str, ...]:
     """Return a list of different names as a tuple.
 
     Raises:
         InvalidInputError: if it is none.
     """
-    listed = isinstance(value, Sequence) and not isinstance(value, str)
-    if not listed or not value or not all(isinstance(name, str) and name for name in value):
+    listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
+    if not listed or not all(isinstance(name, str) and name for name in listed):
         raise InvalidInputError(f"{what}: got {value!r}, expected a list of names")
-    if len(set(value)) != len(value):
-        raise InvalidInputError(f"{what}: got {list(value)}, expected every name once")
-    return tuple(value)
+    if len(set(listed)) != len(listed):
+        raise InvalidInputError(f"{what}: got {list(listed)}, expected every name once")
+    return tuple(listed)
 
 
 def numbers(what: str, value: Any) -> tuple[float, ...]:

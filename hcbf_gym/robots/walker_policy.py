@@ -2,7 +2,7 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +20,7 @@ EXTRA = "walkers"
 class Controller(Protocol):
     """What turns an observation into an action; one is made for every episode."""
 
-    def __call__(self, observation: Array) -> Any:
+    def __call__(self, observation: Array) -> Array:
         """Return (k,) the action.
 
         Args:
@@ -34,7 +34,7 @@ Maker = Callable[[mujoco.MjModel, float], Controller]
 
 
 def is_network(policy: str) -> bool:
-    """Tell whether a contract's policy is a file rather than ``module:function``."""
+    """Return whether a contract's policy is a file rather than ``module:function``."""
     return policy.endswith(".onnx")
 
 
@@ -117,8 +117,8 @@ class Network:
         return self._run(self._wanted, self._feed)[0][0]
 
 
-def _fits(shape: Any, size: int) -> bool:
-    """Tell whether a network's shape is (1, size); names stand for any size."""
+def _fits(shape: Sequence[object], size: int) -> bool:
+    """Return whether a network's shape is (1, size); names stand for any size."""
     return (
         len(shape) == 2
         and shape[0] in (1, None, *filter(_is_name, shape[:1]))
@@ -126,7 +126,7 @@ def _fits(shape: Any, size: int) -> bool:
     )
 
 
-def _is_name(size: Any) -> bool:
+def _is_name(size: object) -> bool:
     return isinstance(size, str)
 
 

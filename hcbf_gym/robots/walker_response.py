@@ -1,4 +1,4 @@
-r"""How a robot follows the velocities that it is told, and what rows must reserve for it.
+r"""How a robot follows the velocities that it is commanded.
 
 In the robot's own axes, axis by axis,
 
@@ -11,12 +11,9 @@ noise. `hcbf identify` measures these numbers.
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from hcbf_gym import records
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.errors import finite_array, finite_float
 
 LASTING = 4.0
 """Over which sway has averaged out [s]."""
@@ -35,7 +32,7 @@ class Response:
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
         sway: what position deviates at most from the model's in 99.9 % of the time, over the time
             that the model takes to follow [m].
-        overshoot: by how much the speed of the fast robot exceeds all that was told within a
+        overshoot: by how much the speed of the fast robot exceeds all commands within a
             second, in 99.9 % of the time [m/s].
         rise: from 10 to 90 % of a step of the speed [s].
         stopping: how far the robot goes on after the command has become zero [m].
@@ -88,12 +85,7 @@ class Response:
         Raises:
             InvalidInputError: if it cannot be read.
         """
-        try:
-            data: Any = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            raise InvalidInputError(
-                f"response: got {str(path)!r} ({error}), expected a readable JSON file"
-            ) from error
+        data = records.read_json("response", path)
         records.check_mapping("response", data)
         return records.build(f"response ({path})", cls, data)
 
@@ -135,55 +127,3 @@ UNKNOWN = Response(
     seconds=0.0,
 )
 """What is assumed of a robot that nobody has measured: it is slow, and it sways."""
-
-
-LEAST_DISTANCE = 0.02
-"""What rows reserve for any robot [m]."""
-LEAST_SPEED = 0.05
-"""What a speed limit reserves for any robot [m/s]."""
-BEYOND = 1.1
-"""Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
-SETTLES = 0.7
-"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
-a long turn, the robot settles nearer than its row says."""
-FARTHER = 1.25
-"""Of τ + δ + T that the body is taken to go on with a velocity error."""
-MOST = 0.25
-"""What the tracking error may add to a row [m]."""
-OVERSHOOT = 0.3
-"""Share of the velocity error that a speed limit reserves."""
-
-
-def uncertainty(response: Response, period: float) -> Uncertainty:
-    """Return what rows must reserve for a robot, from how it follows.
-
-    A body that is faster towards a region than it was told goes on for ``τ + δ + T``. One that
-    stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
-    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is
-    reserved in any case.
-
-    Args:
-        response: of the robot.
-        period: T, between two inputs [s].
-    """
-    follows = response.follows
-    _, often, _ = response.residual
-    return Uncertainty(
-        distance=LEAST_DISTANCE + often * follows,
-        per_velocity=max(SETTLES, FARTHER * (follows + period)),
-        per_lead=1.0,
-        cap=MOST,
-        speed=LEAST_SPEED + BEYOND * response.overshoot,
-        speed_per_velocity=OVERSHOOT,
-    )
-
-
-def braked(input_set: InputSet, response: Response) -> InputSet:
-    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
-
-    Args:
-        input_set: of the scene.
-        response: of the robot.
-    """
-    share = response.braking / input_set.radius
-    return input_set if share >= 1.0 else input_set.scaled(share)

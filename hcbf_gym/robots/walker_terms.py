@@ -58,6 +58,10 @@ class Source(NamedTuple):
     phase: Array
 
 
+Options = Mapping[str, Any]
+"""What a term asks for besides its name and scale."""
+
+
 class Reading(NamedTuple):
     """One term, ready to be read: how many entries it has, and what writes them."""
 
@@ -77,10 +81,10 @@ class Term:
 
     term: str
     scale: tuple[float, ...]
-    options: Mapping[str, Any]
+    options: Options
 
 
-def read_terms(value: Any) -> tuple[Term, ...]:
+def read_terms(value: object) -> tuple[Term, ...]:
     """Return the terms of a contract's list.
 
     Raises:
@@ -193,13 +197,13 @@ def _copies(view: Array) -> Reading:
     return Reading(view.size, write)
 
 
-def _sensor(s: Source, options: Mapping[str, Any]) -> Reading:
+def _sensor(s: Source, options: Options) -> Reading:
     index = s.model.sensor(options["name"]).id
     first, size = int(s.model.sensor_adr[index]), int(s.model.sensor_dim[index])
     return _copies(s.data.sensordata[first : first + size])
 
 
-def _gravity(s: Source, options: Mapping[str, Any]) -> Reading:
+def _gravity(s: Source, options: Options) -> Reading:
     if "site" not in options:
         up = s.data.xmat[s.model.body(s.parts.trunk).id][6:]
     else:
@@ -216,7 +220,7 @@ def _gravity(s: Source, options: Mapping[str, Any]) -> Reading:
     return Reading(3, write)
 
 
-def _linear_velocity(s: Source, options: Mapping[str, Any]) -> Reading:
+def _linear_velocity(s: Source, options: Options) -> Reading:
     rotation = s.data.xmat[s.model.body(s.parts.trunk).id].reshape(3, 3)
     velocity = s.data.qvel[:3]
 
@@ -226,11 +230,11 @@ def _linear_velocity(s: Source, options: Mapping[str, Any]) -> Reading:
     return Reading(3, write)
 
 
-def _angular_velocity(s: Source, options: Mapping[str, Any]) -> Reading:
+def _angular_velocity(s: Source, options: Options) -> Reading:
     return _copies(s.data.qvel[3:6])
 
 
-def _joints(s: Source, options: Mapping[str, Any]) -> Reading:
+def _joints(s: Source, options: Options) -> Reading:
     _need_joints(s, "joints")
     at, home = as_slice(s.at.q), s.parts.home[s.at.q - 7]
     qpos = s.data.qpos
@@ -241,7 +245,7 @@ def _joints(s: Source, options: Mapping[str, Any]) -> Reading:
     return Reading(len(s.at.q), write)
 
 
-def _rates(s: Source, options: Mapping[str, Any]) -> Reading:
+def _rates(s: Source, options: Options) -> Reading:
     _need_joints(s, "rates")
     at, qvel = as_slice(s.at.rate), s.data.qvel
 
@@ -258,15 +262,15 @@ def _need_joints(s: Source, term: str) -> None:
         )
 
 
-def _last_action(s: Source, options: Mapping[str, Any]) -> Reading:
+def _last_action(s: Source, options: Options) -> Reading:
     return _copies(s.last_action)
 
 
-def _command(s: Source, options: Mapping[str, Any]) -> Reading:
+def _command(s: Source, options: Options) -> Reading:
     return _copies(s.command)
 
 
-def _phase(s: Source, options: Mapping[str, Any]) -> Reading:
+def _phase(s: Source, options: Options) -> Reading:
     count = len(s.phase)
     if not count:
         raise InvalidInputError("observation: got 'phase' and no clock, expected phase: frequency")
@@ -278,7 +282,7 @@ def _phase(s: Source, options: Mapping[str, Any]) -> Reading:
     return Reading(2 * count, write)
 
 
-def _state(s: Source, options: Mapping[str, Any]) -> Reading:
+def _state(s: Source, options: Options) -> Reading:
     nq = 7 + len(s.parts.home)
     qpos, qvel = s.data.qpos[:nq], s.data.qvel[: nq - 1]
 
@@ -289,7 +293,7 @@ def _state(s: Source, options: Mapping[str, Any]) -> Reading:
     return Reading(2 * nq - 1, write)
 
 
-def _contacts(s: Source, options: Mapping[str, Any]) -> Reading:
+def _contacts(s: Source, options: Options) -> Reading:
     at = [s.model.sensor_adr[s.model.sensor(_touch(body)).id] for body in options["bodies"]]
     places, forces = np.add.outer(np.array(at), np.arange(3)), s.data.sensordata
 
@@ -303,7 +307,7 @@ def _contacts(s: Source, options: Mapping[str, Any]) -> Reading:
 class Kind(NamedTuple):
     """A kind of term: how it is made ready, and the options that it must and may have."""
 
-    bind: Callable[[Source, Mapping[str, Any]], Reading]
+    bind: Callable[[Source, Options], Reading]
     options: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
 

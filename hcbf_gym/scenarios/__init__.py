@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps
 from hcbf_gym.scenarios.floor_plans import Route
 from hcbf_gym.scenarios.hall import Layout
-from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, from_dict, load
+from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 
 __all__ = [
     "PLANS",
@@ -20,6 +19,7 @@ __all__ = [
     "Layout",
     "Route",
     "Scenario",
+    "ScenarioLike",
     "draw",
     "from_dict",
     "is_random",
@@ -57,16 +57,14 @@ def names() -> list[str]:
     return sorted([*_NAMED, *RANDOM, *PLANS])
 
 
-def is_random(scenario: str | Path | Mapping[str, Any] | Scenario) -> bool:
+def is_random(scenario: ScenarioLike) -> bool:
     """Return whether `make` draws another scene at every call: it has such a name, or is a map."""
     if isinstance(scenario, Mapping):
         return set(scenario) == {"map"}
     return isinstance(scenario, str) and (scenario in RANDOM or scenario in PLANS)
 
 
-def draw(
-    scenario: str | Path | Mapping[str, Any] | Scenario, rng: np.random.Generator
-) -> Layout | Route:
+def draw(scenario: ScenarioLike, rng: np.random.Generator) -> Layout | Route:
     """Return what the generator decides of a scene that is random."""
     if isinstance(scenario, Mapping):
         return floor_plans.through(floor_plans.described(scenario["map"]), rng)
@@ -74,9 +72,7 @@ def draw(
     return drawers[str(scenario)](rng)
 
 
-def make(
-    scenario: str | Path | Mapping[str, Any] | Scenario, rng: np.random.Generator | None = None
-) -> Scenario:
+def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scenario:
     """Return a scenario.
 
     Args:

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array, Pair
+from hcbf_gym.arrays import Array, Integers, Mask, Pair
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.scenarios.hall import V_MAX
@@ -58,7 +57,7 @@ class Route(NamedTuple):
             map=self.map,
         )
 
-    def write(self, kind: NDArray[np.int64], parameters: Array) -> None:
+    def write(self, kind: Integers, parameters: Array) -> None:
         """Leave the barriers as they are: those of the map, which stays."""
 
 
@@ -140,7 +139,7 @@ def places(floor: RankedMap) -> Array:
     )
 
 
-def _clearance(cells: NDArray[np.bool_], resolution: float) -> Array:
+def _clearance(cells: Mask, resolution: float) -> Array:
     """Return (rows, columns) how far the middle of each cell is from occupied squares at least [m].
 
     Beyond the map everything counts as occupied.

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.shapes import convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.scenarios.references import PointReference
@@ -57,7 +56,7 @@ class Layout(NamedTuple):
             v_max=V_MAX,
         )
 
-    def write(self, kind: NDArray[np.int64], parameters: Array) -> None:
+    def write(self, kind: Integers, parameters: Array) -> None:
         """Write the barriers (m,), (m, 19) as a `BarrierSet` holds them, without a `Scenario`."""
         write(self.half_width, self.regions, kind, parameters)
 
@@ -125,7 +124,7 @@ def corners(region: Array) -> Array:
 
 
 @njit(cache=True)
-def write(half_width: float, regions: Array, kind: NDArray[np.int64], parameters: Array) -> None:
+def write(half_width: float, regions: Array, kind: Integers, parameters: Array) -> None:
     """Write a layout's walls and regions as `BarrierSet` holds them, without building a scene.
 
     Args:

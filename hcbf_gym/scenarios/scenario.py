@@ -1,6 +1,5 @@
 """The record of one scene: ranked barriers, a reference, an input set, boxes that stand in it."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -150,6 +149,10 @@ class Scenario:
         } | ({} if self.map is None else {"map": self.map.to_dict()})
 
 
+ScenarioLike = str | Path | Mapping[str, Any] | Scenario
+"""What `make` takes: a name, a path to a JSON file, a plain dict, or a scenario."""
+
+
 def from_dict(data: Mapping[str, Any]) -> Scenario:
     """Build a scenario from a plain dict.
 
@@ -185,19 +188,14 @@ def load(path: str | Path) -> Scenario:
     Raises:
         InvalidInputError: if the file cannot be read, is not JSON or is no scenario.
     """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InvalidInputError(
-            f"scenario file: got {str(path)!r} ({error}), expected a readable JSON file"
-        ) from error
+    data = records.read_json("scenario file", Path(path))
     if isinstance(data, Mapping) and isinstance(data.get("map"), Mapping) and "file" in data["map"]:
         beside = Path(path).parent / str(data["map"]["file"])
         data = {**data, "map": {**data["map"], "file": str(beside)}}
     return from_dict(data)
 
 
-def _items(what: str, value: Any) -> list[Any]:
+def _items(what: str, value: object) -> list[Any]:
     if not isinstance(value, list | tuple):
         raise InvalidInputError(f"{what}: got {value!r}, expected a list")
     for item in value:

@@ -157,7 +157,7 @@ def test_the_body_near_a_long_ellipse_is_as_near_as_its_metres_say():
     body.reset(seed=0)
     reed = Ellipse("reed", 1, center=(0.0, 1.2), semi_axes=(4.0, 0.2), angle=np.pi / 2)
     tip = BarrierSet([(replace(reed, center=(0.0, 4.6)),)])  # the robot stands .6 m before its tip
-    h = body.walker._footprint.h(body.data, tip, 0.0)
+    h = body.drive._footprint.h(body.data, tip, 0.0)
     centre = tip.values(np.zeros((1, 4)), np.zeros(1))[0]
     assert centre[0] == pytest.approx(0.6)  # h is the signed distance
     assert 0.6 - body.plant.uncertainty.body <= h[0] < 0.6

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.envs.scene import ROUGH_HALF_SIZE, ROUGH_STEP
 from hcbf_gym.errors import InvalidInputError, RobotModelError, UnknownNameError
 from hcbf_gym.locomotion.controller import LocomotionController
@@ -20,19 +20,19 @@ def box_named(name: str) -> BoxObstacle:
     return BoxObstacle(name, (3.0, 3.0), (0.3, 0.3, 0.3))
 
 
-def fresh(seed: int = 0, **options) -> Physics:
-    simulation = Physics(**options)
+def fresh(seed: int = 0, **options) -> A1Physics:
+    simulation = A1Physics(**options)
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(seed))
     return simulation
 
 
 def test_a_new_simulation_has_a_state_before_its_first_reset():
-    simulation = Physics()
+    simulation = A1Physics()
     np.testing.assert_array_equal(simulation.state().vector[:19], simulation.data.qpos)
     assert simulation.state().quaternion @ simulation.state().quaternion == 1.0
 
 
-def walk(simulation: Physics, seconds: float, u=(0.5, 0.0), **options) -> LocomotionController:
+def walk(simulation: A1Physics, seconds: float, u=(0.5, 0.0), **options) -> LocomotionController:
     controller = LocomotionController(max_speed=0.6, **options)
     controller.reset(simulation.state())
     for _ in range(round(seconds / simulation.model.opt.timestep)):
@@ -40,7 +40,7 @@ def walk(simulation: Physics, seconds: float, u=(0.5, 0.0), **options) -> Locomo
     return controller
 
 
-def centre_of_mass_velocity(simulation: Physics) -> np.ndarray:
+def centre_of_mass_velocity(simulation: A1Physics) -> np.ndarray:
     mujoco.mj_subtreeVel(simulation.model, simulation.data)
     return simulation.data.subtree_linvel[1].copy()
 
@@ -240,16 +240,6 @@ def test_a_box_reports_the_force_it_is_hit_with():
     assert simulation.base_state[0] < 0.75
 
 
-def test_decorations_change_what_is_seen_and_not_what_happens():
-    def decorate(spec):
-        spec.worldbody.add_geom(size=[0.1, 0, 0], contype=0, conaffinity=0)
-
-    plain, decorated = fresh(), fresh(decorate=decorate)
-    walk(plain, 0.2)
-    walk(decorated, 0.2)
-    np.testing.assert_array_equal(plain.data.qpos, decorated.data.qpos)
-
-
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
@@ -293,7 +283,7 @@ def test_decorations_change_what_is_seen_and_not_what_happens():
 )
 def test_bad_options_are_refused_with_the_choices(options, error, message):
     with pytest.raises(error, match=message):
-        Physics(**options)
+        A1Physics(**options)
 
 
 def test_the_home_pose_stands_on_the_ground():

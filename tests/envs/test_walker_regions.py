@@ -167,7 +167,7 @@ def test_the_heading_follows_its_rule():
         env = gym.make(ENV, robot="holonomic-cart", scenario="random", heading=heading)
         env.reset(seed=0)
         inner = env.unwrapped
-        first, inner.walker.adapter.turn = inner.simulation.yaw, 0.3
+        first, inner.drive.adapter.turn = inner.simulation.yaw, 0.3
         for k in range(200):
             env.step(np.array([0.0, 1.0]) if k < 40 else np.zeros(2))
         return inner.simulation.yaw - first, np.pi / 2 - first

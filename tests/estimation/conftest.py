@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hcbf_gym.envs.physics import BASE, Physics
+from hcbf_gym.envs.a1_physics import BASE, A1Physics
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.model import RobotModel
 from hcbf_gym.robots.reader import read_robot
@@ -17,7 +17,7 @@ def legs():
 @pytest.fixture(scope="session")
 def walk():
     """(WALK + 1, 41) true states of an A1 that changes its velocity every .4 s."""
-    physics, controller = Physics(), LocomotionController()
+    physics, controller = A1Physics(), LocomotionController()
     physics.reset(np.zeros(2), 0.3, np.random.default_rng(0))
     controller.reset(physics.state())
     rng = np.random.default_rng(1)

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.judges.task_space import paper_program
 from benchmarks.suites import walks
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.locomotion import qp, task_space_qp
 from hcbf_gym.locomotion.controller import LocomotionController
@@ -23,7 +23,7 @@ ROBOT = read_robot()
 
 
 def walk(ticks: int, u=(0.8, 0.3), **options):
-    simulation = Physics()
+    simulation = A1Physics()
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     controller = LocomotionController(**options)
     controller.reset(simulation.state())
@@ -42,7 +42,7 @@ def test_feet_stand_where_they_land(velocity):
 
 
 def test_the_torques_of_a_walk_are_those_of_the_paper_s_program():
-    simulation, controller = Physics(), LocomotionController()
+    simulation, controller = A1Physics(), LocomotionController()
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     controller.reset(simulation.state())
     settings, u = controller._settings[0], np.array([0.8, 0.3])
@@ -98,13 +98,13 @@ def test_diagnostics_tell_what_the_tick_did():
 
 
 def test_a_failing_program_is_counted_and_the_torques_stay_finite(monkeypatch):
-    simulation = Physics()
+    simulation = A1Physics()
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     controller = LocomotionController()
     controller.reset(simulation.state())
     controller.step(simulation.state(), np.zeros(2))
     monkeypatch.setattr(task_space_qp, "tick", lambda *arguments: (tick(*arguments)[0], False))
-    monkeypatch.setattr(qp, "solve", lambda program: qp.QpSolution(None, -1, np.zeros(0)))
+    monkeypatch.setattr(qp, "solve", lambda program: qp.Solution(None, -1, np.zeros(0)))
     torque = controller.step(simulation.state(), np.zeros(2))
     assert (controller.solved, controller.failed) == (1, 1)
     assert np.isfinite(torque).all()
@@ -112,7 +112,7 @@ def test_a_failing_program_is_counted_and_the_torques_stay_finite(monkeypatch):
 
 
 def test_diagnostics_of_a_reset_show_a_robot_that_stands():
-    simulation, controller = Physics(), LocomotionController()
+    simulation, controller = A1Physics(), LocomotionController()
     with pytest.raises(InvalidInputError, match="no reset yet"):
         _ = controller.diagnostics
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))

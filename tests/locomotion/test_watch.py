@@ -41,7 +41,7 @@ def attacked(name, seconds, change=None, **options):
     for _ in range(round(seconds / 0.02)):
         _, _, ended, _, info = env.step(0.6 * attack.act(attacks.observe(env)))
         signals.append([info["slip"], info["lag"], info["lift"]])
-        faults.add(env.unwrapped.walker.watch.fault)
+        faults.add(env.unwrapped.drive.watch.fault)
         if ended:
             break
     env.close()
@@ -158,13 +158,13 @@ def test_lift_is_the_mean_of_the_window():
 def test_the_compiled_kernel_equals_the_uncompiled_on_recorded_ticks():
     env = gym.make("HCBF-A1Regions-v0")
     env.reset(seed=0)
-    kernel, walker, seen = watch.add_up, env.unwrapped.walker, []
+    kernel, drive, seen = watch.add_up, env.unwrapped.drive, []
 
     class Recorder(Watch):
         def tick(self, state, torque, stance):
             seen.append((state, torque, stance.copy()))
 
-    walker.watch = Recorder(LEGS, ROBOT.foot_radius, 0.002, BOUNDS)
+    drive.watch = Recorder(LEGS, ROBOT.foot_radius, 0.002, BOUNDS)
     for _ in range(2 * watch.WINDOW):
         env.step(np.array([2.0, 1.0], dtype=np.float32))
     env.close()
@@ -175,10 +175,8 @@ def test_the_compiled_kernel_equals_the_uncompiled_on_recorded_ticks():
         legs = np.array([tuple(LEGS)], dtype=watch.LEGS)
         for row in range(watch.WINDOW):
             now = slice(TICKS * row, TICKS * (row + 1))
-            run(
-                memory, row, legs, ROBOT.foot_radius, 5, 5,
-                states[now], torques[now], stances[now], 0.1,
-            )  # fmt: skip
+            sampling = watch.Sampling(ROBOT.foot_radius, 5, 5)
+            run(memory, row, legs, sampling, states[now], torques[now], stances[now], 0.1)
         sums.append(memory.sums)
     np.testing.assert_allclose(sums[0], sums[1], rtol=1e-9, atol=1e-12)
     assert (sums[0] != 0.0).any(axis=0).all()

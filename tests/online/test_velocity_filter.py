@@ -9,7 +9,7 @@ import pytest
 import hcbf_gym
 from hcbf_gym import certificates, scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
-from hcbf_gym.envs.walker_drive import tracked
+from hcbf_gym.envs.drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models.plant import Reason

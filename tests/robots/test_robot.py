@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.judges.task_space import foot_drift, foot_jacobian
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.dynamics import rigid_body_terms
@@ -58,7 +58,7 @@ def pinocchio_configuration(state: StateViews) -> np.ndarray:
 
 
 def mujoco_at(state: StateViews):
-    simulation = Physics()
+    simulation = A1Physics()
     simulation.data.qpos[:] = [*state.position, *state.quaternion, *state.joint_position]
     simulation.data.qvel[:] = [
         *state.linear_velocity,
@@ -178,7 +178,7 @@ def test_inverse_kinematics_answers_any_target_with_finite_joints(target):
 
 def test_the_package_robot_weighs_what_the_public_models_say():
     assert MODEL.bodies.mass.sum() == pytest.approx(12.453, abs=1e-9)
-    assert Physics().model.body_subtreemass[1] == pytest.approx(12.453, abs=1e-9)
+    assert A1Physics().model.body_subtreemass[1] == pytest.approx(12.453, abs=1e-9)
 
 
 def edited(tmp_path: Path, old: str, new: str) -> Path:
@@ -189,14 +189,14 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("build", [read_robot, Physics])
+@pytest.mark.parametrize("build", [read_robot, A1Physics])
 def test_a_robot_with_other_joints_is_refused_with_the_joints_named(tmp_path, build):
     path = edited(tmp_path, "FR_calf_joint", "front_right_knee")
     with pytest.raises(RobotModelError, match=r"front_right_knee.*FR_calf_joint"):
         build(path)
 
 
-@pytest.mark.parametrize("build", [read_robot, Physics])
+@pytest.mark.parametrize("build", [read_robot, A1Physics])
 def test_a_missing_or_broken_robot_file_is_refused(tmp_path, build):
     with pytest.raises(RobotModelError, match=r"nowhere\.xml"):
         build(tmp_path / "nowhere.xml")
@@ -217,7 +217,7 @@ def test_a_leg_that_the_closed_form_does_not_cover_is_refused(tmp_path):
 def test_a_robot_without_a_spherical_foot_is_refused(tmp_path):
     path = edited(tmp_path, '<geom name="RL_foot" class="foot"/>', "")
     with pytest.raises(RobotModelError, match="RL_calf"):
-        Physics(path)
+        A1Physics(path)
 
 
 def go1(tmp_path: Path) -> Path:
@@ -249,7 +249,7 @@ def test_another_robot_is_read_with_its_own_lengths_feet_and_motors(tmp_path):
 @pytest.mark.physics
 def test_another_robot_walks_at_its_own_height_within_its_own_limits(tmp_path):
     path = go1(tmp_path)
-    simulation, controller = Physics(path), LocomotionController(path, max_speed=0.6)
+    simulation, controller = A1Physics(path), LocomotionController(path, max_speed=0.6)
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     controller.reset(simulation.state())
     limits = controller.robot.stall_torque
@@ -277,6 +277,6 @@ def test_another_robot_walks_at_its_own_height_within_its_own_limits(tmp_path):
 def test_files_that_are_no_robot_on_the_ground_are_refused(tmp_path, monkeypatch, old, new):
     path = edited(tmp_path, old, new)
     monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a log of its warnings
-    for build in (read_robot, Physics, LocomotionController):
+    for build in (read_robot, A1Physics, LocomotionController):
         with pytest.raises(RobotModelError, match="xml_file"):
             build(path)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_response import Response, braked, uncertainty
+from hcbf_gym.robots.walker_margins import braked, uncertainty
+from hcbf_gym.robots.walker_response import Response
 from hcbf_gym.studies.identification import command
 from hcbf_gym.studies.identification.identify import identify
 from hcbf_gym.studies.identification.model import fit, late, respond

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hcbf_gym.cli import COMMANDS
-from hcbf_gym.envs.physics import Physics
+from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
@@ -81,7 +81,7 @@ def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal(tmp_path):
 
 def test_the_force_on_a_box_is_that_of_the_tick_in_which_it_acts():
     box = BoxObstacle("box", center=(0.3, 0.0), size=(0.2, 0.6, 0.3), mass=1.0)
-    plant = Physics(obstacles=(box,))
+    plant = A1Physics(obstacles=(box,))
     plant.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     model, geom, wrench, felt = plant.model, plant.model.geom("box").id, np.zeros(6), 0.0
     for _ in range(20):

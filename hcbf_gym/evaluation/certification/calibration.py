@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.errors import RefusedError, finite_array
 from hcbf_gym.evaluation.attacks import PARAMETERS
@@ -240,7 +241,7 @@ def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> Non
             f"calibration: rows would reserve {margins.distance:.3g} m, and half of the episodes "
             f"start within {room:.3g} m of a strict region: the margin leaves no room"
         )
-    if margins.speed * 2.0 >= v_max:
+    if not leaves_speed(v_max, margins.speed):
         raise RefusedError(
             f"calibration: the row of the speed limit would reserve {margins.speed:.3g} m/s of "
             f"{v_max:g} m/s: the margin leaves no speed; raise v_max, or lower what U asks for"

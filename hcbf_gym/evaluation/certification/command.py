@@ -31,7 +31,7 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_text
 from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
-from hcbf_gym.robots.walker_response import UNKNOWN, uncertainty
+from hcbf_gym.robots.walker_margins import uncertainty
 
 LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
@@ -189,8 +189,7 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
 def _caps(walker: Walker) -> tuple[float, float]:
     """Return the least and the greatest cap on the speed of a walker [m/s]."""
     most = walker.command.forward
-    response = UNKNOWN if walker.response is None else walker.response
-    reserved = uncertainty(response, CONTROL_DT).speed
+    reserved = uncertainty(walker.response, CONTROL_DT).speed
     return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
 
 

@@ -1,9 +1,7 @@
 """What the environments with a simulated robot share: episodes, scenes, steps and pictures."""
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Generic, TypeVar
 
 import gymnasium as gym
 import mujoco
@@ -12,59 +10,41 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged, NearestCertificate
+from hcbf_gym.certificates import Judged
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.envs import task
-from hcbf_gym.envs.a1_walker import Walk
+from hcbf_gym.envs.drive import Drive, Motion
 from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import warn_of
+from hcbf_gym.envs.plants import PlantModel, plant_of, warn_of
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.envs.tally import Tally
+from hcbf_gym.envs.simulation import Simulation
+from hcbf_gym.envs.tally import StepTally
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario
 
-
-class Moving(Protocol):
-    """The robot in its scene, with what steers it."""
-
-    simulation: Any
-    truth: Array
-
-    def rest(self, position: Array) -> None:
-        """Count as standing at a position (2,) [m], before the first reset."""
-        ...
-
-    def reset(
-        self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
-    ) -> Walk:
-        """Put the robot at rest at a position (2,) [m] and heading [rad]; nothing has happened."""
-        ...
-
-    def hold(self, u: Array, barriers: BarrierSet, time: float) -> Walk:
-        """Hold the robot's acceleration u (2,) [m/s²] for one control step from a time [s]."""
-        ...
-
-    def estimate(self, time: float) -> Estimate:
-        """Return what is known of the robot at a time since the reset [s]."""
-        ...
+D = TypeVar("D", bound=Drive)
 
 
-class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
-    """A simulated robot in the ranked regions; what it is and how it walks, a subclass says.
+class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
+    PlainSpec, gym.Env[Array, Array], EzPickle, Generic[D]
+):
+    """A simulated robot in the ranked regions; what it is and how it moves, a subclass says.
 
-    A subclass calls `_begin` first and `_enter` last in its construction, has `simulation`, and
-    makes in between:
+    Args:
+        drive: the robot in its first scene, with what steers it.
+        known: what a filter takes for true of it.
+        scenes: where each episode's scene comes from.
+        terrain: "flat" or "rough".
+        render_mode: None, "rgb_array", or "human".
 
-    * `walker`: a `Moving`.
-    * `_v_max`: the strict cap on the speed [m/s].
-    * `_declared`: its arguments, as certificates compare them.
-    * `_found`: the certificate that fits them best.
+    Raises:
+        InvalidInputError: if there is no such mode.
     """
 
     metadata = {  # noqa: RUF012 - Gymnasium's form
@@ -72,48 +52,39 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         "render_fps": 50,
     }
 
-    walker: Any
-    _v_max: float
-    _declared: dict[str, Any]
-    _found: NearestCertificate
-
-    def _begin(
-        self, scenario: str | Path | Mapping[str, Any] | Scenario, render_mode: str | None
-    ) -> None:
-        """Take the arguments that every such environment has.
-
-        Raises:
-            InvalidInputError: if there is no such scenario or mode.
-        """
+    def __init__(
+        self,
+        drive: D,
+        known: PlantModel,
+        scenes: SceneSource,
+        terrain: str,
+        render_mode: str | None,
+    ):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidInputError(
                 f"render_mode: got {render_mode!r}, expected None or one of "
                 f"{self.metadata['render_modes']}"
             )
-        self.render_mode = render_mode
-        self._scenes = SceneSource(scenario)
+        self.render_mode, self.drive, self._known, self._scenes = render_mode, drive, known, scenes
         self._started, self._steps = False, 0
-        self.scenario = self._scenes.own
-
-    def _enter(self, terrain: str, name: str) -> None:
-        """Take the first scene, and warn where the promise was not tested.
-
-        Args:
-            terrain: "flat" or "rough".
-            name: of the environment.
-        """
-        self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
+        own = scenes.own
+        self.action_space: spaces.Space = task.action_space(own.input_set)
+        self.observation_space: spaces.Space = task.observation_space(len(own.conditions))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
-        self._family = self._scenes.family({})
-        self._take_scene(self.scenario)
-        warn_of(name, self._found.judged)
+        self._family = scenes.family({})
+        self._take_scene(own)
+        warn_of(known.declared["environment"], known.nearest.judged)
 
     @property
-    def simulation(self) -> Any:
+    def plant(self) -> Plant:
+        """What a safety filter must know."""
+        return plant_of(self._known.input_set, self._known.uncertainty, on_alarm="brake")
+
+    @property
+    def simulation(self) -> Simulation:
         """The plant: the scene with the robot in it."""
-        return self.walker.simulation
+        return self.drive.simulation
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -133,17 +104,17 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
         """The scenario's barriers, then the environment's own, in the order of info["h"]."""
-        return task.barriers_of(self.scenario, self._v_max)
+        return task.barriers_of(self.scenario, self._known.v_max)
 
     @property
     def judged(self) -> Judged:
         """Whether the promise was tested for these arguments and this episode's scenes."""
-        return self._found.again(self.declared)
+        return self._known.nearest.again(self.declared)
 
     @property
     def declared(self) -> dict[str, Any]:
         """What tells this plant from others, as certificates compare it."""
-        return self._declared | {"scene": self._family}
+        return self._known.declared | {"scene": self._family}
 
     @property
     def estimate(self) -> Estimate:
@@ -153,7 +124,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
     @property
     def truth(self) -> Array:
         """(4,) the trunk's true position [m] and velocity [m/s] in the plane."""
-        return self.walker.truth.copy()
+        return self.drive.truth.copy()
 
     @property
     def goal(self) -> Array:
@@ -167,7 +138,7 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Start a new episode; a seed decides everything that follows.
 
         Args:
@@ -185,13 +156,13 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._family = self._scenes.family(given)
         self._steps, self._started = 0, True
         start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
-        walk = self.walker.reset(start, yaw, self.barrier_set, self.np_random)
+        motion = self.drive.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
-        h = self.barrier_set.along(walk.path, walk.times)
-        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
-        self._estimate, self._fallen = self.walker.estimate(0.0), self.simulation.fallen
+        h = self.barrier_set.along(motion.path, motion.times)
+        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
+        self._estimate, self._fallen = self.drive.estimate(0.0), self.simulation.fallen
         info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
-        return self._observe(), info | self._info_of(walk)
+        return self._observe(), info | self._info_of(motion)
 
     def change_scene(self, scenario: Scenario) -> None:
         """Move, resize or rank regions anew in the midst of an episode.
@@ -202,19 +173,19 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self._scenes.check({"scenario": scenario})
         self._family = None
         self._set_scene(scenario)
-        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
+        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
         low, high = self._bounds
         u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
         task.check_started(self._started)
-        walker, scene = self.walker, self.barrier_set
-        walk = walker.hold(u, scene, self.time)
+        drive, scene = self.drive, self.barrier_set
+        motion = drive.hold(u, scene, self.time)
         self._steps += 1
-        self._estimate = walker.estimate(self.time)
-        self._fallen = walker.simulation.fallen
-        reference, position = self._reference(), walker.truth[:2].tolist()
+        self._estimate = drive.estimate(self.time)
+        self._fallen = drive.simulation.fallen
+        reference, position = self._reference(), drive.truth[:2].tolist()
         self.artist.walk(position)
 
         before = self._distance
@@ -222,10 +193,10 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         at_end = self._steps >= len(self._references) - 1
         success = at_end and distance <= self.scenario.goal_radius and not self._fallen
         counted = self._tally.count(
-            scene, walk, self._estimate, reference, u, (before, distance), success
+            scene, motion, self._estimate, reference, u, (before, distance), success
         )
         info = counted.info
-        info |= self._info_of(walk)
+        info |= self._info_of(motion)
         if self.render_mode == "human":
             self.render()
         ended = self._stopped() or (success and self.scenario.task == "reach")
@@ -275,16 +246,16 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         self.scenario = scenario
         self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
-        self._tally = Tally(scenario, self.barrier_set.kind.shape[1])
+        self._tally = StepTally(scenario, self.barrier_set.kind.shape[1])
 
     def _take_scene(self, scenario: Scenario) -> None:
         self._set_scene(scenario)
         corners = scenario.input_set.vertices()
         self._bounds = corners.min(axis=0), corners.max(axis=0)
         self._steps = 0
-        self.walker.rest(np.array(scenario.start))
-        self._estimate = self.walker.estimate(0.0)
-        self._distance = _distance(self._reference(), self.walker.truth[:2].tolist())
+        self.drive.rest(np.array(scenario.start))
+        self._estimate = self.drive.estimate(0.0)
+        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
 
     def _reference(self) -> Array:
         return self._references[min(self._steps, len(self._references) - 1)]
@@ -295,17 +266,17 @@ class WalkedRegionsEnv(PlainSpec, gym.Env[Array, Array], EzPickle):  # pyright: 
         return task.observe(x, reference, sensed, len(self.scenario.conditions))[0]
 
     def _stopped(self) -> bool:
-        """Tell whether the robot cannot go on."""
+        """Return whether the robot cannot go on."""
         return self._fallen
 
-    def _info_of(self, walk: Walk) -> dict[str, Any]:
+    def _info_of(self, motion: Motion) -> Info:
         """Return what infos say of the robot besides."""
-        info: dict[str, Any] = {
+        info: Info = {
             "fallen": np.float64(self._fallen),
-            "obstacle_force": walk.obstacle_force,
+            "obstacle_force": motion.obstacle_force,
         }
-        if walk.body_h is not None and walk.least_body_h is not None:
-            info["body_h"], info["min_body_h"] = walk.body_h, walk.least_body_h.copy()
+        if motion.body_h is not None and motion.least_body_h is not None:
+            info["body_h"], info["min_body_h"] = motion.body_h, motion.least_body_h.copy()
         return info
 
 

@@ -1,0 +1,177 @@
+"""The scene with an A1 in it, stepped under its joint torques."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numba import njit
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.envs import scene
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
+from hcbf_gym.errors import finite_float
+from hcbf_gym.locomotion.rotation import turned
+from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
+from hcbf_gym.robots import a1
+from hcbf_gym.robots.motors import drive
+from hcbf_gym.robots.reader import foot_name, read_robot
+from hcbf_gym.scenarios import BoxObstacle
+
+MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
+MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
+
+CONTACT_FORCE = 5.0  # [N] of the floor on a foot, above which the foot stands on it
+
+# standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
+VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
+JOINT_NOISE = 0.01  # [rad]
+TURN_NOISE = 0.005  # [rad] about every axis
+CONTACT_NOISE = 0.005  # probability that a foot's contact is reported wrongly
+
+SHORTEST_TICK, LONGEST_TICK = 1e-4, 0.02  # [s]
+
+BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in a state's vector
+
+
+class A1Physics(Simulation):
+    """A scene with one robot of the A1's kind, driven by joint torques.
+
+    Attributes:
+        robot: what its file says.
+        truth: (41,) the vector of the robot's state without noise; every tick has its own.
+
+    Args:
+        xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
+            replaced by torque motors.
+        timestep: of the physics [s].
+        obstacles: as `Simulation` takes them.
+        terrain: as `Simulation` takes it.
+        randomization: plain dict of `Randomization`'s ranges; None is the nominal plant.
+        disturbances: as `Simulation` takes them.
+
+    Raises:
+        RobotModelError: if the robot has not the A1's trunk, joints and feet.
+        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
+            a part of the robot.
+    """
+
+    def __init__(
+        self,
+        xml_file: str | Path | None = None,
+        *,
+        timestep: float = 0.002,
+        obstacles: Sequence[BoxObstacle] = (),
+        terrain: str = "flat",
+        randomization: Mapping[str, object] | None = None,
+        disturbances: Mapping[str, object] | None = None,
+    ) -> None:
+        timestep = finite_float("timestep", timestep, minimum=SHORTEST_TICK, maximum=LONGEST_TICK)
+        drawn = Randomization.from_dict(randomization)
+        self.robot = read_robot(a1.XML_FILE if xml_file is None else xml_file)
+        spec = scene.robot_spec(self.robot)
+        scene.set_physics(spec, timestep)
+        robot = SimulatedRobot(
+            spec,
+            self.robot.xml_file,
+            a1.TRUNK,
+            self.robot.home_joints,
+            self.robot.home_height,
+            len(a1.JOINTS),
+            MIN_UPRIGHT,
+            MIN_HEIGHT,
+            floor_decides=False,
+        )
+        super().__init__(robot, drawn, obstacles, terrain, disturbances)
+        self._feet = np.array([self.model.geom(foot_name(leg)).id for leg in a1.LEGS])
+        self._rate, self._ctrl = self.data.qvel[6:18], self.data.ctrl
+        self._foot_forces = self.data.sensordata[:12]  # (3,) of each foot
+        self._arrive()
+
+    def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
+        """Put the robot at rest, as `Simulation` does, with all that follows from where it is."""
+        super().reset(position, yaw, rng)
+        self._arrive()
+
+    def step(self, inputs: Array) -> None:
+        """Advance the physics by one tick under the joint torques (12,) [N·m].
+
+        The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
+        new time when the controller reads them.
+        """
+        drive(
+            self.robot.stall_torque,
+            self.robot.no_load_speed,
+            self._rate,
+            self.conditions.motor_strength,
+            self._disturbed(inputs),
+            self._ctrl,
+        )
+        mujoco.mj_step2(self.model, self.data)
+        if len(self._boxes):
+            self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
+        self._arrive()
+
+    def place_geoms(self) -> None:
+        """Do nothing: the end of a tick has moved them."""
+
+    def _set_conditions(self) -> None:
+        self.model.geom_friction[self._feet, 0] = self.conditions.floor_friction
+
+    def _arrive(self) -> None:
+        """Compute what follows from the new positions and velocities, and note them."""
+        mujoco.mj_step1(self.model, self.data)
+        self.truth = np.empty(STATE_SIZE)
+        self._finite = read_state(self._qpos, self._qvel, self._foot_forces, self.truth)
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the robot's state has left the finite numbers."""
+        return not self._finite
+
+    @property
+    def base_state(self) -> Array:
+        """(4,) planar position [m] and velocity [m/s] of the trunk, without noise."""
+        return self.truth[BASE]
+
+    def state(self, known: Array | None = None) -> RobotState:
+        """Return what the robot's sensors and its estimator say now.
+
+        Args:
+            known: (41,) the state's vector as estimated, to which the sensors' noise is added; None
+                means the truth.
+        """
+        vector = self.truth if known is None else known
+        noise = self.conditions.sensor_noise
+        if noise == 0.0:
+            return RobotState(vector)
+        sensed = vector.copy()
+        sensed[19:37] += noise * VELOCITY_NOISE * self._rng.standard_normal(18)
+        sensed[7:19] += noise * JOINT_NOISE * self._rng.standard_normal(12)
+        sensed[3:7] = turned(sensed[3:7], noise * TURN_NOISE * self._rng.standard_normal(3))
+        wrong = self._rng.random(4) < noise * CONTACT_NOISE
+        sensed[37:] = np.where(wrong, 1.0 - sensed[37:], sensed[37:])
+        return RobotState(sensed)
+
+
+@njit(cache=True)
+def read_state(
+    qpos: Array,
+    qvel: Array,
+    foot_forces: Array,
+    state: Array,
+) -> bool:
+    """Fill in the vector of a `RobotState` and return whether it is finite.
+
+    Args:
+        qpos: (19,) of the robot.
+        qvel: (18,).
+        foot_forces: (12,) the ground's force on each foot in the last tick, in the world [N].
+        state: (41,) filled in.
+    """
+    state[:19] = qpos
+    state[19:37] = qvel
+    for foot in range(4):
+        state[37 + foot] = abs(foot_forces[3 * foot + 2]) > CONTACT_FORCE
+    return bool(np.isfinite(state).all())

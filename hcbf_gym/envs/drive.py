@@ -1,0 +1,180 @@
+"""A robot in its scene, with what steers it, run for one control step at a time."""
+
+import math
+from abc import ABC, abstractmethod
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs import task
+from hcbf_gym.envs.body import Footprint
+from hcbf_gym.envs.simulation import BASE_SIZE, Simulation
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Estimate
+
+S = TypeVar("S", bound=Simulation)
+
+
+class Motion(NamedTuple):
+    """What happened from one action to the next.
+
+    Attributes:
+        path: (k, 4) planar position [m] and velocity [m/s] of the point that follows the
+            reduced-order model, after every tick.
+        times: (k,) of them since the reset [s].
+        obstacle_force: (b,) the largest force with each box [N].
+        body_h: (m,) of the whole robot at the end [m]; None where it counts as a point.
+        least_body_h: (m,) the least of it.
+    """
+
+    path: Array
+    times: Array
+    obstacle_force: Array
+    body_h: Array | None = None
+    least_body_h: Array | None = None
+
+
+class Drive(ABC, Generic[S]):
+    """A robot in its scene, with what steers it; a subclass says what one tick is.
+
+    Args:
+        simulation: the scene with the robot in it.
+        footprint: measures the whole robot's distance to the regions; None for a point.
+        look_ahead: how far before the trunk's origin the point lies that follows the model [m].
+
+    Attributes:
+        truth: (4,) position [m] and velocity [m/s] of that point.
+
+    Raises:
+        InvalidInputError: if the simulation's tick does not divide the control step.
+    """
+
+    def __init__(self, simulation: S, footprint: Footprint | None, look_ahead: float):
+        self.simulation, self._footprint, self._look_ahead = simulation, footprint, look_ahead
+        self._timestep = float(simulation.model.opt.timestep)
+        count = ticks_of(self._timestep)
+        self._ticks: Array = np.arange(1, count + 1) * np.float64(self._timestep)
+        self._base: Array = np.empty((count, BASE_SIZE))
+        self._rows = list(self._base)
+        self._began = 0.0
+        self.rest(np.zeros(2))
+
+    def rest(self, position: Array) -> None:
+        """Count as standing at a position (2,) [m], before the first reset."""
+        self.truth: Array = np.array([*position, 0.0, 0.0])
+
+    def reset(
+        self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
+    ) -> Motion:
+        """Put the point that follows at rest at a position (2,) [m]; nothing has happened.
+
+        Args:
+            position: (2,) [m].
+            yaw: the robot's heading [rad].
+            barriers: from which the body's distance is measured.
+            rng: decides what is random.
+        """
+        ahead = self._look_ahead * np.array([math.cos(yaw), math.sin(yaw)])
+        self.simulation.reset(position - ahead, yaw, rng)
+        self.rest(position)
+        self._begin(rng)
+        self.simulation.base(self._rows[0])
+        path = tracked(self._base[:1], self._look_ahead)
+        self.truth = path[-1]
+        body = self._body_h(barriers, 0.0)
+        forces = np.zeros(len(self.simulation.obstacle_forces()))
+        return Motion(path, np.zeros(1), forces, body, body)
+
+    @abstractmethod
+    def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
+        """Hold the acceleration u (2,) [m/s²] of the model for one control step.
+
+        Args:
+            u: (2,) [m/s²].
+            barriers: from which the body's distance is measured.
+            time: at which it begins, since the reset [s].
+        """
+
+    @abstractmethod
+    def estimate(self, time: float) -> Estimate:
+        """Return what is known of the robot at a time since the reset [s]."""
+
+    @abstractmethod
+    def _begin(self, rng: np.random.Generator) -> None:
+        """Begin an episode with the robot where the simulation has put it."""
+
+    @abstractmethod
+    def _tick(self, k: int) -> bool:
+        """Advance by tick k of the control step; return whether the state is still finite.
+
+        The tick begins at ``_began + k _timestep`` since the reset [s].
+        """
+
+    def _run(self, barriers: BarrierSet, time: float) -> Motion:
+        """Run the ticks of one control step that begins at a time [s]."""
+        simulation, bodies, count = self.simulation, [], 0
+        self._began = time
+        force = np.zeros(len(simulation.obstacle_forces()))
+        touches, measured = len(force) > 0, self._footprint is not None
+        for row in self._rows:
+            if not self._tick(count):
+                break
+            simulation.base(row)
+            if measured:
+                bodies.append(self._body_h(barriers, time + self._ticks[count]))
+            if touches:
+                force = np.maximum(force, simulation.obstacle_forces())
+            count += 1
+        path = tracked(self._base[:count], self._look_ahead)
+        if len(path) == 0:  # the last finite state stands
+            path = self.truth[None]
+        self.truth = path[-1]
+        times = time + self._ticks[: len(path)]
+        if not measured:
+            return Motion(path, times, force)
+        bodies = bodies[: len(path)] or [self._body_h(barriers, time)]
+        return Motion(path, times, force, bodies[-1], np.minimum.reduce(bodies))
+
+    def _body_h(self, barriers: BarrierSet, time: float) -> Array | None:
+        if self._footprint is None:
+            return None
+        self.simulation.place_geoms()
+        return self._footprint.h(self.simulation.data, barriers, time)
+
+
+def ticks_of(timestep: float) -> int:
+    """Return how many ticks of this length [s] a control step has.
+
+    Raises:
+        InvalidInputError: if they do not divide it.
+    """
+    ticks = round(task.CONTROL_DT / timestep)
+    if ticks < 1 or abs(ticks * timestep - task.CONTROL_DT) > 1e-9:
+        raise InvalidInputError(
+            f"timestep: got {timestep} s, expected one that divides {task.CONTROL_DT} s"
+        )
+    return ticks
+
+
+@njit(cache=True, error_model="numpy")
+def tracked(base: Array, look_ahead: float) -> Array:
+    """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
+
+    Args:
+        base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
+        look_ahead: ℓ [m].
+    """
+    path = np.empty((len(base), 4))
+    for n in range(len(base)):
+        w, x, y, z = base[n, 3:7]
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        ahead_x, ahead_y = look_ahead * np.cos(yaw), look_ahead * np.sin(yaw)
+        path[n, 0], path[n, 1] = base[n, 0] + ahead_x, base[n, 1] + ahead_y
+        path[n, 2] = base[n, 7] - base[n, 12] * ahead_y
+        path[n, 3] = base[n, 8] + base[n, 12] * ahead_x
+        if not np.isfinite(base[n].sum()):
+            return path[:n]
+    return path

@@ -1,0 +1,218 @@
+"""A scene with a simulated robot: what its episodes draw, what pushes it, and what it touches."""
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import mujoco
+import numpy as np
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.envs import scene
+from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
+from hcbf_gym.envs.randomization import PlantConditions, Randomization
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.robots.reader import compile_spec
+from hcbf_gym.robots.walker import stand
+from hcbf_gym.scenarios import BoxObstacle
+
+BASE_SIZE = 13
+"""Of position, quaternion, velocity and turning rate of a trunk."""
+
+
+class SimulatedRobot(NamedTuple):
+    """What a scene must know of the robot in it.
+
+    Attributes:
+        spec: the robot alone, whose first body is the trunk, with the physics that it wants.
+        source: the file that it comes from, for messages.
+        trunk: name of its first body.
+        home_joints: (j,) where its joints are at the start [rad].
+        height: of the trunk above flat ground at the start [m].
+        inputs: how many a step takes.
+        least_upright: cosine of the trunk's tilt below which the robot has fallen.
+        least_height: of the trunk below which it has fallen [m].
+        floor_decides: whether contacts have the floor's friction alone.
+    """
+
+    spec: mujoco.MjSpec
+    source: str | Path
+    trunk: str
+    home_joints: Array
+    height: float
+    inputs: int
+    least_upright: float
+    least_height: float
+    floor_decides: bool
+
+
+class Simulation(ABC):
+    """A scene with one robot, stepped one physics tick at a time.
+
+    Attributes:
+        model: the compiled scene.
+        data: its state.
+        trunk: name of the robot's first body.
+        home_joints: (j,) of the robot at the start [rad].
+        conditions: of this episode.
+
+    Args:
+        robot: what stands in the scene.
+        randomization: from which the conditions of every episode are drawn.
+        obstacles: boxes, see `scene.add_boxes`.
+        terrain: "flat", or "rough" with blind steps of at most 3 cm.
+        disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
+
+    Raises:
+        RobotModelError: if MuJoCo refuses the robot.
+        InvalidInputError: on an unknown name, or boxes named alike or like a part of the robot.
+    """
+
+    def __init__(
+        self,
+        robot: SimulatedRobot,
+        randomization: Randomization,
+        obstacles: Sequence[BoxObstacle],
+        terrain: str,
+        disturbances: Mapping[str, object] | None,
+    ) -> None:
+        self._disturbance = disturbance_from_dict(disturbances)
+        self._randomization = randomization
+        self._loaded = randomization.payload[1] > 0.0
+        spec = robot.spec
+        scene.add_ground(spec, terrain, robot.floor_decides)
+        scene.add_boxes(spec, obstacles)
+        if self._loaded:
+            scene.add_payload(spec, randomization.payload_position, robot.trunk)
+        # a divergence is reported: MuJoCo would put the robot back to where the file has it
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        self.model = compile_spec(spec, robot.source)
+        self.data = mujoco.MjData(self.model)
+        self.trunk, self.home_joints = robot.trunk, robot.home_joints
+        self._trunk = self.model.body(robot.trunk).id
+        self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
+        self._forces = np.zeros(len(self._boxes))
+        self._height = robot.height + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
+        self._inputs = robot.inputs
+        self._least_upright, self._least_height = robot.least_upright, robot.least_height
+        # the robot comes first in the scene, so these are its own
+        joints = len(robot.home_joints)
+        self._qpos, self._qvel = self.data.qpos[: 7 + joints], self.data.qvel[: 6 + joints]
+        self._pose, self._twist = self.data.qpos[:7], self.data.qvel[:6]
+        self._rng = np.random.default_rng(0)
+        self._pushes: list[Push] = []
+        self._delayed: deque[Array] = deque()
+        self.conditions: PlantConditions = randomization.draw(self._rng)
+
+    def __getstate__(self) -> NoReturn:
+        """Refuse copies: their views would still show this simulation's data."""
+        raise InvalidInputError("simulation: cannot be copied; construct a new one")
+
+    def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
+        """Put the robot at rest on the ground near `position` (2,) [m], facing about `yaw` [rad].
+
+        Args:
+            position: (2,) [m].
+            yaw: [rad].
+            rng: draws what is random about this episode, and its sensor noise.
+        """
+        self._rng = rng
+        self.conditions = self._randomization.draw(rng)
+        self._pushes = self._disturbance.draw(rng)
+        offset, turn = self._randomization.draw_start(rng)
+        ticks = round(self.conditions.delay / self.model.opt.timestep)
+        self._delayed = deque(np.zeros((ticks, self._inputs)))
+        self._set_conditions()
+        self._forces = np.zeros(len(self._boxes))
+        mujoco.mj_resetData(self.model, self.data)
+        if self._loaded:
+            self._load(self.conditions.payload)
+        stand(self.data, position + offset, self._height, yaw + turn, self.home_joints)
+
+    @abstractmethod
+    def step(self, inputs: Array) -> None:
+        """Advance the physics by one tick under the robot's inputs (k,)."""
+
+    def _disturbed(self, inputs: Array) -> Array:
+        """Return the inputs (k,) that arrive in this tick, and push the robot as is scheduled."""
+        if self._delayed:
+            self._delayed.append(inputs)
+            inputs = self._delayed.popleft()
+        if self._pushes:
+            self.push(self._scheduled_force())
+        return inputs
+
+    @abstractmethod
+    def _set_conditions(self) -> None:
+        """Give floor and motors this episode's conditions."""
+
+    @property
+    @abstractmethod
+    def diverged(self) -> bool:
+        """Whether the robot's state has left the finite numbers."""
+
+    def place_geoms(self) -> None:
+        """Move every geom to where the present positions have it."""
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def base(self, out: Array) -> None:
+        """Write position, quaternion, velocity and turning rate of the trunk to (13,)."""
+        out[:7] = self._pose
+        out[7:] = self._twist
+
+    def push(self, force: Array) -> None:
+        """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
+        self.data.xfrc_applied[self._trunk, :3] = force
+
+    @property
+    def yaw(self) -> float:
+        """Heading of the trunk, without noise [rad]."""
+        w, x, y, z = self._pose[3:].tolist()
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    @property
+    def yaw_rate(self) -> float:
+        """At which the trunk turns about its own vertical axis [rad/s]."""
+        return float(self._twist[5])
+
+    @property
+    def fallen(self) -> bool:
+        """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
+        z, _, x, y = self._pose[2:6].tolist()
+        upright = 1.0 - 2.0 * (x * x + y * y)
+        return self.diverged or not (upright > self._least_upright and z > self._least_height)
+
+    def obstacle_forces(self) -> Array:
+        """Return (k,) the normal force between the robot and each obstacle in the last tick [N]."""
+        return self._forces
+
+    def _measure_forces(self) -> Array:
+        forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
+        pairs = self.data.contact.geom
+        for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
+            first, second = pairs[index].tolist()
+            box, other = (first, second) if first in self._boxes else (second, first)
+            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk:
+                mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
+                forces[self._boxes == box] += wrench[0]
+        return forces
+
+    def _scheduled_force(self) -> Array:
+        now = self.data.time
+        force = np.zeros(3)
+        for push in self._pushes:
+            if push.time <= now < push.time + push.duration:
+                force += push.force
+        return force
+
+    def _load(self, payload: float) -> None:
+        body = self.model.body(scene.PAYLOAD).id
+        x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
+        self.model.body_mass[body] = payload
+        self.model.body_inertia[body] = (
+            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+        )
+        mujoco.mj_setConst(self.model, self.data)

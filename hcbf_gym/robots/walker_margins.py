@@ -1,0 +1,89 @@
+"""What rows must reserve for a robot that takes velocities: the one law of its margins."""
+
+from hcbf_gym import certificates
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import UNKNOWN, Response
+
+LEAST_DISTANCE = 0.02
+"""What rows reserve for any robot [m]."""
+LEAST_SPEED = 0.05
+"""What a speed limit reserves for any robot [m/s]."""
+BEYOND = 1.1
+"""Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
+SETTLES = 0.7
+"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
+a long turn, the robot settles nearer than its row says."""
+FARTHER = 1.25
+"""Of τ + δ + T that the body is taken to go on with a velocity error."""
+MOST = 0.25
+"""What the tracking error may add to a row [m]."""
+OVERSHOOT = 0.3
+"""Share of the velocity error that a speed limit reserves."""
+
+
+def uncertainty(response: Response | None, period: float) -> Uncertainty:
+    """Return what rows must reserve for a robot, from how it follows.
+
+    A body that is faster towards a region than its command goes on for ``τ + δ + T``. One that
+    stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
+    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is
+    reserved in any case.
+
+    Args:
+        response: of the robot; None where nobody has measured it.
+        period: T, between two inputs [s].
+    """
+    known = response or UNKNOWN
+    _, often, _ = known.residual
+    return Uncertainty(
+        distance=LEAST_DISTANCE + often * known.follows,
+        per_velocity=max(SETTLES, FARTHER * (known.follows + period)),
+        per_lead=1.0,
+        cap=MOST,
+        speed=LEAST_SPEED + BEYOND * known.overshoot,
+        speed_per_velocity=OVERSHOOT,
+    )
+
+
+def margins(response: Response | None, period: float, robot: str, more: float = 0.0) -> Uncertainty:
+    """Return `uncertainty`, and no less than a certificate of the robot found that it needs.
+
+    Args:
+        response: as `uncertainty` takes it.
+        period: as `uncertainty` takes it.
+        robot: what certificates call it, see `certificates.robot_of`.
+        more: what rows [m] and the speed limit [m/s] reserve besides the law's.
+    """
+    law = uncertainty(response, period)
+    law = law._replace(distance=law.distance + more, speed=law.speed + more)
+    return certificates.at_least(law, robot)
+
+
+def speed_cap(command: Command, v_max: float | None) -> float:
+    """Return the strict cap on the speed [m/s]: the given one, or all that may be commanded.
+
+    Raises:
+        InvalidInputError: if it is more than that.
+    """
+    most = command.forward
+    cap = most if v_max is None else finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+    if cap > most:
+        raise InvalidInputError(
+            f"v_max: got {cap} m/s, expected at most {most}, the greatest forward speed that the "
+            "robot may be commanded"
+        )
+    return cap
+
+
+def braked(input_set: InputSet, response: Response | None) -> InputSet:
+    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
+
+    Args:
+        input_set: of the scene.
+        response: of the robot; None where nobody has measured it.
+    """
+    share = (response or UNKNOWN).braking / input_set.radius
+    return input_set if share >= 1.0 else input_set.scaled(share)
