@@ -22,8 +22,7 @@ class Motion(NamedTuple):
     """What happened from one action to the next.
 
     Attributes:
-        path: (k, 4) planar position [m] and velocity [m/s] of the point that follows the
-            reduced-order model, after every tick.
+        path: (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, after every tick.
         times: (k,) of them since the reset [s].
         obstacle_force: (b,) the largest force with each box [N].
         body_h: (m,) of the whole robot at the end [m]; None where it counts as a point.
@@ -47,6 +46,7 @@ class Drive(ABC, Generic[S]):
 
     Attributes:
         truth: (4,) position [m] and velocity [m/s] of that point.
+        origin: (4,) of the trunk's origin, which must stay outside.
 
     Raises:
         InvalidInputError: if the simulation's tick does not divide the control step.
@@ -65,6 +65,7 @@ class Drive(ABC, Generic[S]):
     def rest(self, position: Array) -> None:
         """Count as standing at a position (2,) [m], before the first reset."""
         self.truth: Array = np.array([*position, 0.0, 0.0])
+        self.origin: Array = self.truth
 
     def reset(
         self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
@@ -82,8 +83,7 @@ class Drive(ABC, Generic[S]):
         self.rest(position)
         self._begin(rng)
         self.simulation.base(self._rows[0])
-        path = tracked(self._base[:1], self._look_ahead)
-        self.truth = path[-1]
+        path = self._walked(self._base[:1])
         body = self._body_h(barriers, 0.0)
         forces = np.zeros(len(self.simulation.obstacle_forces()))
         return Motion(path, np.zeros(1), forces, body, body)
@@ -128,15 +128,23 @@ class Drive(ABC, Generic[S]):
             if touches:
                 force = np.maximum(force, simulation.obstacle_forces())
             count += 1
-        path = tracked(self._base[:count], self._look_ahead)
-        if len(path) == 0:  # the last finite state stands
-            path = self.truth[None]
-        self.truth = path[-1]
+        path = self._walked(self._base[:count])
         times = time + self._ticks[: len(path)]
         if not measured:
             return Motion(path, times, force)
         bodies = bodies[: len(path)] or [self._body_h(barriers, time)]
         return Motion(path, times, force, bodies[-1], np.minimum.reduce(bodies))
+
+    def _walked(self, base: Array) -> Array:
+        """Return the way (k, 4) of the trunk's origin, and note where the point that follows is."""
+        path = tracked(base, 0.0)
+        if len(path) == 0:  # the last finite state stands
+            return self.origin[None]
+        self.origin = path[-1]
+        self.truth = path[-1]
+        if self._look_ahead > 0.0:
+            self.truth = tracked(base[len(path) - 1 : len(path)], self._look_ahead)[0]
+        return path
 
     def _body_h(self, barriers: BarrierSet, time: float) -> Array | None:
         if self._footprint is None:

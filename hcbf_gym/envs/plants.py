@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from hcbf_gym.certificates import Judged, NearestCertificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, CoveredBy, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -31,6 +32,7 @@ class PlantModel(NamedTuple):
         uncertainty: how far the robot may be from its reduced-order model.
         declared: the arguments, as certificates compare them.
         nearest: the shipped certificate that fits them best.
+        axle: what limits a differential drive; None for all others.
     """
 
     input_set: InputSet
@@ -38,10 +40,14 @@ class PlantModel(NamedTuple):
     uncertainty: Uncertainty
     declared: dict[str, Any]
     nearest: NearestCertificate
+    axle: Axle | None = None
 
 
 def plant_of(
-    input_set: InputSet, uncertainty: Uncertainty = EXACT, on_alarm: str = "warn"
+    input_set: InputSet,
+    uncertainty: Uncertainty = EXACT,
+    on_alarm: str = "warn",
+    axle: Axle | None = None,
 ) -> Plant:
     """Return the plant of one of this package's environments, single or native vector.
 
@@ -49,6 +55,7 @@ def plant_of(
         input_set: U.
         uncertainty: how far the plant may be from its model.
         on_alarm: what an alarm leads to, "warn" or "brake".
+        axle: what limits a differential drive; None for all others.
     """
     return Plant(
         model=DoubleIntegrator(),
@@ -59,6 +66,7 @@ def plant_of(
         goal=_GOAL,
         uncertainty=uncertainty,
         on_alarm=on_alarm,
+        axle=axle,
         covered=_JUDGED,
         declared=_DECLARED,
     )

@@ -79,7 +79,8 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
     @property
     def plant(self) -> Plant:
         """What a safety filter must know."""
-        return plant_of(self._known.input_set, self._known.uncertainty, on_alarm="brake")
+        known = self._known
+        return plant_of(known.input_set, known.uncertainty, on_alarm="brake", axle=known.axle)
 
     @property
     def simulation(self) -> Simulation:
@@ -124,7 +125,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
     @property
     def truth(self) -> Array:
         """(4,) the trunk's true position [m] and velocity [m/s] in the plane."""
-        return self.drive.truth.copy()
+        return self.drive.origin.copy()
 
     @property
     def goal(self) -> Array:

@@ -22,7 +22,8 @@ class WalkerDrive(Drive[WalkerPhysics]):
     """A walker in its scene, commanded the velocity of a reduced-order model.
 
     The model is ``p̈ = u``: its velocity is v ← v + T u, its position is the robot's own, as a
-    velocity alone is commanded.
+    velocity alone is commanded. A differential drive holds its command in its own axes, so that the
+    velocity of the point before it turns with the heading (`models.axle`).
 
     Args:
         simulation: the scene.
@@ -60,14 +61,17 @@ class WalkerDrive(Drive[WalkerPhysics]):
         self._clock = math.tau * turn
         self._controller: Controller | None = None
         self._velocity: Array = np.zeros(2)  # of the model
+        self._speeds: Array = np.zeros(2)  # of a differential drive, (v, ω)
+        self._look_ahead = adapter.look_ahead
         self._wanted = 0.0, 0.0  # what the adapter is given
+        self._drives = False  # whether `_speeds` are commanded
         super().__init__(simulation, footprint, adapter.look_ahead)
         self._per_action = round(walker.period / self._timestep)
 
     def rest(self, position: Array) -> None:
         """Count as standing at a position (2,) [m], before the first reset."""
         super().rest(position)
-        self._velocity[:] = 0.0
+        self._velocity[:], self._speeds, self._drives = 0.0, np.zeros(2), False
         self._since = 0
         self._monitor.forget()
         self._fault = Reason.NONE
@@ -85,21 +89,36 @@ class WalkerDrive(Drive[WalkerPhysics]):
 
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
         """Hold the model's acceleration u (2,) [m/s²] for one control step."""
+        if self._look_ahead > 0.0:
+            e, across = self._axes()
+            speeds = self._speeds + task.CONTROL_DT * np.array(
+                [u @ e, u @ across / self._look_ahead]
+            )
+            self._speeds, self._drives = self.adapter.within(speeds), True
+            return self._run(barriers, time)
         self._velocity += task.CONTROL_DT * u
         return self.follow(self._velocity, barriers, time)
+
+    def _axes(self) -> tuple[Array, Array]:
+        """Return the heading (2,) and what lies to its left."""
+        cos, sin = math.cos(self.simulation.yaw), math.sin(self.simulation.yaw)
+        return np.array([cos, sin]), np.array([-sin, cos])
 
     def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Motion:
         """Command a velocity (2,) in the world [m/s] for one control step."""
         vx, vy = velocity.tolist()
-        self._wanted = vx, vy
+        self._wanted, self._drives = (vx, vy), False
         return self._run(barriers, time)
 
     def _tick(self, k: int) -> bool:
         simulation = self.simulation
         if self._since % self._per_action == 0:
-            self.command[:] = self.adapter.command(
-                *self._wanted, simulation.yaw, simulation.yaw_rate
-            )
+            if self._drives:
+                self.command[:] = self._speeds
+            else:
+                self.command[:] = self.adapter.command(
+                    *self._wanted, simulation.yaw, simulation.yaw_rate
+                )
             self._monitor.tell(self.command, self._began + k * self._timestep)
             self.act()
         self._since += 1
@@ -115,6 +134,9 @@ class WalkerDrive(Drive[WalkerPhysics]):
         body, yaw = self.odometry()
         x = body.copy()
         x[2:] = self._velocity
+        if self._look_ahead > 0.0:
+            e, across = self._axes()
+            x[2:] = self._speeds[0] * e + self._look_ahead * self._speeds[1] * across
         pose = np.array([body[0], body[1], yaw])
         if self._monitor.observe(pose, body[2:], time):
             self._fault = Reason.RESPONSE

@@ -10,7 +10,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_margins import braked, margins
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins
 
 OFF_NOMINAL = 0.02
 """What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
@@ -78,7 +78,7 @@ def plant_model(walker: Walker, declared: Declared, input_set: InputSet, body: f
         walker: the robot.
         declared: what the arguments declare.
         input_set: U of the scene.
-        body: what the robot reaches beyond the point that follows [m]; 0 for a point.
+        body: what the robot reaches beyond its trunk's origin [m]; 0 for a point.
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
@@ -88,6 +88,6 @@ def plant_model(walker: Walker, declared: Declared, input_set: InputSet, body: f
     more = OFF_NOMINAL if declared.departures else 0.0
     known = found.margins or margins(walker.response, CONTROL_DT, said["robot"], more)
     check_leaves_speed("v_max", declared.v_max, known.speed)
-    return PlantModel(
-        braked(input_set, walker.response), declared.v_max, known._replace(body=body), said, found
-    )
+    axle = axle_of(walker.command, walker.response, input_set, declared.v_max)
+    able, known = braked(input_set, walker.response), known._replace(body=body)
+    return PlantModel(able, declared.v_max, known, said, found, axle)

@@ -111,7 +111,6 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         reach = 0.0
         if footprint is not None:
             reach = walker.body.reach or footprint.radius(simulation.home_joints)
-            reach += adapter.look_ahead
         cap = speed_cap(walker.command, own.v_max if v_max is None else v_max)
         declared = Declared(
             heading, terrain, randomization, disturbances, len(own.obstacles), body, cap

@@ -13,6 +13,9 @@ direction stays.
 
 import math
 
+import numpy as np
+
+from hcbf_gym.arrays import Array
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import LEAST_GAIN, Response
 
@@ -71,6 +74,10 @@ class Adapter:
             return self._within(ahead, aside / self._look_ahead)
         moving = self._within(ahead / self._gains[0], aside / self._gains[1])
         return (*moving, self._turn(vx, vy, yaw))
+
+    def within(self, speeds: Array) -> Array:
+        """Return (2,) v and ω of a differential drive, each within its limit [m/s, rad/s]."""
+        return np.clip(speeds, -np.array(self._limits), self._limits)
 
     def _within(self, one: float, other: float) -> tuple[float, float]:
         """Return both entries, scaled down together to the limits."""

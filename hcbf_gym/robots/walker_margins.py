@@ -1,7 +1,11 @@
 """What rows must reserve for a robot that takes velocities: the one law of its margins."""
 
+import math
+
 from hcbf_gym import certificates
+from hcbf_gym.barriers import braking
 from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker_parts import Command
@@ -87,3 +91,22 @@ def braked(input_set: InputSet, response: Response | None) -> InputSet:
     """
     share = (response or UNKNOWN).braking / input_set.radius
     return input_set if share >= 1.0 else input_set.scaled(share)
+
+
+def axle_of(
+    command: Command, response: Response | None, input_set: InputSet, v_max: float
+) -> Axle | None:
+    """Return what limits a differential drive; None of a robot that moves in every direction.
+
+    Its rectangle of inputs turns with the heading, and lies in the largest ball within U.
+
+    Args:
+        command: what the robot may be commanded.
+        response: of it; None where nobody has measured it.
+        input_set: U.
+        v_max: the cap on its speed [m/s].
+    """
+    if command.look_ahead is None:
+        return None
+    able = min((response or UNKNOWN).braking, braking.weakest(input_set) / math.sqrt(2.0))
+    return Axle(command.look_ahead, min(command.forward, v_max), command.turn, able)

@@ -1,0 +1,127 @@
+r"""A differential drive: an axle that moves along its heading, and the point before it.
+
+The axle p rolls along its heading e at the speed v and turns at the rate ω. The point p + ℓ e moves
+in any direction, at the velocity ``v e + ℓ ω e⊥``: it is the reduced-order model's, ``p̈ = u``. Over
+a period T an input u changes what the robot is told by
+
+.. math:: v' = v + T\, e·u, \qquad ω' = ω + (T/ℓ)\, e_⊥·u,
+
+so that the axle accelerates by ``(e·u) e + v ω' e⊥``: along its heading as u says, across it as far
+as it turns while it rolls. What limits a, v and ω is a rectangle of inputs along the heading.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import finite_float
+
+LEAST_ROOM = 0.1
+"""Share of the greatest acceleration by which a limit that was passed leaves U open."""
+
+
+class Axle(NamedTuple):
+    """What limits a differential drive.
+
+    Attributes:
+        look_ahead: ℓ, how far before the axle the point lies that follows the model [m].
+        forward: the greatest speed ahead and back, V [m/s].
+        turn: the greatest turning rate, Ω [rad/s].
+        braking: the greatest acceleration along the heading, A, and of the point across it [m/s²].
+    """
+
+    look_ahead: float
+    forward: float
+    turn: float
+    braking: float
+
+    def checked(self) -> "Axle":
+        """Return this record.
+
+        Raises:
+            InvalidInputError: if a number is not positive.
+        """
+        for name, value in self._asdict().items():
+            finite_float(f"axle: {name}", value, minimum=0.0, exclusive=True)
+        return self
+
+    @property
+    def hardest(self) -> float:
+        """The greatest acceleration of the axle, along and across its heading [m/s²]."""
+        return float(np.hypot(self.braking, self.forward * self.turn))
+
+    @property
+    def hardest_of_point(self) -> float:
+        """The greatest norm of an input [m/s²]."""
+        return float(np.sqrt(2.0) * self.braking)
+
+    def jerk(self, period: float) -> float:
+        """Return by how much the mean acceleration over T may miss what its row says [m/s²].
+
+        Rows take the turning rate that u changes for the present one in products with u: with
+        ``Δ = min(A T/ℓ, 2 Ω)`` they miss ``A Δ T + V Δ² T/2``.
+
+        Args:
+            period: T [s].
+        """
+        change = min(self.braking * period / self.look_ahead, 2.0 * self.turn)
+        return (self.braking + 0.5 * self.forward * change) * change * period
+
+    def strays(self, period: float) -> float:
+        """Return how far from ``½ p̈ T²`` of the mean acceleration the axle gets in T, j T³/6 [m].
+
+        Args:
+            period: T [s].
+        """
+        fastest = self.forward * self.turn**2 + 2.0 * self.braking * self.turn
+        return fastest * period**3 / 6.0
+
+
+@njit(cache=True, error_model="numpy")
+def speeds(axle: Axle, x: Array, heading: float) -> tuple[float, float]:
+    """Return v [m/s] and ω [rad/s] of the point's state x (4,)."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * x[2] + sin * x[3], (cos * x[3] - sin * x[2]) / axle.look_ahead
+
+
+@njit(cache=True, error_model="numpy")
+def place(axle: Axle, x: Array, heading: float, out: Array) -> None:
+    """Write position and velocity (4,) of the axle whose point has the state x (4,)."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    v = cos * x[2] + sin * x[3]
+    out[0], out[1] = x[0] - axle.look_ahead * cos, x[1] - axle.look_ahead * sin
+    out[2], out[3] = v * cos, v * sin
+
+
+@njit(cache=True, error_model="numpy")
+def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> None:
+    """Write the corners (4, 2) of U at one state, counter-clockwise [m/s²].
+
+    Args:
+        axle: what limits the drive.
+        x: (4,) state of the point.
+        heading: of the axle [rad].
+        period: T [s]; 0 where it is not known.
+        out: (4, 2) written to.
+    """
+    v, turning = speeds(axle, x, heading)
+    cos, sin = np.cos(heading), np.sin(heading)
+    back, ahead = _room(axle.braking, v, axle.forward, period)
+    length = axle.look_ahead
+    right, left = _room(axle.braking, length * turning, length * axle.turn, period)
+    for k in range(4):
+        along = back if k == 0 or k == 3 else ahead
+        across = right if k < 2 else left
+        out[k, 0], out[k, 1] = cos * along - sin * across, sin * along + cos * across
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _room(hardest: float, now: float, most: float, period: float) -> tuple[float, float]:
+    """Return the least and the greatest acceleration that retain ±`most` one period later."""
+    low, high = -hardest, hardest
+    if period > 0.0:
+        low, high = max(low, (-most - now) / period), min(high, (most - now) / period)
+    room = LEAST_ROOM * hardest
+    return min(low, hardest - room), max(high, room - hardest)
