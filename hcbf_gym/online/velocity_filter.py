@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,13 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    finite_array,
+    finite_float,
+    require_packages,
+)
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -25,11 +31,13 @@ from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
-from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import braked, margins, speed_cap
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import UNKNOWN, Response
+
+if TYPE_CHECKING:
+    from hcbf_gym.robots.walker import Walker
 
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
@@ -99,7 +107,7 @@ class VelocityFilter:
 
     def __init__(
         self,
-        robot: str | Path | Walker | Robot,
+        robot: "str | Path | Walker | Robot",
         barriers: Sequence[Barrier],
         program: str = "lex-cbf-qp",
         period: float = 0.05,
@@ -328,6 +336,9 @@ def _known(robot: Any) -> Robot:
     """
     if isinstance(robot, Robot):
         return robot
+    require_packages("a robot's contract, other than hcbf_gym.Robot(…),", "mujoco")
+    from hcbf_gym.robots.walker import Walker
+
     if isinstance(robot, str | Path):
         robot = Walker.load(robot)
     if not isinstance(robot, Walker):
