@@ -14,8 +14,9 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.speed_limit import check_leaves_speed
+from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.errors import (
+    CoverageWarning,
     InvalidInputError,
     SafetyWarning,
     finite_array,
@@ -32,9 +33,9 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.robots.walker_margins import braked, margins, speed_cap
+from hcbf_gym.robots.walker_margins import braked, margins
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import UNKNOWN, Response
+from hcbf_gym.robots.walker_response import Response, assumed
 
 if TYPE_CHECKING:
     from hcbf_gym.robots.walker import Walker
@@ -57,7 +58,8 @@ class Robot:
 
     Args:
         command: what it may be told.
-        response: how it follows; None assumes a slow robot that sways.
+        response: how it follows; None assumes a slow robot that sways, see
+            `walker_response.assumed`.
         reach: radius of the circle around its centre that holds it [m].
         known_as: what certificates call it; "" for a robot of which there is none.
     """
@@ -66,6 +68,15 @@ class Robot:
     response: Response | None = None
     reach: float = 0.0
     known_as: str = ""
+
+    def __post_init__(self) -> None:
+        for name, kind in (("command", Command), ("response", Response)):
+            value = getattr(self, name)
+            if not isinstance(value, kind) and (name == "command" or value is not None):
+                raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
+        if self.response is not None:
+            self.response.gains(len(self.command.limits))  # fit
+        finite_float("robot: reach", self.reach, minimum=0.0)
 
 
 class VelocityFilter:
@@ -84,13 +95,18 @@ class VelocityFilter:
             is good for that long.
         goal: (2,) where guidance leads [m]; None without guidance.
         guidance: as `wrappers.SafetyFilter` takes it.
-        v_max: strict cap on the speed [m/s]; None takes the greatest that the robot may be told.
+        v_max: strict cap on the speed [m/s]; None for none but what the robot may be told. Its row
+            reserves m for an overshoot and one input of `period` T besides, so that the robot is
+            told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
         radius: what the robot reaches beyond the point that follows its commands [m]; None takes
             the robot's reach, and ℓ besides for a differential drive.
         max_age: the greatest age of data that are believed [s].
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
         **options: as `wrappers.SafetyFilter` takes them.
+
+    Attributes:
+        fastest: the greatest speed that the robot is told [m/s].
 
     Raises:
         InvalidInputError: if an option is unknown or out of range, the barriers are none, no speed
@@ -120,18 +136,31 @@ class VelocityFilter:
         **options: Any,
     ):
         known = _known(robot)
+        response = known.response or assumed(known.command)
+        if response.complaints:
+            warnings.warn(
+                "velocity filter: rank 1 is not promised (covered = 0), as the robot does not "
+                f"follow: {'; '.join(response.complaints)}",
+                CoverageWarning,
+                stacklevel=2,
+            )
         self.barriers: Any = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach + self._adapter.look_ahead if radius is None else radius
-        reserved = margins(known.response, self._period, known.known_as)
+        reserved = margins(response, self._period, known.known_as)
         reserved = reserved._replace(body=finite_float("radius", reach, minimum=0.0))
-        self._cap = speed_cap(known.command, v_max)
-        check_leaves_speed("v_max", self._cap, reserved.speed)
-        self._limit = SpeedLimit("speed limit", 1, self._cap)
-        input_set = braked(Box.symmetric(HARDEST), known.response)
+        input_set = braked(Box.symmetric(HARDEST), response)
+        self.fastest = self._begins_at = known.command.fastest
+        self._limit: tuple[SpeedLimit, ...] = ()
+        if v_max is not None:
+            cap = _cap(v_max, reserved.speed, known)
+            self._limit = (SpeedLimit("speed limit", 1, cap),)
+            self._begins_at = float(braking.speed_left(cap, reserved.speed))
+            gained = self._period * input_set.radius
+            self.fastest = math.sqrt(max(0.0, self._begins_at**2 - gained**2))
         self._able = braking.weakest(input_set)
         plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
@@ -140,7 +169,7 @@ class VelocityFilter:
         settings = FilterSettings(program, "held", guidance, None, None, on_alarm, False, options)
         self._core = PlanarCore(plant, input_set, settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
-        self._follows = (known.response or UNKNOWN).follows
+        self._follows = response.follows
         self._monitor = ResponseMonitor(known.command, known.response)
         self._goal = None if goal is None else finite_array("goal", goal, (2,))
         if guidance is not None and self._goal is None:
@@ -284,16 +313,16 @@ class VelocityFilter:
     def _capped(self, velocity: Array) -> Array:
         """Return a measured velocity, shortened to what the cap allows: the model begins there."""
         speed = float(np.hypot(*velocity))
-        most = braking.speed_left(self._cap, self._core.uncertainty.speed)
-        return velocity * min(1.0, float(most) / speed) if speed > 0.0 else velocity
+        return velocity * min(1.0, self._begins_at / speed) if speed > 0.0 else velocity
 
     def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
         """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
-        wanted = np.clip(wanted, -FARTHEST, FARTHEST)
+        wanted = np.clip(wanted, -self._limits, self._limits)
         told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
         cos, sin = math.cos(heading), math.sin(heading)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
+        velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
         missing = (velocity - now) / self._period
         size = float(np.hypot(*missing))
         return missing * min(1.0, self._able / size) if size > 0.0 else missing
@@ -325,7 +354,31 @@ class VelocityFilter:
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        return (*barriers, self._limit)
+        return (*barriers, *self._limit)
+
+
+def _cap(v_max: Any, reserved: float, known: Robot) -> float:
+    """Return a strict cap on the speed [m/s].
+
+    Args:
+        v_max: as the user gave it [m/s].
+        reserved: what its row reserves for the overshoot [m/s].
+        known: the robot.
+
+    Raises:
+        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
+    """
+    least, most = 2.0 * reserved, known.command.fastest
+    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+    if least < cap <= most:
+        return cap
+    measured = "" if known.response is not None else " that nobody has measured"
+    raise InvalidInputError(
+        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
+        f"the overshoot of a robot{measured}, and at most {most:g} m/s, the greatest command; "
+        "leave v_max out where the robot's motors cap its speed, or measure how it follows by hcbf "
+        "identify --log drive.csv"
+    )
 
 
 def _known(robot: Any) -> Robot:

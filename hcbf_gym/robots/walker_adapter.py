@@ -41,7 +41,8 @@ class Adapter:
         self._heading = command.heading if heading is None else heading
         self._look_ahead = command.look_ahead
         self._limits: list[float] = command.limits.tolist()
-        gains = [1.0] * len(self._limits) if response is None else list(response.gain)
+        count = len(self._limits)
+        gains = [1.0] * count if response is None else response.gains(count)
         self._follows = 0.0 if response is None else response.follows
         self._gains = [min(max(gain, LEAST_GAIN), MOST_GAIN) for gain in gains]
         self.reset(0.0)
