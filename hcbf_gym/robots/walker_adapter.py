@@ -14,14 +14,12 @@ direction stays.
 import math
 
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import LEAST_GAIN, Response
+from hcbf_gym.robots.walker_response import LEAST_GAIN, MOST_GAIN, Response
 
 TURNING = 2.0
 """Gain of the heading's loop [1/s]."""
 HEADING_STARTS, HEADING_STOPS = 0.15, 0.10
 """Speeds [m/s] above which the heading follows the velocity, and below which it is held."""
-MOST_GAIN = 1.5
-"""A gain beyond is taken for an error of measurement."""
 
 
 class Adapter:

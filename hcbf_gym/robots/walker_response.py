@@ -20,6 +20,8 @@ LASTING = 4.0
 """Over which sway has averaged out [s]."""
 LEAST_GAIN = 0.5
 """A robot that gives less of the commanded speed does not follow."""
+MOST_GAIN = 1.5
+"""A gain beyond is taken for an error of measurement."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +130,9 @@ class Response:
         """Where the robot does not follow, a sentence for each; empty where it does."""
         said = [
             f"entry {k} of the command: the robot gives {gain:.2f} of what it is told"
+            + (", against its sign" if gain < 0.0 else "")
             for k, gain in enumerate(self.gain)
-            if gain < LEAST_GAIN
+            if not LEAST_GAIN <= gain <= MOST_GAIN
         ]
         if self.falls:
             said.append(f"the robot fell {self.falls} times in {self.seconds:g} s")
