@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.robots.walker_parts import Command
@@ -153,9 +153,9 @@ def read(path: Path) -> Log:
     moves = np.column_stack([parts[name] for name in TWIST])
     commands = np.column_stack([columns[name] for name in told])
     is_told = np.isfinite(commands).all(axis=1)
-    measured = np.isfinite(moves).all(axis=1)
+    measured: Mask = np.logical_and.reduce(np.isfinite(moves), axis=1)
     if not measured.any():
-        measured = np.isfinite(pose).all(axis=1)
+        measured = np.logical_and.reduce(np.isfinite(pose), axis=1)
     measured[1:] &= ~(measured[1:] & measured[:-1] & (np.diff(time) == 0.0))
     log = Log(time[is_told], commands[is_told], time[measured], pose[measured], moves[measured])
     _check_times(log)
