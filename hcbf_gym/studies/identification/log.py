@@ -15,6 +15,7 @@ Pose or twist will do; where both are there, the twist counts, and they must agr
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,6 +52,8 @@ AGREES, WITHIN = 0.25, 0.5
 """Share of the motion within which pose and twist must agree, over so many seconds [s]."""
 EARLIEST, LATEST = 0.06, 1.0
 """How far what was done is looked for before and after what was told [s]."""
+RISE = math.log(9.0)
+"""Time constants from 10 to 90 % of a step."""
 CHANGES = 0.1
 """Over which the fastest change of what was done counts [s]."""
 DEGREES = (30.0, 120.0)
@@ -109,7 +112,9 @@ def identify_log(
     stops = _stops(record, command)
     told = record, record._replace(command=_within_reach(record))
     found = (analyse(command, one, stops) for one in told)
-    return min(found, key=lambda one: one.response.residual[1]), command
+    best = min(found, key=lambda one: one.response.residual[1])
+    rise = round(RISE * best.response.time_constant, 3)
+    return best._replace(response=replace(best.response, rise=rise)), command
 
 
 def read(path: Path) -> Log:
