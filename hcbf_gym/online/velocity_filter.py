@@ -309,7 +309,7 @@ class VelocityFilter:
             self._good_until,
         ):  # fmt: skip
             self._fault = Reason.RESPONSE
-        stale = not -ROUNDING <= age <= self._max_age
+        stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
             place = _moved(place, motion, age)
             self._missed_by = max(self._missed_by, 0.5 * self._hardest * age * age)
