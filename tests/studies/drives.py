@@ -8,7 +8,7 @@ import numpy as np
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.studies.identification.record import Runner
 
-HEADER = ("time", "told_vx", "told_vy", "told_w", "x", "y", "yaw", "vx", "vy", "w")
+HEADER = ("time", "cmd_vx", "cmd_vy", "cmd_w", "x", "y", "yaw", "vx", "vy", "w")
 
 
 def drive(walker, seed, seconds=25.0):
@@ -64,7 +64,7 @@ def recorded(rows, seed, *, rate=25.0, noise=0.005, lost=0.1, jitter=0.2, parts=
 
 def write(path, lines, differential):
     """Write lines as CSV."""
-    keep = [k for k, name in enumerate(HEADER) if not (differential and name == "told_vy")]
+    keep = [k for k, name in enumerate(HEADER) if not (differential and name == "cmd_vy")]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([HEADER[k] for k in keep])

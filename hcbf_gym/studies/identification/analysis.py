@@ -1,4 +1,4 @@
-"""From what a robot was told and what it did to the numbers of its `Response`."""
+"""From what a robot was commanded and what it did to the numbers of its `Response`."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,16 +17,16 @@ QUANTILES = (50.0, 95.0, 99.9)
 """Of the residual [%]."""
 
 FAST = 0.6
-"""Share of the greatest speed that was told from which on the robot is fast."""
+"""Share of the greatest speed that was commanded from which on the robot is fast."""
 RECENT = 1.0
 """How far back a greater command excuses a speed [s]."""
 
 
 class Record(NamedTuple):
-    """What was told and what was done, in the axes in which commands are told.
+    """What was commanded and what was done, in the axes in which commands are commanded.
 
     Attributes:
-        command: (n, k) told from each sample on [m/s, rad/s].
+        command: (n, k) commanded from each sample on [m/s, rad/s].
         done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
             axes comes first, then the turning rate.
         falls: how often the robot fell; it went on from the start then.
@@ -75,7 +75,7 @@ def analyse(
     """Return how a robot follows.
 
     Args:
-        command: what it may be told.
+        command: what it may be commanded.
         record: under commands that change.
         stops: from runs, one at least.
         creeping: records of commands that grow slowly, if there are any.
@@ -90,14 +90,14 @@ def analyse(
     follows = slowest.time_constant + slowest.delay
     left = command.in_plane(record.done) - _predicted(command, fits, record)
     lasting = max(_lasting(command, fits, one) for one in (record, *creeping))
-    told = command.in_plane(record.command * np.array([one.gain for one in fits]))
+    commanded = command.in_plane(record.command * np.array([one.gain for one in fits]))
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
         residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
         sway=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
-        overshoot=round(_overshoot(command, told, record), 4),
+        overshoot=round(_overshoot(command, commanded, record), 4),
         rise=round(float(np.median([one.rise for one in stops])), 3),
         stopping=round(max(one.distance for one in stops), 3),
         braking=round(float(np.median([one.deceleration for one in stops])), 2),
@@ -128,8 +128,8 @@ def stop_of(run: Array, after: Array) -> Stop:
 def _predicted(command: Command, fits: tuple[Fit, ...], record: Record) -> Array:
     """Return (n, 2) the velocity that the response makes of commands [m/s]."""
     entries = [
-        one.gain * respond(late(told, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
-        for one, told in zip(fits, record.command.T, strict=True)
+        one.gain * respond(late(commanded, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
+        for one, commanded in zip(fits, record.command.T, strict=True)
     ]
     return command.in_plane(np.column_stack(entries))
 
@@ -161,18 +161,18 @@ def _moved(velocity: Array, seconds: float) -> Array:
     return way[steps:] - way[:-steps]
 
 
-def _overshoot(command: Command, told: Array, record: Record) -> float:
-    """Return by how much the speed exceeds all that was told of late, in 99.9 % of the time [m/s].
+def _overshoot(command: Command, commanded: Array, record: Record) -> float:
+    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s].
 
     What sways at rest does not count: near a cap on the speed the robot is fast.
 
     Args:
-        command: what the robot may be told.
-        told: (n, 2) velocities that it should reach [m/s].
+        command: what the robot may be commanded.
+        commanded: (n, 2) velocities that it should reach [m/s].
         record: what it did.
     """
     back = round(RECENT / CONTROL_DT)
-    asked = np.concatenate([np.zeros(back), np.hypot(*told.T)])
+    asked = np.concatenate([np.zeros(back), np.hypot(*commanded.T)])
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
     excess = (np.hypot(*command.in_plane(record.done).T) - recent).clip(0.0)
     return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))

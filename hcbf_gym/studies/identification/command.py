@@ -1,11 +1,10 @@
-"""How a robot follows the velocities that it is told: the numbers from which margins come.
+"""How a robot follows the velocities that it is commanded: the numbers from which margins come.
 
 A contract's robot is driven in its simulation: stops from full speed first, then random commands
 that change as hard as it brakes. With --log a drive of a real robot is read, a CSV file with the
-columns time [s], told_vx, told_vy, told_w (a differential drive has no told_vy), and its pose x, y,
+columns time [s], cmd_vx, cmd_vy, cmd_w (a differential drive has no cmd_vy), and its pose x, y,
 yaw or its twist vx, vy, w in its own axes, or both [m, m/s, rad, rad/s]. Writes NAME.response.json,
-which the contract's next reader and `hcbf_gym.Response.load` take, and a picture of told against
-done.
+which the contract's next reader and `hcbf_gym.Response.load` take, and a picture of both.
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,12 @@
 """A robot that was driven by hand: its log says how it follows, without a simulation.
 
-A CSV file with a header. Each line has a time, and what was told from then on, or what was measured
+A CSV file with a header. Each line has a time, and the command from then on, or what was measured
 then, or both; cells of what it does not have are empty. All times are of one clock.
 
 | column | meaning |
 |---|---|
 | time | [s] |
-| told_vx, told_vy, told_w | the command in its axes [m/s, rad/s]; a differential drive has no vy |
+| cmd_vx, cmd_vy, cmd_w | the command in its axes [m/s, rad/s]; a differential drive has no vy |
 | x, y, yaw | pose of its centre [m, rad] |
 | vx, vy, w | twist of its centre in its own axes [m/s, rad/s]; a differential drive needs no vy |
 
@@ -34,7 +34,7 @@ from hcbf_gym.studies.identification.analysis import (
 )
 from hcbf_gym.studies.identification.model import LONGEST_DELAY, late
 
-TOLD, POSE, TWIST = ("told_vx", "told_vy", "told_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
+COMMANDED, POSE, TWIST = ("cmd_vx", "cmd_vy", "cmd_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
 UNITS = ("m/s", "m/s", "rad/s")
 
 SHORTEST = 20.0
@@ -45,13 +45,13 @@ VARIES = 4.0
 """By how many times its greatest value an entry must have changed, all changes added up."""
 WHOLE = 0.5
 """Share of its greatest speed from which a stop counts, and of a contract's limit that must have
-been told."""
+been commanded."""
 BEFORE, AFTER, RAMP = 1.0, 1.0, 0.7
 """How long a run and the stop after it must last, and how long the command may fall between [s]."""
 AGREES, WITHIN = 0.25, 0.5
 """Share of the motion within which pose and twist must agree, over so many seconds [s]."""
 EARLIEST, LATEST = 0.06, 1.0
-"""How far what was done is looked for before and after what was told [s]."""
+"""How far what was done is looked for before and after what was commanded [s]."""
 RISE = math.log(9.0)
 """Time constants from 10 to 90 % of a step."""
 CHANGES = 0.1
@@ -60,7 +60,7 @@ DEGREES = (30.0, 120.0)
 """A turning rate that is so many times what it should be is one in degrees."""
 
 DRIVE = (
-    "drive for 40 s, told at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
+    "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
     "same sideways where it can, 3 s of turning left, 3 s right, then another mix of all entries, "
     "both signs, every second"
 )
@@ -70,15 +70,15 @@ class Log(NamedTuple):
     """What a file holds.
 
     Attributes:
-        told_at: (m,) [s].
-        told: (m, k) commands from then on [m/s, rad/s].
+        commanded_at: (m,) [s].
+        commanded: (m, k) commands from then on [m/s, rad/s].
         time: (n,) of the measurements [s].
         pose: (n, 3) [m, rad]; NaN where there is none.
         twist: (n, 3) [m/s, rad/s]; NaN where there is none.
     """
 
-    told_at: Array
-    told: Array
+    commanded_at: Array
+    commanded: Array
     time: Array
     pose: Array
     twist: Array
@@ -87,11 +87,11 @@ class Log(NamedTuple):
 def identify_log(
     path: Path, command: Command | None = None, look_ahead: float | None = None
 ) -> tuple[Identified, Command]:
-    """Return how a robot follows, from the log of a drive, and what it may be told.
+    """Return how a robot follows, from the log of a drive, and what it may be commanded.
 
     Args:
         path: of the CSV file.
-        command: what the robot may be told; None takes the greatest that it was told.
+        command: what the robot may be commanded; None takes the greatest that it was commanded.
         look_ahead: ℓ of a differential drive without a contract [m].
 
     Raises:
@@ -100,9 +100,10 @@ def identify_log(
     log = read(path)
     if command is None:
         command = _command(log, look_ahead)
-    elif len(command.limits) != log.told.shape[1]:
+    elif len(command.limits) != log.commanded.shape[1]:
         raise InvalidInputError(
-            f"log: got {log.told.shape[1]} entries of the command, expected {len(command.limits)}"
+            f"log: got {log.commanded.shape[1]} entries of the command, expected "
+            f"{len(command.limits)}"
         )
     _check_varies(log, command)
     _check_agrees(log)
@@ -110,8 +111,8 @@ def identify_log(
     _check_clock(record)
     _check_degrees(record)
     stops = _stops(record, command)
-    told = record, record._replace(command=_within_reach(record))
-    found = (analyse(command, one, stops) for one in told)
+    commanded = record, record._replace(command=_within_reach(record))
+    found = (analyse(command, one, stops) for one in commanded)
     best = min(found, key=lambda one: one.response.residual[1])
     rise = round(RISE * best.response.time_constant, 3)
     return best._replace(response=replace(best.response, rise=rise)), command
@@ -129,15 +130,15 @@ def read(path: Path) -> Log:
     except (OSError, ValueError, csv.Error) as error:
         raise InvalidInputError(f"log: got {path} ({error}), expected a CSV file") from error
     header = [name.strip() for name in lines[0]] if lines else []
-    known = ("time", *TOLD, *POSE, *TWIST)
+    known = ("time", *COMMANDED, *POSE, *TWIST)
     bent = [name for name in header if name not in known or header.count(name) > 1]
-    sideways = ("told_vy",) if "told_vy" in header else ()
+    sideways = ("cmd_vy",) if "cmd_vy" in header else ()
     twist = ("vx", *(("vy",) if sideways or "vy" in header else ()), "w")
-    told = ("told_vx", *sideways, "told_w")
+    commanded = ("cmd_vx", *sideways, "cmd_w")
     has_pose, has_twist = set(POSE) <= set(header), set(twist) <= set(header)
-    if bent or not {"time", *told} <= set(header) or not (has_pose or has_twist):
+    if bent or not {"time", *commanded} <= set(header) or not (has_pose or has_twist):
         raise InvalidInputError(
-            f"log: got the columns {header}, expected time, {', '.join(told)}, and "
+            f"log: got the columns {header}, expected time, {', '.join(commanded)}, and "
             f"{', '.join(POSE)} or {', '.join(twist)} or both, among {list(known)}"
         )
     rows = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(map(str.strip, row))]
@@ -156,7 +157,7 @@ def read(path: Path) -> Log:
     parts = {name: columns.get(name, zero if name == "vy" else nothing) for name in (*POSE, *TWIST)}
     pose = np.column_stack([parts[name] for name in POSE])
     moves = np.column_stack([parts[name] for name in TWIST])
-    commands = np.column_stack([columns[name] for name in told])
+    commands = np.column_stack([columns[name] for name in commanded])
     is_told = np.isfinite(commands).all(axis=1)
     measured: Mask = np.logical_and.reduce(np.isfinite(moves), axis=1)
     if not measured.any():
@@ -192,15 +193,15 @@ def _check_times(log: Log) -> None:
     Raises:
         InvalidInputError: if one is.
     """
-    if len(log.time) < 3 or len(log.told) < 2:
+    if len(log.time) < 3 or len(log.commanded) < 2:
         raise InvalidInputError(
-            f"log: got {len(log.told)} commands and {len(log.time)} measurements; {DRIVE}"
+            f"log: got {len(log.commanded)} commands and {len(log.time)} measurements; {DRIVE}"
         )
     start, end = log.time[0], log.time[-1]
-    if log.told_at[0] > end or log.told_at[-1] < start:
+    if log.commanded_at[0] > end or log.commanded_at[-1] < start:
         raise InvalidInputError(
-            f"log: got commands from {log.told_at[0]:.10g} to {log.told_at[-1]:.10g} s and "
-            f"measurements from {start:.10g} to {end:.10g} s, expected the same clock for both"
+            f"log: got commands from {log.commanded_at[0]:.10g} to {log.commanded_at[-1]:.10g} s "
+            f"and measurements from {start:.10g} to {end:.10g} s, expected the same clock for both"
         )
     if end - start < SHORTEST:
         raise InvalidInputError(
@@ -215,13 +216,13 @@ def _check_times(log: Log) -> None:
 
 
 def _command(log: Log, look_ahead: float | None) -> Command:
-    """Return the greatest that the robot was told.
+    """Return the greatest that the robot was commanded.
 
     Raises:
-        InvalidInputError: if an entry was never told, or ℓ is missing or too much.
+        InvalidInputError: if an entry was never commanded, or ℓ is missing or too much.
     """
-    most = np.abs(log.told).max(axis=0)
-    _check_told(log, most)
+    most = np.abs(log.commanded).max(axis=0)
+    _check_commanded(log, most)
     if len(most) == 2 and look_ahead is None:
         raise InvalidInputError(
             "look_ahead: got None, expected how far before the axle the point lies that follows "
@@ -240,9 +241,9 @@ def _check_varies(log: Log, command: Command) -> None:
     Raises:
         InvalidInputError: if one does; the message names it, and a drive that shows it.
     """
-    _check_told(log, WHOLE * command.limits)
-    greatest = np.abs(log.told).max(axis=0)
-    varied = np.abs(np.diff(log.told, axis=0, prepend=0.0)).sum(axis=0) / greatest
+    _check_commanded(log, WHOLE * command.limits)
+    greatest = np.abs(log.commanded).max(axis=0)
+    varied = np.abs(np.diff(log.commanded, axis=0, prepend=0.0)).sum(axis=0) / greatest
     for name, times in zip(_names(log), varied, strict=True):
         if times < VARIES:
             raise InvalidInputError(
@@ -251,13 +252,13 @@ def _check_varies(log: Log, command: Command) -> None:
             )
 
 
-def _check_told(log: Log, least: Array) -> None:
-    """Refuse logs in which an entry was told less than (k,) some value, or nothing.
+def _check_commanded(log: Log, least: Array) -> None:
+    """Refuse logs in which an entry was commanded less than (k,) some value, or nothing.
 
     Raises:
         InvalidInputError: if one was.
     """
-    greatest = np.abs(log.told).max(axis=0)
+    greatest = np.abs(log.commanded).max(axis=0)
     for name, most, needed in zip(_names(log), greatest, least, strict=True):
         if most < needed or most == 0.0:
             raise InvalidInputError(
@@ -267,7 +268,7 @@ def _check_told(log: Log, least: Array) -> None:
 
 
 def _names(log: Log) -> tuple[str, ...]:
-    return TOLD if log.told.shape[1] == 3 else (TOLD[0], TOLD[2])
+    return COMMANDED if log.commanded.shape[1] == 3 else (COMMANDED[0], COMMANDED[2])
 
 
 def _from_pose(time: Array, pose: Array) -> tuple[Array, Array]:
@@ -299,7 +300,7 @@ def _check_agrees(log: Log) -> None:
         moved = np.convolve(derived[:, k], smooth, "valid")
         size = float(np.sqrt(np.mean(said**2)))
         off = float(np.sqrt(np.mean((moved - said) ** 2)))
-        least = float(np.sqrt(np.mean(log.told[:, min(k, log.told.shape[1] - 1)] ** 2)))
+        least = float(np.sqrt(np.mean(log.commanded[:, min(k, log.commanded.shape[1] - 1)] ** 2)))
         if off > AGREES * max(size, 0.5 * least):
             ratio = float(moved @ said) / max(float(said @ said), 1e-12)
             why = ": is it in degrees?" if k == 2 and _is_degrees(ratio) else ""
@@ -311,17 +312,17 @@ def _check_agrees(log: Log) -> None:
 
 
 def _record(log: Log, command: Command) -> Record:
-    """Return what was told and done every `CONTROL_DT`."""
+    """Return what was commanded and done every `CONTROL_DT`."""
     time = np.arange(log.time[0], log.time[-1], CONTROL_DT)
-    latest = np.searchsorted(log.told_at, time + 1e-9, side="right") - 1
-    told = np.where(latest[:, None] >= 0, log.told[np.maximum(latest, 0)], 0.0)
+    latest = np.searchsorted(log.commanded_at, time + 1e-9, side="right") - 1
+    commanded = np.where(latest[:, None] >= 0, log.commanded[np.maximum(latest, 0)], 0.0)
     at, twist = log.time, log.twist
     if not np.isfinite(twist).all():
         at, twist = _from_pose(log.time, log.pose)
     done = np.column_stack([np.interp(time, at, entry) for entry in twist.T])
     if command.look_ahead is not None:
         done = np.column_stack([done[:, 0], done[:, 2] + done[:, 1] / command.look_ahead])
-    return Record(told, done)
+    return Record(commanded, done)
 
 
 def _within_reach(record: Record) -> Array:
@@ -340,29 +341,31 @@ def _within_reach(record: Record) -> Array:
 
 
 def _check_clock(record: Record) -> None:
-    """Refuse logs in which what was done comes before what was told, or a second after it.
+    """Refuse logs in which what was done comes before what was commanded, or a second after it.
 
     Raises:
         InvalidInputError: if it does.
     """
-    told, done = record.command[:, 0], record.done[:, 0]
+    commanded, done = record.command[:, 0], record.done[:, 0]
     early, steps = round(EARLIEST / CONTROL_DT), round(LATEST / CONTROL_DT)
     # what is done at rest follows changes: the delay at which both correlate best is δ + τ or so
     shifts = np.arange(-steps, steps + 1)
     padded = np.concatenate([np.zeros(steps), done, np.zeros(steps)])
-    alike = np.array([abs(told @ padded[steps + k : steps + k + len(told)]) for k in shifts])
+    count = len(commanded)
+    alike = np.array([abs(commanded @ padded[steps + k :][:count]) for k in shifts])
     best = int(shifts[alike.argmax()])
     if best < -early:
         raise InvalidInputError(
-            f"log: the robot moves {-best * CONTROL_DT:.2f} s before it is told to, expected one "
-            "clock for commands and measurements"
+            f"log: the robot moves {-best * CONTROL_DT:.2f} s before it is commanded to, expected "
+            "one clock for commands and measurements"
         )
     if best >= steps:
         raise InvalidInputError(
-            f"log: the robot moves {LATEST:g} s or more after it is told to, expected one clock "
-            f"for commands and measurements, and a robot that follows within {LONGEST_DELAY:g} s"
+            f"log: the robot moves {LATEST:g} s or more after it is commanded to, expected one "
+            "clock for commands and measurements, and a robot that follows within "
+            f"{LONGEST_DELAY:g} s"
         )
-    if abs(float(late(told, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
+    if abs(float(late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
         raise InvalidInputError(f"log: the robot does not move; {DRIVE}")
 
 
@@ -372,12 +375,12 @@ def _check_degrees(record: Record) -> None:
     Raises:
         InvalidInputError: if one is.
     """
-    told, done = record.command[:, -1], record.done[:, -1]
-    ratio = float(np.std(done)) / float(np.std(told))
+    commanded, done = record.command[:, -1], record.done[:, -1]
+    ratio = float(np.std(done)) / float(np.std(commanded))
     if _is_degrees(ratio):
         raise InvalidInputError(
-            f"log: w: the robot turns {ratio:.3g} times as fast as it is told, expected rad and "
-            "rad/s: is one of them in degrees?"
+            f"log: w: the robot turns {ratio:.3g} times as fast as it is commanded, expected rad "
+            "and rad/s: is one of them in degrees?"
         )
 
 
@@ -392,19 +395,21 @@ def _stops(record: Record, command: Command) -> list[Stop]:
     Raises:
         InvalidInputError: if there is none.
     """
-    told = command.in_plane(record.command)
+    commanded = command.in_plane(record.command)
     moved = command.in_plane(record.done)
-    speed = np.abs(record.command[:, 0]) if command.look_ahead is not None else np.hypot(*told.T)
-    fast, still = speed >= WHOLE * speed.max(), np.hypot(*told.T) <= 0.05 * speed.max()
+    speed = (
+        np.abs(record.command[:, 0]) if command.look_ahead is not None else np.hypot(*commanded.T)
+    )
+    fast, still = speed >= WHOLE * speed.max(), np.hypot(*commanded.T) <= 0.05 * speed.max()
     before, after, ramp = (round(one / CONTROL_DT) for one in (BEFORE, AFTER, RAMP))
     found = []
-    for k in range(before, len(told) - after - ramp):
+    for k in range(before, len(commanded) - after - ramp):
         if not (fast[k - before : k].all() and not fast[k]):
             continue
         rest = k + int(still[k : k + ramp].argmax())
         if still[rest : rest + after].all():
             until = rest + after
-            while until < min(len(told), rest + 2 * after) and still[until]:
+            while until < min(len(commanded), rest + 2 * after) and still[until]:
                 until += 1
             found.append(stop_of(moved[k - before : k], moved[k:until]))
     if not found:
