@@ -2,7 +2,8 @@
 
 The pole can stay where the largest torque can still stop it in time. From the angle θ the speed
 towards the limit may be √(c² + 2 E(θ)) − c, where E is the work that the braking torque does until
-the limit, gravity's work taken off, and c what one sample costs. pip install 'hcbf-gym[examples]'
+the limit, gravity's work taken off, and c what one sample costs.
+pip install -c constraints.txt -e ".[examples]"
 """
 
 import gymnasium as gym

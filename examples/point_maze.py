@@ -1,7 +1,8 @@
 """PointMaze of gymnasium-robotics behind the filter: the ball arrives and never touches a wall.
 
 One step of MuJoCo is v⁺ = v + T w, p⁺ = p + T v⁺ with w = (100 a − v) / MASS, so that p − T v / 2
-moves exactly as a double integrator does under a held w. pip install 'hcbf-gym[examples]'
+moves exactly as a double integrator does under a held w.
+pip install -c constraints.txt -e ".[examples]"
 """
 
 import gymnasium as gym

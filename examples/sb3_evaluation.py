@@ -1,6 +1,6 @@
 """Stable-Baselines3's EvalCallback counts how many evaluations reach the goal.
 
-pip install 'hcbf-gym[rl]'
+pip install -c constraints.txt -e ".[rl]"
 """
 
 import gymnasium as gym

@@ -1,6 +1,6 @@
 """A unicycle of a few lines: a model from two functions, a barrier from one.
 
-pip install 'hcbf-gym[examples]'
+pip install -c constraints.txt -e ".[examples]"
 """
 
 import gymnasium as gym

@@ -1,25 +1,32 @@
 """hcbf-gym: safety filters that know priorities, for any policy, on a walking robot."""
 
+from typing import TYPE_CHECKING
+
 import gymnasium as gym
 
-from hcbf_gym import compilation
+from hcbf_gym import compilation, lazily
 from hcbf_gym.drawing.headless import prefer_egl
 
 compilation.prepare()  # before anything compiles
 prefer_egl()  # before anything imports MuJoCo
 
-from hcbf_gym import policies, programs, robots, scenarios, wrappers  # noqa: E402
 from hcbf_gym.errors import HcbfError  # noqa: E402
-from hcbf_gym.filtering.batch_filter import BatchFilter  # noqa: E402
-from hcbf_gym.models.plant import Estimate, Plant  # noqa: E402
-from hcbf_gym.online import VelocityFilter  # noqa: E402
+
+if TYPE_CHECKING:
+    from hcbf_gym import policies, programs, robots, scenarios, wrappers
+    from hcbf_gym.filtering.batch_filter import BatchFilter
+    from hcbf_gym.models.plant import Estimate, Plant
+    from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 
 __version__ = "0.2.0"
 __all__ = [
     "BatchFilter",
+    "Command",
     "Estimate",
     "HcbfError",
     "Plant",
+    "Response",
+    "Robot",
     "VelocityFilter",
     "__version__",
     "policies",
@@ -28,20 +35,38 @@ __all__ = [
     "scenarios",
     "wrappers",
 ]
+_ROOMS = (
+    "barriers", "certificates", "drawing", "envs", "estimation", "evaluation", "filtering",
+    "guidance", "maps", "models", "online", "policies", "programs", "robots", "scenarios",
+    "wrappers",
+)  # fmt: skip
+
+__getattr__ = lazily.names_of(
+    __name__,
+    {room: room for room in _ROOMS}
+    | dict.fromkeys(("Estimate", "Plant"), "models.plant")
+    | dict.fromkeys(("Command", "Response", "Robot", "VelocityFilter"), "online")
+    | {"BatchFilter": "filtering.batch_filter"},
+)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_ROOMS})
+
 
 gym.register(
     id="HCBF-Regions-v0",
-    entry_point="hcbf_gym.envs.regions:RegionsEnv",
-    vector_entry_point="hcbf_gym.envs.regions_vector:RegionsVectorEnv",
+    entry_point="hcbf_gym.envs:RegionsEnv",
+    vector_entry_point="hcbf_gym.envs:RegionsVectorEnv",
     max_episode_steps=1000,
 )
 gym.register(
     id="HCBF-A1Regions-v0",
-    entry_point="hcbf_gym.envs.a1_regions:A1RegionsEnv",
+    entry_point="hcbf_gym.envs:A1RegionsEnv",
     max_episode_steps=1000,
 )
 gym.register(
     id="HCBF-WalkerRegions-v0",
-    entry_point="hcbf_gym.envs.walker_regions:WalkerRegionsEnv",
+    entry_point="hcbf_gym.envs:WalkerRegionsEnv",
     max_episode_steps=1000,
 )

@@ -99,9 +99,36 @@ def require(what: str, extra: str, *modules: str) -> None:
     missing = [name for name in modules if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingDependencyError(
-            f"{what}: got no {', '.join(missing)}, "
-            f"expected the extra: pip install 'hcbf-gym[{extra}]', "
-            f"or in a checkout pip install -c constraints.txt -e '.[{extra}]'"
+            f"{what}: got no {', '.join(missing)}, expected the extra {extra}: {install(extra)}"
+        )
+
+
+def install(extra: str) -> str:
+    """Return the lines that install an extra of this package, in a checkout and elsewhere."""
+    return (
+        f"pip install -c constraints.txt -e '.[{extra}]' in a checkout, "
+        f"pip install 'hcbf-gym[{extra}]' elsewhere"
+    )
+
+
+_PACKAGES = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}
+
+
+def require_packages(what: str, *modules: str) -> None:
+    """Refuse to begin what needs packages that a light installation leaves out.
+
+    Args:
+        what: what needs them, for the message.
+        modules: of "mujoco" and "pinocchio".
+
+    Raises:
+        MissingDependencyError: if one is missing; the message names the line that installs it.
+    """
+    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    if missing:
+        line = " ".join(f"'{_PACKAGES[name]}'" for name in missing)
+        raise MissingDependencyError(
+            f"{what}: got no {', '.join(missing)}, expected it: pip install {line}"
         )
 
 

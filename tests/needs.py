@@ -20,7 +20,7 @@ EXTRAS = {
 def remedy(module):
     """Say which extra brings a module."""
     extra = EXTRAS[module]
-    return f"needs {module} of the extra {extra}: pip install 'hcbf-gym[{extra}]'"
+    return f"needs {module} of the extra {extra}: pip install -c constraints.txt -e '.[{extra}]'"
 
 
 def needs(*modules):

@@ -1,7 +1,7 @@
 """The certificates that come with the package, and which of them speaks of a plant."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -111,6 +111,18 @@ class NearestCertificate(NamedTuple):
         if self.judged.outside or self.certificate is None:
             return self.judged
         return judge({"scene": declared["scene"]}, {"scene": self.certificate.plant["scene"]})
+
+    def despite(self, complaints: Iterable[str]) -> "NearestCertificate":
+        """Return what it says of a plant that does not follow.
+
+        Args:
+            complaints: where it does not, a sentence for each; none where it follows.
+        """
+        said = tuple(complaints)
+        if not said:
+            return self
+        judged = Judged(Coverage.OUTSIDE, CoveredBy.ARGUMENT, (*self.judged.says, *said))
+        return self._replace(judged=judged)
 
     @property
     def margins(self) -> Uncertainty | None:

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 BET = 5.0
 """ε/q: the wager is best where episodes enter so many times less often than the bound says."""
@@ -66,6 +65,8 @@ def running_bound(entered: int, episodes: int, beta: float) -> float:
         episodes: n.
         beta: how often such a bound may be wrong, between 0 and 1.
     """
+    from scipy.optimize import brentq
+
     wanted = -math.log(beta)
 
     def short(bound: float) -> float:

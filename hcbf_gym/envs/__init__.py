@@ -1,1 +1,31 @@
-"""The Gymnasium environments; the only place that steps MuJoCo."""
+"""The environments: the reduced-order model alone, and robots in MuJoCo that follow one."""
+
+from typing import TYPE_CHECKING, Any
+
+from hcbf_gym import lazily
+from hcbf_gym.errors import require_packages
+
+if TYPE_CHECKING:
+    from hcbf_gym.envs.a1_regions import A1RegionsEnv
+    from hcbf_gym.envs.regions import RegionsEnv
+    from hcbf_gym.envs.regions_vector import RegionsVectorEnv
+    from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
+
+__all__ = ["A1RegionsEnv", "RegionsEnv", "RegionsVectorEnv", "WalkerRegionsEnv"]
+
+_NEEDS = {"A1RegionsEnv": ("mujoco", "pinocchio"), "WalkerRegionsEnv": ("mujoco",)}
+_find = lazily.names_of(
+    __name__,
+    {
+        "A1RegionsEnv": "a1_regions",
+        "RegionsEnv": "regions",
+        "RegionsVectorEnv": "regions_vector",
+        "WalkerRegionsEnv": "walker_regions",
+    },
+)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _NEEDS:
+        require_packages(name, *_NEEDS[name])
+    return _find(name)

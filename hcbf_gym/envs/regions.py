@@ -1,7 +1,7 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +13,6 @@ from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.certificates import Judged
-from hcbf_gym.drawing.top_down import TopDownView
 from hcbf_gym.envs import task
 from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of, warn_of
@@ -22,6 +21,9 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Scenario, ScenarioLike
+
+if TYPE_CHECKING:
+    from hcbf_gym.drawing.top_down import TopDownView
 
 PATH_POINTS = 3000
 """How many of the last positions a picture shows; an episode without end forgets the others."""
@@ -217,6 +219,8 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         if self.render_mode is None:
             return None
         if self._view is None:
+            from hcbf_gym.drawing.top_down import TopDownView
+
             self._view = TopDownView()
         return self._view.draw(self.scenario, self.time, np.array(self._path))
 

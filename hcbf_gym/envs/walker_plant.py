@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from hcbf_gym import certificates, records
-from hcbf_gym.barriers.speed_limit import check_leaves_speed
 from hcbf_gym.envs.plants import PlantModel
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins, speed_row
+from hcbf_gym.robots.walker_response import assumed
 
 OFF_NOMINAL = 0.02
 """What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
@@ -68,7 +68,9 @@ def widened(declared: Declared) -> float:
     return WIDENED if declared.departures else 1.0
 
 
-def plant_model(walker: Walker, declared: Declared, input_set: InputSet, body: float) -> PlantModel:
+def plant_model(
+    walker: Walker, declared: Declared, input_set: InputSet, body: float, is_own: bool
+) -> PlantModel:
     """Return what a filter takes for true of a walker.
 
     A shipped certificate says how far the robot may be from its reduced-order model; where none
@@ -79,15 +81,17 @@ def plant_model(walker: Walker, declared: Declared, input_set: InputSet, body: f
         declared: what the arguments declare.
         input_set: U of the scene.
         body: what the robot reaches beyond its trunk's origin [m]; 0 for a point.
+        is_own: whether nothing but the robot's motors caps its speed.
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
     said = declared.plain(walker)
-    found = certificates.nearest(said)
+    response = walker.response or assumed(walker.command)
+    found = certificates.nearest(said).despite(response.complaints)
     more = OFF_NOMINAL if declared.departures else 0.0
-    known = found.margins or margins(walker.response, CONTROL_DT, said["robot"], more)
-    check_leaves_speed("v_max", declared.v_max, known.speed)
-    axle = axle_of(walker.command, walker.response, input_set, declared.v_max)
-    able, known = braked(input_set, walker.response), known._replace(body=body)
-    return PlantModel(able, declared.v_max, known, said, found, axle)
+    known = found.margins or margins(response, CONTROL_DT, said["robot"], more)
+    row = speed_row(declared.v_max, known.speed, is_own)
+    axle = axle_of(walker.command, response, input_set, declared.v_max)
+    known, able = known._replace(body=body), braked(input_set, response)
+    return PlantModel(able, row, known, said, found, axle)

@@ -63,8 +63,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     * `heading`: "velocity" turns the robot along its velocity, "fixed" keeps its heading, "free"
       turns it at `env.unwrapped.drive.adapter.turn` [rad/s]; None takes the contract's rule. A
       differential drive turns as it must.
-    * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else the greatest
-      forward speed of the contract.
+    * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else what the robot's
+      own motors do: the greatest forward speed of the contract, and its overshoot.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, start pose.
@@ -111,11 +111,11 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         reach = 0.0
         if footprint is not None:
             reach = walker.body.reach or footprint.radius(simulation.home_joints)
-        cap = speed_cap(walker.command, own.v_max if v_max is None else v_max)
+        cap, is_own = speed_cap(walker.command, v_max, own.v_max)
         declared = Declared(
             heading, terrain, randomization, disturbances, len(own.obstacles), body, cap
         )
-        known = plant_model(walker, declared, own.input_set, reach)
+        known = plant_model(walker, declared, own.input_set, reach, is_own)
         drive = WalkerDrive(simulation, adapter, footprint, widened(declared))
         super().__init__(drive, known, scenes, terrain, render_mode)
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
@@ -138,6 +137,8 @@ def _settings(
     chosen: Sensors, legs: LegGeometry, foot_radius: float, dt: float, delay: int
 ) -> tuple[Any, ...]:
     """Return the fields of a `SETTINGS` record."""
+    from scipy.special import ndtri  # wheels have no feet
+
     half_band = 0.5 / dt  # [Hz] that readings at this rate let through
     keep_drift, keep_rotation, keep_slip = np.exp(
         -dt / np.array([chosen.drift_time, chosen.orientation_time, chosen.slip_time])

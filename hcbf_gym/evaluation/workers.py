@@ -13,7 +13,7 @@ import joblib
 import tyro
 from joblib.externals.loky import ProcessPoolExecutor
 
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, install
 
 Backend = Literal["processes", "ray"]
 """Processes of this machine, or a Ray cluster (the extra `cluster`)."""
@@ -167,7 +167,7 @@ class RayTasks:
             self._ray: Any = importlib.import_module("ray")
         except ImportError as error:
             raise MissingDependencyError(
-                "backend 'ray': Ray is not installed: pip install 'hcbf-gym[cluster]'"
+                f"backend 'ray': got no ray, expected the extra cluster: {install('cluster')}"
             ) from error
         if not self._ray.is_initialized():
             try:

@@ -1,15 +1,18 @@
 """The controller's own model of the robot, read by Pinocchio from an MJCF file."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.dynamics import Bodies
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import Quadruped
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 
 class RobotModel:
@@ -29,7 +32,7 @@ class RobotModel:
         self.bodies = _bodies(self.pinocchio)
 
 
-def _bodies(model: pin.Model) -> Bodies:
+def _bodies(model: "pin.Model") -> Bodies:
     inertias = [model.inertias[joint] for joint in range(1, model.njoints)]
     return Bodies(
         mass=np.array([inertia.mass for inertia in inertias]),
@@ -41,7 +44,9 @@ def _bodies(model: pin.Model) -> Bodies:
     )
 
 
-def _read(xml_file: Path) -> pin.Model:
+def _read(xml_file: Path) -> "pin.Model":
+    import pinocchio as pin  # robots on wheels need none of it
+
     try:
         model = pin.buildModelFromMJCF(str(xml_file))
     except Exception as error:  # Pinocchio raises whatever its parser throws
@@ -58,7 +63,7 @@ def _read(xml_file: Path) -> pin.Model:
     return model
 
 
-def _leg_geometry(model: pin.Model, robot: Quadruped) -> LegGeometry:
+def _leg_geometry(model: "pin.Model", robot: Quadruped) -> LegGeometry:
     """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
     placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
     axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
@@ -26,7 +25,6 @@ LONGEST_TEXT = 65_536
 
 _KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
 _IMAGES = {"PPM": "PGM", "PNG": "PNG"}
-_NO_IMAGE = (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError)
 _PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
 
 
@@ -173,6 +171,8 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any]:
     Raises:
         InvalidInputError: if there is no such image, or it is too large or of another kind.
     """
+    from PIL import Image
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # refused here if large
@@ -187,7 +187,7 @@ def _shade(path: Path, mode: str) -> tuple[Any, Any]:
             colours = np.asarray(image.convert("RGBA"))
     except InvalidInputError:
         raise
-    except _NO_IMAGE as error:
+    except (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError) as error:
         raise InvalidInputError(
             f"map image {path}: got {error}, expected a readable {' or '.join(_IMAGES.values())}"
         ) from error

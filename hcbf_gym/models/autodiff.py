@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 
 _ran_in: int | None = None  # the process in which this package first ran JAX
 
@@ -22,7 +22,9 @@ def import_jax(what: str) -> Any:
     try:
         import jax
     except ImportError as error:
-        raise MissingDependencyError(f"{what} needs JAX: pip install 'hcbf-gym[jax]'") from error
+        raise MissingDependencyError(
+            f"{what}: got no jax, expected the extra jax: {install('jax')}"
+        ) from error
     return jax
 
 

@@ -1,5 +1,7 @@
 """The filter without Gymnasium: a velocity and a pose in, a velocity out."""
 
 from hcbf_gym.online.velocity_filter import Robot, VelocityFilter
+from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import Response
 
-__all__ = ["Robot", "VelocityFilter"]
+__all__ = ["Command", "Response", "Robot", "VelocityFilter"]

@@ -1,11 +1,12 @@
 """The filter for a loop of the user's own: a robot that takes velocities, without Gymnasium."""
 
+import contextlib
 import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +15,15 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.speed_limit import check_leaves_speed
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
+from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    SafetyWarning,
+    finite_array,
+    finite_float,
+    require_packages,
+)
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -25,11 +33,14 @@ from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
-from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.robots.walker_margins import braked, margins, speed_cap
+from hcbf_gym.robots.walker_margins import braked, margins
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import UNKNOWN, Response
+from hcbf_gym.robots.walker_response import Response, assumed
+
+if TYPE_CHECKING:
+    from hcbf_gym.certificates import Certificate
+    from hcbf_gym.robots.walker import Walker
 
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
@@ -39,6 +50,8 @@ ROUNDING = 1e-9
 """By how much a present may seem to be before its past [s]."""
 LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
+LEAP = 1.0
+"""A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
 PAUSE = 1.5
 """Periods without one after which the model begins anew, unless the robot follows more slowly."""
 
@@ -49,7 +62,8 @@ class Robot:
 
     Args:
         command: what it may be told.
-        response: how it follows; None assumes a slow robot that sways.
+        response: how it follows; None assumes a slow robot that sways, see
+            `walker_response.assumed`.
         reach: radius of the circle around its centre that holds it [m].
         known_as: what certificates call it; "" for a robot of which there is none.
     """
@@ -59,30 +73,53 @@ class Robot:
     reach: float = 0.0
     known_as: str = ""
 
+    def __post_init__(self) -> None:
+        for name, kind in (("command", Command), ("response", Response)):
+            value = getattr(self, name)
+            if not isinstance(value, kind) and (name == "command" or value is not None):
+                raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
+        if self.response is not None:
+            self.response.gains(len(self.command.limits))  # fit
+        finite_float("robot: reach", self.reach, minimum=0.0)
+
 
 class VelocityFilter:
     """Filters every velocity command of a robot through one of the programs.
 
     In every period the user hands over what the robot shall do, where it is and how it moves, and
     tells the robot what comes back. What is old or not finite is not believed: the command is zero
-    then, at once, until there are good data again.
+    then, at once, until there are good data again. With `now`, data that are repeated or come out
+    of their order are as good as their age: the newest go on by their twist, and rows reserve what
+    U may have changed meanwhile.
+
+    One thread at a time may call a filter: where odometry and commands come in threads of their
+    own, keep the newest odometry and call `step` in the thread of the commands, or under a lock.
+    The constructor compiles what steps need.
 
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
         barriers: the ranked conditions on the robot's position, in the frame of the pose; the
-            attribute of this name may be set anew at any time.
+            attribute of this name may be set anew at any time, as `goal`, `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
         period: the longest regular time between two calls [s]; shorter ones do no harm. A command
             is good for that long.
         goal: (2,) where guidance leads [m]; None without guidance.
         guidance: as `wrappers.SafetyFilter` takes it.
-        v_max: strict cap on the speed [m/s]; None takes the greatest that the robot may be told.
+        v_max: strict cap on the speed [m/s]; None for none but what the robot may be told. Its row
+            reserves m for an overshoot and one input of `period` T besides, so that the robot is
+            told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
         radius: what the robot reaches beyond the point that follows its commands [m]; None takes
             the robot's reach, and ℓ besides for a differential drive.
         max_age: the greatest age of data that are believed [s].
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
+        margin: as `wrappers.SafetyFilter` takes it.
+        certificate: rows reserve its margins, as `wrappers.SafetyFilter` takes it; `covered` stays
+            0, as nothing here says where the robot drives.
         **options: as `wrappers.SafetyFilter` takes them.
+
+    Attributes:
+        fastest: the greatest speed that the robot is told [m/s].
 
     Raises:
         InvalidInputError: if an option is unknown or out of range, the barriers are none, no speed
@@ -99,7 +136,7 @@ class VelocityFilter:
 
     def __init__(
         self,
-        robot: str | Path | Walker | Robot,
+        robot: "str | Path | Walker | Robot",
         barriers: Sequence[Barrier],
         program: str = "lex-cbf-qp",
         period: float = 0.05,
@@ -109,37 +146,108 @@ class VelocityFilter:
         radius: float | None = None,
         max_age: float = 0.1,
         on_alarm: str = "warn",
+        margin: float | None = None,
+        certificate: "str | Path | Certificate | None" = None,
         **options: Any,
     ):
         known = _known(robot)
+        response = known.response or assumed(known.command)
+        if response.complaints:
+            warnings.warn(
+                "velocity filter: rank 1 is not promised (covered = 0), as the robot does not "
+                f"follow: {'; '.join(response.complaints)}",
+                CoverageWarning,
+                stacklevel=2,
+            )
         self.barriers: Any = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach + self._adapter.look_ahead if radius is None else radius
-        reserved = margins(known.response, self._period, known.known_as)
+        reserved = margins(response, self._period, known.known_as)
+        if certificate is not None:
+            reserved = certificates.load(certificate).margins or reserved
         reserved = reserved._replace(body=finite_float("radius", reach, minimum=0.0))
-        self._cap = speed_cap(known.command, v_max)
-        check_leaves_speed("v_max", self._cap, reserved.speed)
-        self._limit = SpeedLimit("speed limit", 1, self._cap)
-        input_set = braked(Box.symmetric(HARDEST), known.response)
+        input_set = braked(Box.symmetric(HARDEST), response)
+        self._robot, self._reserved, self._hardest = known, reserved.speed, input_set.radius
+        self.v_max = v_max
         self._able = braking.weakest(input_set)
-        plant = Plant(
+        self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
             uncertainty=reserved,
         )  # fmt: skip
-        settings = FilterSettings(program, "held", guidance, None, None, on_alarm, False, options)
-        self._core = PlanarCore(plant, input_set, settings)
+        self._settings = FilterSettings(
+            program, "held", guidance, margin, None, on_alarm, False, options
+        )
+        self._core = PlanarCore(self._plant, input_set, self._settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
-        self._follows = (known.response or UNKNOWN).follows
+        self._follows = response.follows
         self._monitor = ResponseMonitor(known.command, known.response)
-        self._goal = None if goal is None else finite_array("goal", goal, (2,))
-        if guidance is not None and self._goal is None:
+        self.goal = goal
+        self._fault = Reason.NONE
+        self.reset()
+        self._compile()
+
+    @property
+    def goal(self) -> Array | None:
+        """(2,) where guidance leads [m]; None without guidance."""
+        return self._goal
+
+    @goal.setter
+    def goal(self, goal: ArrayLike | None) -> None:
+        found = None if goal is None else finite_array("goal", goal, (2,))
+        guidance = self._settings.guidance
+        if guidance is not None and found is None:
             raise InvalidInputError(
                 f"goal: got None with guidance {guidance!r}, expected (x, y) where it leads [m]"
             )
-        self.reset()
+        self._goal = found
+        self._begun = False
+
+    @property
+    def v_max(self) -> float | None:
+        """Strict cap on the speed [m/s]; None for none but what the robot may be told."""
+        return self._limit[0].v_max if self._limit else None
+
+    @v_max.setter
+    def v_max(self, v_max: float | None) -> None:
+        self._limit: tuple[SpeedLimit, ...] = ()
+        self.fastest = self._begins_at = self._robot.command.fastest
+        if v_max is not None:
+            cap = _cap(v_max, self._reserved, self._robot)
+            self._limit = (SpeedLimit("speed limit", 1, cap),)
+            self._begins_at = float(braking.speed_left(cap, self._reserved))
+            gained = self._period * self._hardest
+            self.fastest = math.sqrt(max(0.0, self._begins_at**2 - gained**2))
+
+    @property
+    def program(self) -> Any:
+        """Name of the program."""
+        return self._settings.program
+
+    @program.setter
+    def program(self, program: str) -> None:
+        settings = self._settings._replace(program=program)
+        core = PlanarCore(self._plant, self._core.input_set, settings)
+        core.restart(np.ones(1, dtype=np.bool_))
+        self._core, self._settings, self._begun = core, settings, False
+
+    def _compile(self) -> None:
+        """Let a filter that nobody sees make two steps, far from everything."""
+        core = PlanarCore(self._plant, self._core.input_set, self._settings)
+        core.restart(np.ones(1, dtype=np.bool_))
+        x, still = np.zeros(4), np.zeros(2)
+        pose = np.zeros(3)
+        with warnings.catch_warnings(), contextlib.suppress(InvalidInputError):
+            warnings.simplefilter("ignore")
+            core.begin(self._scene(), Estimate(x, 0.0, None, x, x), self._goal, None)
+            for covariance in (None, np.zeros((4, 4))):
+                seen = Estimate(x, self._period, covariance, x, x, elapsed=self._period)
+                core.step(still, self._scene(), seen)
+        self._monitor.tell(self._told, 0.0)
+        self._monitor.observe(pose, still, 0.0)
+        self._monitor.forget()
 
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
@@ -153,6 +261,9 @@ class VelocityFilter:
         self._fault = Reason.NONE
         self._told: Array = np.zeros(len(self._limits))
         self._good_from = self._good_until = -math.inf
+        self._sample = _Sample()
+        self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
+        self._last = self._leapt_from = math.nan  # presents [s]
 
     def step(
         self,
@@ -183,24 +294,33 @@ class VelocityFilter:
                 happened.
         """
         wanted = finite_array("command", command, (len(self._limits),))
-        place, motion = _numbers(pose), _numbers(twist)
-        stamp = _number(time)
-        age = 0.0 if now is None else _number(now) - stamp
-        if self._time is not None and stamp - self._time > LATE * self._period:
+        given = _Sample(_number(time), _numbers(pose), _numbers(twist))
+        sample = given if now is None else self._newest(given, _number(now))
+        present = given.stamp if now is None else _number(now)
+        self._look_back(present)
+        age = 0.0 if now is None else present - sample.stamp
+        if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        sound = bool(np.isfinite(place.sum() + motion.sum() + stamp))
+        place, motion = sample.place, sample.motion
+        sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
+        measured = self._follower(place, motion)
+        if sound and sample is given and self._monitor.observe(
+            np.array([measured[0], measured[1], place[2]]), measured[2:], sample.stamp,
+            self._good_until,
+        ):  # fmt: skip
+            self._fault = Reason.RESPONSE
+        stale = not -ROUNDING <= age <= self._max_age + ROUNDING
+        if sound and not stale and age > 0.0:
+            place = _moved(place, motion, age)
+            self._missed_by = max(self._missed_by, 0.5 * self._hardest * age * age)
         body = self._follower(place, motion)
-        velocity = self._now(stamp, body[2:]) if sound else self._velocity
+        velocity = self._now(present, body[2:]) if sound else self._velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        stale = not -ROUNDING <= age <= self._max_age
-        point = np.array([body[0], body[1], place[2]])
-        if sound and self._monitor.observe(point, body[2:], stamp, self._good_until):
-            self._fault = Reason.RESPONSE
         estimate = Estimate(
             x,
-            stamp,
-            None,
+            present,
+            self._spread(),
             x,
             lag,
             age=math.inf if stale else max(0.0, age),
@@ -215,22 +335,52 @@ class VelocityFilter:
             except InvalidInputError as error:  # no filter can begin with these barriers
                 warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
                 barriers = None
-        if self._time is not None and stamp > self._time:
-            estimate = estimate._replace(elapsed=stamp - self._time)
+        if self._time is not None and present > self._time:
+            estimate = estimate._replace(elapsed=present - self._time)
         asked = self._asked(wanted, place[2], velocity)
         u, report = self._core.step(asked, barriers, estimate)
         if report["status"] == FilterStatus.BACKUP:
             self._time, told = None, np.zeros(len(self._limits))
         else:
-            self._time = self._moved = stamp
+            self._time = self._moved = present
             self._velocity, self._input = velocity, u
             told = self._tell(wanted, place[2], motion[2])
         self._told = told
-        self._tell_monitor(stamp + max(0.0, age))
-        self._good_from = stamp
-        self._good_until = stamp + self._period if math.isfinite(stamp) else -math.inf
+        self._tell_monitor(present)
+        self._good_from = present
+        self._good_until = present + self._period if math.isfinite(present) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
         return told.copy(), report
+
+    def _newest(self, given: "_Sample", now: float) -> "_Sample":
+        """Return the newest data that were not from the future: what was given, or what was kept.
+
+        Args:
+            given: with this call.
+            now: the present [s].
+        """
+        if not given.is_sound or not given.stamp <= now + ROUNDING:
+            return given
+        if given.stamp > self._sample.stamp or self._sample.stamp > now + ROUNDING:
+            self._sample = given
+        return self._sample
+
+    def _look_back(self, present: float) -> None:
+        """Begin anew where the last present was far ahead, and time goes on before it."""
+        if self._leapt_from < present <= self._last:
+            self._core.restart(np.ones(1, dtype=np.bool_))
+            self._monitor.forget()
+            self._begun, self._time, self._moved = False, None, -math.inf
+        if math.isfinite(present):
+            self._leapt_from = self._last if present - self._last > LEAP else math.nan
+            self._last = present
+
+    def _spread(self) -> Array | None:
+        """Return the covariance (4, 4) by which rows reserve what position may be off."""
+        if self._missed_by == 0.0:
+            return None
+        deviation = self._missed_by / max(self._core.uncertainty.confidence, TINY)
+        return np.diag([deviation**2, deviation**2, 0.0, 0.0])
 
     def _tell_monitor(self, now: float) -> None:
         """Note what the robot is told from now on [s], where the clocks say when that is."""
@@ -276,16 +426,16 @@ class VelocityFilter:
     def _capped(self, velocity: Array) -> Array:
         """Return a measured velocity, shortened to what the cap allows: the model begins there."""
         speed = float(np.hypot(*velocity))
-        most = braking.speed_left(self._cap, self._core.uncertainty.speed)
-        return velocity * min(1.0, float(most) / speed) if speed > 0.0 else velocity
+        return velocity * min(1.0, self._begins_at / speed) if speed > 0.0 else velocity
 
     def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
         """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
-        wanted = np.clip(wanted, -FARTHEST, FARTHEST)
+        wanted = np.clip(wanted, -self._limits, self._limits)
         told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
         cos, sin = math.cos(heading), math.sin(heading)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
+        velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
         missing = (velocity - now) / self._period
         size = float(np.hypot(*missing))
         return missing * min(1.0, self._able / size) if size > 0.0 else missing
@@ -317,7 +467,58 @@ class VelocityFilter:
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
-        return (*barriers, self._limit)
+        return (*barriers, *self._limit)
+
+
+class _Sample(NamedTuple):
+    """What was measured at once.
+
+    Attributes:
+        stamp: when [s].
+        place: (3,) x, y and θ of the robot's centre [m, rad].
+        motion: (3,) v_x, v_y and ω in its own axes [m/s, rad/s].
+    """
+
+    stamp: float = -math.inf
+    place: Array = np.full(3, np.nan)
+    motion: Array = np.full(3, np.nan)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether all of it is finite."""
+        return bool(np.isfinite(self.place.sum() + self.motion.sum() + self.stamp))
+
+
+def _moved(place: Array, motion: Array, seconds: float) -> Array:
+    """Return (3,) where a twist brings a pose within so many seconds."""
+    turned = motion[2] * seconds
+    cos, sin = math.cos(place[2] + 0.5 * turned), math.sin(place[2] + 0.5 * turned)
+    ahead, aside = seconds * motion[0], seconds * motion[1]
+    return place + np.array([cos * ahead - sin * aside, sin * ahead + cos * aside, turned])
+
+
+def _cap(v_max: Any, reserved: float, known: Robot) -> float:
+    """Return a strict cap on the speed [m/s].
+
+    Args:
+        v_max: as the user gave it [m/s].
+        reserved: what its row reserves for the overshoot [m/s].
+        known: the robot.
+
+    Raises:
+        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
+    """
+    least, most = 2.0 * reserved, known.command.fastest
+    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+    if least < cap <= most:
+        return cap
+    measured = "" if known.response is not None else " that nobody has measured"
+    raise InvalidInputError(
+        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
+        f"the overshoot of a robot{measured}, and at most {most:g} m/s, the greatest command; "
+        "leave v_max out where the robot's motors cap its speed, or measure how it follows by hcbf "
+        "identify --log drive.csv"
+    )
 
 
 def _known(robot: Any) -> Robot:
@@ -328,6 +529,9 @@ def _known(robot: Any) -> Robot:
     """
     if isinstance(robot, Robot):
         return robot
+    require_packages("a robot's contract, other than hcbf_gym.Robot(…),", "mujoco")
+    from hcbf_gym.robots.walker import Walker
+
     if isinstance(robot, str | Path):
         robot = Walker.load(robot)
     if not isinstance(robot, Walker):

@@ -1,5 +1,12 @@
 """Robots: what the package brings along, and the contracts by which others come."""
 
-from hcbf_gym.robots.walker import Walker
+from typing import TYPE_CHECKING
+
+from hcbf_gym import lazily
+
+if TYPE_CHECKING:
+    from hcbf_gym.robots.walker import Walker
 
 __all__ = ["Walker"]
+
+__getattr__ = lazily.names_of(__name__, {"Walker": "walker"})  # reads MJCF by MuJoCo

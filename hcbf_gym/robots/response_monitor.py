@@ -37,7 +37,7 @@ from numba import njit
 
 from hcbf_gym.arrays import Array, Pair, Records
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import UNKNOWN, Response
+from hcbf_gym.robots.walker_response import Response, assumed
 
 SHORTEST = 0.1
 """The shortest window [s]: a few samples of any loop."""
@@ -122,10 +122,9 @@ class ResponseMonitor:
     """
 
     def __init__(self, command: Command, response: Response | None, widened: float = 1.0):
-        known = UNKNOWN if response is None else response
+        known = assumed(command) if response is None else response
         doubted = response is None or bool(known.complaints)
-        gains = np.array(known.gain) if response is not None else np.ones(len(command.limits))
-        self._gains = gains[: len(command.limits)]
+        self._gains = np.array(known.gains(len(command.limits)))
         self._command = command
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows

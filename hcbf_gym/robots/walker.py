@@ -187,6 +187,11 @@ class Walker:
                 f"period: got {self.period} s, expected a multiple of the physics step of "
                 f"{model.opt.timestep:g} s"
             )
+        if not (model.geom_contype.any() or model.geom_conaffinity.any()):
+            raise RobotModelError(
+                f"mjcf: got {self.mjcf} with no geom that touches anything, expected feet or "
+                "wheels whose contype or conaffinity is not 0"
+            )
         data = mujoco.MjData(model)
         stand(data, np.zeros(2), self.body.height, 0.0, parts.home)
         mujoco.mj_forward(model, data)
@@ -287,6 +292,9 @@ def _read(file: Path) -> Walker:
         f"{what}: period", data["period"], minimum=0.0, maximum=SLOWEST_PERIOD, exclusive=True
     )
     beside = response_file(file)
+    response = Response.load(beside) if beside.is_file() else None
+    if response is not None:
+        response.gains(len(values["command"].limits))  # fit
     return Walker(
         name=texts["name"],
         mjcf=file.parent / _expanded(f"{what}: mjcf", texts["mjcf"]),
@@ -294,7 +302,7 @@ def _read(file: Path) -> Walker:
         period=period,
         observation=read_terms(data["observation"]),
         source=file,
-        response=Response.load(beside) if beside.is_file() else None,
+        response=response,
         **values,
     )
 

@@ -17,14 +17,12 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import LEAST_GAIN, Response
+from hcbf_gym.robots.walker_response import LEAST_GAIN, MOST_GAIN, Response
 
 TURNING = 2.0
 """Gain of the heading's loop [1/s]."""
 HEADING_STARTS, HEADING_STOPS = 0.15, 0.10
 """Speeds [m/s] above which the heading follows the velocity, and below which it is held."""
-MOST_GAIN = 1.5
-"""A gain beyond is taken for an error of measurement."""
 
 
 class Adapter:
@@ -44,7 +42,8 @@ class Adapter:
         self._heading = command.heading if heading is None else heading
         self._look_ahead = command.look_ahead
         self._limits: list[float] = command.limits.tolist()
-        gains = [1.0] * len(self._limits) if response is None else list(response.gain)
+        count = len(self._limits)
+        gains = [1.0] * count if response is None else response.gains(count)
         self._follows = 0.0 if response is None else response.follows
         self._gains = [min(max(gain, LEAST_GAIN), MOST_GAIN) for gain in gains]
         self.reset(0.0)

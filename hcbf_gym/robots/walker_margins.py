@@ -4,12 +4,13 @@ import math
 
 from hcbf_gym import certificates
 from hcbf_gym.barriers import braking
+from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import UNKNOWN, Response
+from hcbf_gym.robots.walker_response import Response
 
 LEAST_DISTANCE = 0.02
 """What rows reserve for any robot [m]."""
@@ -28,7 +29,7 @@ OVERSHOOT = 0.3
 """Share of the velocity error that a speed limit reserves."""
 
 
-def uncertainty(response: Response | None, period: float) -> Uncertainty:
+def uncertainty(response: Response, period: float) -> Uncertainty:
     """Return what rows must reserve for a robot, from how it follows.
 
     A body that is faster towards a region than its command goes on for ``τ + δ + T``. One that
@@ -37,22 +38,22 @@ def uncertainty(response: Response | None, period: float) -> Uncertainty:
     reserved in any case.
 
     Args:
-        response: of the robot; None where nobody has measured it.
+        response: of the robot.
         period: T, between two inputs [s].
     """
-    known = response or UNKNOWN
-    _, often, _ = known.residual
+    follows = response.follows
+    _, often, _ = response.residual
     return Uncertainty(
-        distance=LEAST_DISTANCE + often * known.follows,
-        per_velocity=max(SETTLES, FARTHER * (known.follows + period)),
+        distance=LEAST_DISTANCE + often * follows,
+        per_velocity=max(SETTLES, FARTHER * (follows + period)),
         per_lead=1.0,
         cap=MOST,
-        speed=LEAST_SPEED + BEYOND * known.overshoot,
+        speed=LEAST_SPEED + BEYOND * response.overshoot,
         speed_per_velocity=OVERSHOOT,
     )
 
 
-def margins(response: Response | None, period: float, robot: str, more: float = 0.0) -> Uncertainty:
+def margins(response: Response, period: float, robot: str, more: float = 0.0) -> Uncertainty:
     """Return `uncertainty`, and no less than a certificate of the robot found that it needs.
 
     Args:
@@ -66,47 +67,77 @@ def margins(response: Response | None, period: float, robot: str, more: float = 
     return certificates.at_least(law, robot)
 
 
-def speed_cap(command: Command, v_max: float | None) -> float:
-    """Return the strict cap on the speed [m/s]: the given one, or all that may be commanded.
+def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tuple[float, bool]:
+    """Return the cap on the speed [m/s], and whether nothing but the robot's motors sets it.
+
+    Args:
+        command: what the robot may be commanded.
+        v_max: as the user gave it [m/s].
+        scene: what the scene has [m/s], of any robot.
 
     Raises:
-        InvalidInputError: if it is more than that.
+        InvalidInputError: if the user's is more than the robot may be commanded.
     """
     most = command.forward
-    cap = most if v_max is None else finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+    if v_max is None:
+        return (most, True) if scene is None or scene > most else (scene, False)
+    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
     if cap > most:
         raise InvalidInputError(
             f"v_max: got {cap} m/s, expected at most {most}, the greatest forward speed that the "
             "robot may be commanded"
         )
+    return cap, False
+
+
+def speed_row(cap: float, reserved: float, is_own: bool) -> float:
+    """Return v_max of the row of the speed limit [m/s].
+
+    Where the robot's own motors cap its speed, the row counts by what they exceed the greatest
+    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command.
+
+    Args:
+        cap: on the speed [m/s].
+        reserved: m, what the row reserves [m/s].
+        is_own: whether the robot's own motors set it.
+
+    Raises:
+        InvalidInputError: if the row leaves no speed.
+    """
+    if is_own:
+        return reserved + math.hypot(reserved, cap)
+    if not leaves_speed(cap, reserved):
+        raise InvalidInputError(
+            f"v_max: got {cap:g} m/s, expected above {2.0 * reserved:g} m/s: the row of the speed "
+            f"limit reserves {reserved:g} m/s, so that no speed is left; leave v_max out where the "
+            "robot's motors cap its speed, or let hcbf identify measure how it follows"
+        )
     return cap
 
 
-def braked(input_set: InputSet, response: Response | None) -> InputSet:
+def braked(input_set: InputSet, response: Response) -> InputSet:
     """Return U, shrunk until the robot brakes as hard: no input is larger than that.
 
     Args:
         input_set: of the scene.
-        response: of the robot; None where nobody has measured it.
+        response: of the robot.
     """
-    share = (response or UNKNOWN).braking / input_set.radius
+    share = response.braking / input_set.radius
     return input_set if share >= 1.0 else input_set.scaled(share)
 
 
-def axle_of(
-    command: Command, response: Response | None, input_set: InputSet, v_max: float
-) -> Axle | None:
+def axle_of(command: Command, response: Response, input_set: InputSet, v_max: float) -> Axle | None:
     """Return what limits a differential drive; None of a robot that moves in every direction.
 
     Its rectangle of inputs turns with the heading, and lies in the largest ball within U.
 
     Args:
         command: what the robot may be commanded.
-        response: of it; None where nobody has measured it.
+        response: of it.
         input_set: U.
         v_max: the cap on its speed [m/s].
     """
     if command.look_ahead is None:
         return None
-    able = min((response or UNKNOWN).braking, braking.weakest(input_set) / math.sqrt(2.0))
+    able = min(response.braking, braking.weakest(input_set) / math.sqrt(2.0))
     return Axle(command.look_ahead, min(command.forward, v_max), command.turn, able)

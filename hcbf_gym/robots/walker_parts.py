@@ -53,6 +53,12 @@ class Command:
     def __post_init__(self) -> None:
         for name in ("forward", "turn", "sideways", "look_ahead"):
             value = getattr(self, name)
+            if name == "sideways" and isinstance(value, int | float) and value == 0.0:
+                raise InvalidInputError(
+                    "command: sideways: got 0, expected a number > 0; a differential drive has no "
+                    "sideways and a look_ahead instead [m]: how far before its axle the point lies "
+                    "that follows, about half of its length"
+                )
             if value is not None or name in ("forward", "turn"):
                 number = finite_float(
                     f"command: {name}", value, minimum=0.0, maximum=100.0, exclusive=True
@@ -75,6 +81,11 @@ class Command:
         if self.look_ahead is None:
             return command[..., :2]
         return command * np.array([1.0, self.look_ahead])
+
+    @property
+    def fastest(self) -> float:
+        """The greatest speed of the point that follows, along its axes [m/s]."""
+        return float(self.in_plane(self.limits).max())
 
     @property
     def limits(self) -> Array:

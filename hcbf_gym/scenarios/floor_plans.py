@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from hcbf_gym import records
 from hcbf_gym.arrays import Array, Integers, Mask, Pair
@@ -124,6 +123,8 @@ def places(floor: RankedMap) -> Array:
     Raises:
         InvalidInputError: if there is none.
     """
+    from scipy import ndimage
+
     shut = np.zeros(floor.grid.shape, dtype=np.bool_)
     for one in floor.classes:
         shut |= one.cells & (one.kind != "speed")
@@ -144,6 +145,8 @@ def _clearance(cells: Mask, resolution: float) -> Array:
 
     Beyond the map everything counts as occupied.
     """
+    from scipy import ndimage
+
     framed = np.pad(~cells, 1)
     steps: Any = ndimage.distance_transform_edt(framed)
     return resolution * (steps[1:-1, 1:-1] - np.sqrt(0.5))

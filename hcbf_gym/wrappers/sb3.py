@@ -8,13 +8,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise MissingDependencyError(
-        "SB3 adapter: stable_baselines3 is not installed: pip install 'hcbf-gym[rl]'"
+        f"SB3 adapter: got no stable_baselines3, expected the extra rl: {install('rl')}"
     ) from error
 
 

@@ -12,7 +12,9 @@ CARTS = ("cart", "holonomic-cart")
 DATA = os.environ.get("HCBF_DATA", "")
 
 _WITHOUT_DATA = "needs HCBF_DATA, a folder with walkers that are not the project's own"
-_WITHOUT_RUNTIME = "needs onnxruntime of the extra walkers: pip install 'hcbf-gym[walkers]'"
+_WITHOUT_RUNTIME = (
+    "needs onnxruntime of the extra walkers: pip install -c constraints.txt -e '.[walkers]'"
+)
 
 
 def learned(name):

@@ -32,6 +32,7 @@ from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_margins import uncertainty
+from hcbf_gym.robots.walker_response import assumed
 
 LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
@@ -189,7 +190,8 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
 def _caps(walker: Walker) -> tuple[float, float]:
     """Return the least and the greatest cap on the speed of a walker [m/s]."""
     most = walker.command.forward
-    reserved = uncertainty(walker.response, CONTROL_DT).speed
+    response = walker.response or assumed(walker.command)
+    reserved = uncertainty(response, CONTROL_DT).speed
     return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
 
 

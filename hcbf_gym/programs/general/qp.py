@@ -2,7 +2,8 @@
 
 After scaling, all read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norm near 1.
 DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows can
-take DAQP's place. No solver is believed: its status is read and its point is checked.
+take DAQP's place. No solver is believed: its status is read and its point is checked. Each is
+imported when it is first asked: with two inputs none is.
 """
 
 import functools
@@ -12,12 +13,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, NamedTuple
 
-import daqp
 import numpy as np
-import scipy.sparse
-from clarabel import (
-    clarabel,  # pyright: ignore[reportAttributeAccessIssue]  # compiled, comes without stubs
-)
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
@@ -136,6 +132,8 @@ def _no_upper_bounds(count: int) -> tuple[Array, NDArray[np.intc]]:
 
 
 def _daqp(problem: QpProblem, tolerance: float = 1e-9) -> tuple[Array | None, QpStatus]:
+    import daqp
+
     centre, a, lower = problem
     upper, sense = _no_upper_bounds(lower.size)
     x, _, flag, _ = daqp.solve(
@@ -147,6 +145,11 @@ def _daqp(problem: QpProblem, tolerance: float = 1e-9) -> tuple[Array | None, Qp
 
 
 def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    import scipy.sparse
+    from clarabel import (
+        clarabel,  # pyright: ignore[reportAttributeAccessIssue]  # compiled, comes without stubs
+    )
+
     centre, a, lower = problem
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -175,6 +178,8 @@ def _qpsolvers() -> Any:
 
 
 def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpStatus]:
+    import scipy.sparse
+
     qpsolvers = _qpsolvers()
     centre, a, lower = problem
     matrix = np.asarray if name in qpsolvers.dense_solvers else scipy.sparse.csc_matrix

@@ -1,7 +1,10 @@
-"""How a walker follows the velocities that it is commanded: the numbers from which margins come.
+"""How a robot follows the velocities that it is commanded: the numbers from which margins come.
 
-Stops from full speed first, then random commands that change as hard as the robot brakes. Writes
-NAME.response.json, which the contract's next reader takes, and a picture of commanded against done.
+A contract's robot is driven in its simulation: stops from full speed first, then random commands
+that change as hard as it brakes. With --log a drive of a real robot is read, a CSV file with the
+columns time [s], cmd_vx, cmd_vy, cmd_w (a differential drive has no cmd_vy), and its pose x, y,
+yaw or its twist vx, vy, w in its own axes, or both [m, m/s, rad, rad/s]. Writes NAME.response.json,
+which the contract's next reader and `hcbf_gym.Response.load` take, and a picture of both.
 """
 
 from dataclasses import dataclass
@@ -11,11 +14,11 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from hcbf_gym.errors import finite_float
-from hcbf_gym.robots.walker import Walker
+from hcbf_gym.errors import InvalidInputError, finite_float, require_packages
+from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response
-from hcbf_gym.studies.identification.identify import identify
-from hcbf_gym.studies.identification.picture import plot
+from hcbf_gym.studies.identification.analysis import Identified
+from hcbf_gym.studies.identification.log import identify_log
 
 SHORTEST = 10.0
 """Of random commands [s]: less tells nothing."""
@@ -23,42 +26,87 @@ SHORTEST = 10.0
 
 @dataclass(frozen=True)
 class Args:
-    """Which walker, and for how long."""
+    """Which robot, and for how long."""
 
-    contract: tyro.conf.Positional[str]
-    """The contract's path, or a name of a walker of the package."""
+    contract: tyro.conf.Positional[str] = ""
+    """The contract's path, or a name of a walker of the package; none is needed with --log."""
+    log: Path | None = None
+    """CSV file of a drive, in place of a simulation."""
+    look_ahead: float | None = None
+    """Of a differential drive without a contract: how far before its axle the point lies that
+    follows [m]."""
     seconds: float = 60.0
     """How long it gets random commands [s]."""
     seed: int = 0
     """Decides them."""
     output: Path | None = None
-    """Folder to write to; the contract's own if not given."""
+    """Folder to write to; the contract's own, or the log's, if not given."""
 
 
 def main(args: Args) -> None:
     """Measure, write, and say where the robot does not follow."""
-    seconds = finite_float("seconds", args.seconds, minimum=SHORTEST)
-    walker = Walker.load(args.contract)
-    identified = identify(walker, seconds, args.seed)
+    identified, command, name, file = _simulated(args) if args.log is None else _driven(args)
     response = identified.response
-    file = walker.response_file
     if args.output is not None:
         file = args.output / file.name
     response.save(file)
     picture = file.with_suffix(".png")
-    plot(identified, walker.name, picture)
+    _draw(identified, name, picture)
     console = Console()
-    console.print(_table(walker, response))
+    console.print(_table(name, command, response))
     for complaint in response.complaints:
         console.print(f"does not follow: {complaint}")
     console.print(f"written to {file} and {picture}", soft_wrap=True)
 
 
-def _table(walker: Walker, response: Response) -> Table:
+def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
+    """Return what a simulation shows, of whom, and where it is written.
+
+    Raises:
+        HcbfError: if there is no such contract, or MuJoCo is missing.
+    """
+    if not args.contract:
+        raise InvalidInputError("identify: got neither a contract nor --log, expected one of them")
+    seconds = finite_float("seconds", args.seconds, minimum=SHORTEST)
+    require_packages("a simulated drive; --log needs none", "mujoco")
+    from hcbf_gym.robots.walker import Walker
+    from hcbf_gym.studies.identification.identify import identify
+
+    walker = Walker.load(args.contract)
+    return (
+        identify(walker, seconds, args.seed), walker.command, walker.name, walker.response_file,
+    )  # fmt: skip
+
+
+def _driven(args: Args) -> tuple[Identified, Command, str, Path]:
+    """Return what a log shows, of whom, and where it is written.
+
+    Raises:
+        HcbfError: if it shows nothing, or there is no such contract.
+    """
+    assert args.log is not None
+    command, name, file = None, args.log.stem, args.log.with_suffix(".response.json")
+    if args.contract:
+        require_packages("a contract; --log needs none", "mujoco")
+        from hcbf_gym.robots.walker import Walker
+
+        walker = Walker.load(args.contract)
+        command, name, file = walker.command, walker.name, walker.response_file
+    identified, command = identify_log(args.log, command, args.look_ahead)
+    return identified, command, name, file
+
+
+def _draw(identified: Identified, name: str, picture: Path) -> None:
+    from hcbf_gym.studies.identification.picture import plot
+
+    plot(identified, name, picture)
+
+
+def _table(name: str, command: Command, response: Response) -> Table:
     """Return the numbers with their units."""
-    names = ("v", "ω") if walker.command.sideways is None else ("v_x", "v_y", "ω")
+    names = ("v", "ω") if command.sideways is None else ("v_x", "v_y", "ω")
     half, often, almost = response.residual
-    table = Table("measured", "", title=f"{walker.name}, {response.seconds:g} s")
+    table = Table("measured", "", title=f"{name}, {response.seconds:g} s")
     for name, gain in zip(names, response.gain, strict=True):
         table.add_row(f"gain of {name}", f"{gain:.2f}")
     table.add_row("time constant", f"{response.time_constant:.3f} s")

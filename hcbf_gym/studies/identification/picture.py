@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.studies.identification.identify import Identified
+from hcbf_gym.studies.identification.analysis import Identified
 
 SHOWN = 20.0
 """How much of the record is drawn [s]."""

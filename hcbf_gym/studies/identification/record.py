@@ -1,7 +1,6 @@
 """A walker under commands: random ones, then stops, and what it did at every control step."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
+from hcbf_gym.studies.identification.analysis import Record
 
 SHORTEST, LONGEST = 0.4, 2.0
 """How long a random command is held [s]."""
@@ -27,21 +27,6 @@ RUN, STAND = 2.5, 2.0
 SLOW, CREEP = 0.3, 30.0
 """Share of the greatest speed up to which a command creeps, and within which time [s]: many a robot
 stands where it is commanded to go slowly."""
-
-
-class Record(NamedTuple):
-    """What was commanded and what was done, in the axes of its commands.
-
-    Attributes:
-        command: (n, k) commanded from each sample on [m/s, rad/s].
-        done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
-            axes comes first, then the turning rate.
-        falls: how often the robot fell; it went on from the start then.
-    """
-
-    command: Array
-    done: Array
-    falls: int
 
 
 class Runner:

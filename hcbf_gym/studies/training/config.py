@@ -6,7 +6,13 @@ from typing import Any, Literal
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    MissingDependencyError,
+    choose,
+    finite_float,
+    install,
+)
 from hcbf_gym.wrappers import VectorHoldAction, VectorInterventionPenalty, VectorSafetyFilter
 
 try:
@@ -18,7 +24,7 @@ try:
     from hcbf_gym.wrappers.sb3 import Sb3VecEnv
 except ImportError as error:
     raise MissingDependencyError(
-        "training: got no stable_baselines3, expected the extra: pip install 'hcbf-gym[rl]'"
+        f"training: got no stable_baselines3, expected the extra rl: {install('rl')}"
     ) from error
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}

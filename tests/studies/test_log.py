@@ -1,0 +1,216 @@
+"""A drive's log says how a robot follows, whatever a recorder loses; bent ones are refused."""
+
+import math
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from drives import HEADER, drive, recorded, write
+
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.online import Response
+from hcbf_gym.robots import Walker
+from hcbf_gym.studies.identification import command
+from hcbf_gym.studies.identification.identify import identify
+from hcbf_gym.studies.identification.log import identify_log, read
+from hcbf_gym.studies.identification.model import respond
+
+PARTS = {
+    "both": {},
+    "pose alone": {"parts": ("pose",)},
+    "a noisy twist, a fifth lost": {"parts": ("twist",), "rate": 50.0, "noise": 0.01, "lost": 0.2},
+    "10 Hz": {"rate": 10.0},
+}
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("name", ["cart", "holonomic-cart"])
+def test_a_log_shows_what_the_model_shows(name, tmp_path):
+    walker = Walker.load(name)
+    known = identify(walker, 20.0, 7).response
+    rows = drive(walker, 0)
+    for how in PARTS.values():
+        lines = recorded(rows, 0, **how)
+        file = write(tmp_path / "drive.csv", lines, walker.command.look_ahead is not None)
+        found = identify_log(file, walker.command)[0].response
+        assert found.complaints == []
+        np.testing.assert_allclose(found.gain, known.gain, rtol=0.1)
+        assert found.follows == pytest.approx(known.follows, abs=0.02)
+        assert found.stopping == pytest.approx(known.stopping, rel=0.15)
+        assert 0.7 * known.braking <= found.braking <= 1.1 * known.braking
+        assert found.residual[1] >= 0.9 * known.residual[1]
+        assert found.overshoot >= 0.9 * known.overshoot
+
+
+def table(seed=0, tau=0.15, delay=0.06, gain=0.95, rest=2.0):
+    """Return the lines of a drive of a differential robot, every 40 ms, twist and pose."""
+    rng = np.random.default_rng(seed)
+    plan = [(3.0, (0.5, 0.0)), (rest, (0.0, 0.0)), (3.0, (-0.5, 0.0)), (rest, (0.0, 0.0))]
+    plan += [(2.0, (0.0, 1.5)), (2.0, (0.0, -1.5))]
+    plan += [(1.0, tuple(rng.uniform(-1.0, 1.0, 2) * (0.5, 1.5))) for _ in range(25)]
+    period = 0.02
+    told = np.concatenate([np.tile(one, (round(held / period), 1)) for held, one in plan])
+    late = np.concatenate([np.zeros((round(delay / period), 2)), told])[: len(told)]
+    done = gain * np.column_stack([respond(entry, tau, period) for entry in late.T])
+    time = period * np.arange(len(told))
+    yaw = np.concatenate([[0.0], np.cumsum(done[:-1, 1]) * period])
+    x = np.concatenate([[0.0], np.cumsum(done[:-1, 0] * np.cos(yaw[:-1])) * period])
+    y = np.concatenate([[0.0], np.cumsum(done[:-1, 0] * np.sin(yaw[:-1])) * period])
+    zero = np.zeros(len(told))
+    parts = [time, told[:, 0], zero, told[:, 1], x, y, yaw, done[:, 0], zero, done[:, 1]]
+    return np.column_stack(parts)[::2]
+
+
+def test_a_known_response_is_found(tmp_path):
+    file = write(tmp_path / "drive.csv", table().tolist(), differential=True)
+    found = identify_log(file, look_ahead=0.2)[0].response
+    assert found.gain == pytest.approx((0.95, 0.95), rel=0.03)
+    assert found.follows == pytest.approx(0.21, abs=0.04)
+    assert found.complaints == []
+
+
+def bend(change):
+    rows = table()
+    change(rows)
+    return rows
+
+
+def _degrees(rows):
+    rows[:, 9] *= 180.0 / math.pi
+
+
+def _yaw_in_degrees(rows):
+    rows[:, 6] *= 180.0 / math.pi
+
+
+def _without_pose(rows):
+    rows[:, 4:7] = np.nan
+    _degrees(rows)
+
+
+def _world_frame(rows):
+    cos, sin = np.cos(rows[:, 6]), np.sin(rows[:, 6])
+    rows[:, 8], rows[:, 7] = sin * rows[:, 7], cos * rows[:, 7]
+
+
+def _half_speed(rows):
+    rows[:, 7] *= 0.5
+
+
+def _two_clocks(rows):
+    rows[:, 1:4] = np.roll(rows[:, 1:4], 15, axis=0)  # told .6 s after it was done
+
+
+def _backwards(rows):
+    rows[100, 0] = rows[90, 0]
+
+
+def _straight(rows):
+    rows[:, 3] = rows[:, 9] = 0.0
+
+
+def _steady(rows):
+    rows[:, 3] = 0.5
+
+
+def _short(rows):
+    rows[:, 0] *= 0.3
+
+
+def _infinite(rows):
+    rows[5, 7] = np.inf
+
+
+def _gap(rows):
+    rows[300:, 0] += 5.0
+
+
+BENT = {
+    "degrees": (_degrees, "disagree: w .* degrees"),
+    "yaw in degrees": (_yaw_in_degrees, "disagree: "),
+    "degrees, no pose": (_without_pose, "w: the robot turns .* degrees"),
+    "twist in the world": (_world_frame, "disagree: v[xy]"),
+    "half the speed": (_half_speed, "disagree: vx"),
+    "two clocks": (_two_clocks, "before it is commanded to"),
+    "time backwards": (_backwards, "line 102: got the time"),
+    "never turns": (_straight, "cmd_w: got at most 0.*drive for 40 s"),
+    "hardly turns": (_steady, "cmd_w: got a command that hardly changes.*drive for 40 s"),
+    "short": (_short, "expected at least 20 s.*drive for 40 s"),
+    "infinite": (_infinite, "line 7: got 'inf'"),
+    "a gap": (_gap, "without a measurement"),
+}
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_a_bent_log_is_refused_in_words(name, tmp_path):
+    change, said = BENT[name]
+    rows = [[None if np.isnan(one) else one for one in row] for row in bend(change)]
+    file = write(tmp_path / "drive.csv", rows, differential=True)
+    with pytest.raises(InvalidInputError, match=said):
+        identify_log(file, look_ahead=0.2)
+
+
+def test_a_drive_without_a_stop_is_refused(tmp_path):
+    rows = table(rest=0.5)
+    file = write(tmp_path / "drive.csv", rows[rows[:, 0] < 36.0].tolist(), differential=True)
+    with pytest.raises(InvalidInputError, match=r"no stop.*drive for 40 s"):
+        identify_log(file, look_ahead=0.2)
+
+
+def test_a_swapped_sign_is_a_complaint(tmp_path):
+    rows = table()
+    rows[:, 4:] = rows[:, 4:] * (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
+    file = write(tmp_path / "drive.csv", rows.tolist(), differential=True)
+    complaints = identify_log(file, look_ahead=0.2)[0].response.complaints
+    assert len(complaints) == 1
+    assert re.search(r"entry 1 .* against its sign", complaints[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "expected time"),
+        ("time,cmd_vx,cmd_w\n0,1,1\n", "x, y, yaw or vx, w"),
+        ("time,cmd_vx,cmd_w,vx,w,speed\n", "speed"),
+        ("time,cmd_vx,cmd_w,vx,w\n0,1,1,1\n", "line 2: got 4 cells"),
+        ("time,cmd_vx,cmd_w,vx,w\n0,fast,1,1,1\n", "line 2: got 'fast'"),
+        ("time,cmd_vx,cmd_w,vx,w\n,1,1,1,1\n", "line 2: got the time nan"),
+        ("time,cmd_vx,cmd_w,vx,w\n0,1,1,1,1\n", "1 commands and 1 measurements"),
+        (
+            "time,cmd_vx,cmd_w,vx,w\n0,1,1,,\n1,1,1,,\n1e9,,,1,1\n2e9,,,1,1\n3e9,,,1,1\n",
+            "the same clock",
+        ),
+    ],
+)
+def test_what_is_no_log_is_refused(text, said, tmp_path):
+    file = tmp_path / "drive.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=said):
+        read(file)
+
+
+def test_without_a_contract_a_differential_drive_needs_its_point(tmp_path):
+    file = write(tmp_path / "drive.csv", table().tolist(), differential=True)
+    with pytest.raises(InvalidInputError, match="--look-ahead"):
+        identify_log(file)
+    _, told = identify_log(file, look_ahead=0.2)
+    assert told.forward == pytest.approx(0.5)
+    assert HEADER[0] == "time"
+
+
+def test_the_command_writes_response_and_picture_without_mujoco(tmp_path):
+    file = write(tmp_path / "drive.csv", table().tolist(), differential=True)
+    blocked = "import sys; sys.modules.update(dict.fromkeys(('mujoco', 'pinocchio')))\n"
+    code = f"""{blocked}from hcbf_gym import cli
+cli.main(['identify', '--log', {str(file)!r}, '--look-ahead', '0.2'])"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert Response.load(tmp_path / "drive.response.json").complaints == []
+    assert (tmp_path / "drive.response.png").stat().st_size > 1000
+
+
+def test_neither_contract_nor_log_is_refused():
+    with pytest.raises(InvalidInputError, match="--log"):
+        command.main(command.Args())
