@@ -17,8 +17,8 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_array, finite_float
 from hcbf_gym.filtering.belief import real_numbers
-from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
