@@ -61,6 +61,10 @@ class ClassK(ABC):
     def scaled(self, factor: float) -> "ClassK":
         """Return ``factor · α``."""
 
+    @abstractmethod
+    def stretched(self, factor: float) -> "ClassK":
+        """Return ``h ↦ α(factor · h)``."""
+
     @property
     @abstractmethod
     def hardest_speed(self) -> float:
@@ -113,6 +117,10 @@ class LinearClassK(ClassK):
         """Return ``factor · α``."""
         return LinearClassK(factor * self.gain)
 
+    def stretched(self, factor: float) -> "LinearClassK":
+        """Return ``h ↦ α(factor · h)``."""
+        return self.scaled(factor)
+
     @property
     def hardest_speed(self) -> float:
         """Infinite: ``s α'(α⁻¹(s))`` is gain · s."""
@@ -152,6 +160,10 @@ class LogClassK(ClassK):
     def scaled(self, factor: float) -> "LogClassK":
         """Return ``factor · α``."""
         return replace(self, phi1=factor * self.phi1)
+
+    def stretched(self, factor: float) -> "LogClassK":
+        """Return ``h ↦ α(factor · h)``."""
+        return replace(self, phi2=factor * self.phi2)
 
     @property
     def hardest_speed(self) -> float:

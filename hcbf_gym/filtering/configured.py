@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import braking, class_k
+from hcbf_gym.barriers import axle_rows, braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, finite_array
@@ -62,6 +62,11 @@ class Configured:
         choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
         allowed = (*ROW_OPTIONS, *programs.options(settings.program))
         check_options(f"safety filter {settings.program!r}", settings.options, allowed)
+        if plant.axle is not None and settings.solver is not None:
+            raise InvalidInputError(
+                f"solver: got {settings.solver!r} with a differential drive, expected None: its U "
+                "turns with its heading, which the compiled program follows"
+            )
         self.plant, self.input_set, self.settings = plant, input_set, settings
         self._alone, self.count = batch is None, 1 if batch is None else batch
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
@@ -71,7 +76,10 @@ class Configured:
         self.row_settings = self._row_settings(held)
         if not held and plant.period is not None:
             check_hold(plant.period, alpha2=self.alpha2)
-        self.uncertainty = kept(plant, settings.margin, 0.0 if held else dip_of(plant, input_set))
+        dip = 0.0 if held else dip_of(plant, input_set)
+        if plant.axle is not None:
+            dip += plant.axle.strays(plant.period or 0.0)
+        self.uncertainty = kept(plant, settings.margin, dip)
         if plant.period is None:
             warnings.warn(
                 "safety filter: the plant's period is not known, so that rows are those of one "
@@ -112,7 +120,14 @@ class Configured:
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
         numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
         numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
+        axle, period = plant.axle, plant.period or 0.0
+        if axle is not None:
+            numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
+            numbers["axle_rows"] = self._axle_settings(held).packed
         self._constants, self._program = plants.constants(compiled, numbers)
+        if axle is not None:  # its U turns with the heading, and is written at every step
+            nothing = np.zeros((self.count, 4, 2))
+            self._program = plants.with_vertices(self._constants, self._program, nothing)
 
     def applied_as(self, dtype: Any) -> None:
         """Note the type of the environment's actions; strict rows reserve what rounding takes."""
@@ -157,7 +172,17 @@ class Configured:
         factor = braking.share(self._row_settings(held), self.input_set)
         if factor < 1.0:
             self.alpha1 = self.alpha1.scaled(factor)
+        if self.plant.axle is not None:
+            stretch = axle_rows.share(self._axle_settings(held), self.plant.axle)
+            self.alpha1 = self.alpha1.stretched(stretch)
+            factor *= stretch
         return factor
+
+    def _axle_settings(self, held: bool) -> RowSettings:
+        """Return how rows on a differential drive's axle are made."""
+        assert self.plant.axle is not None
+        period = self.plant.period if held else None
+        return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest)
 
     @cached_property
     def _is_planar(self) -> bool:
@@ -169,5 +194,7 @@ class Configured:
         period = self.plant.period if held else None
         if not self._is_planar:
             return RowSettings(self.alpha1, self.alpha2)
+        if self.plant.axle is not None:
+            return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest_of_point)
         low, high = input_limits(self.input_set)
         return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))

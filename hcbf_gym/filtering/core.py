@@ -363,6 +363,8 @@ class FilterCore(Configured, ABC):
     @cached_property
     def _gain(self) -> float:
         """The greatest acceleration of the planar velocity by an input [m/s²]."""
+        if self.plant.axle is not None:
+            return self.plant.axle.hardest
         model, at = self.plant.model, self.plant.model.velocity_at
         if self._is_planar or at is None:
             return self.input_set.radius

@@ -8,6 +8,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import check_options, choose
+from hcbf_gym.filtering import axle_step
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.geodesic import Geodesic
@@ -20,6 +21,7 @@ class Guide:
     Args:
         choice: "geodesic", "local", a dict with more of it, or None.
         count: N.
+        drives: whether the plants are differential drives, which turn before they go back.
 
     Attributes:
         guides: whether anything does.
@@ -30,7 +32,8 @@ class Guide:
         InvalidInputError: on an unknown option.
     """
 
-    def __init__(self, choice: Any, count: int):
+    def __init__(self, choice: Any, count: int, drives: bool = False):
+        self._drives = drives
         self._guidance: Geodesic | Local | None = None
         self.guides = choice is not None
         self.through = 0
@@ -76,3 +79,5 @@ class Guide:
             guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
             ranks = plants["reachable"], plants["zone"]
             guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
+            if self._drives:
+                axle_step.face(plants, guide.pull.gain)

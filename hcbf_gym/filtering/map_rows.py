@@ -8,6 +8,8 @@ from numba import njit
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
+from hcbf_gym.barriers.rows import U_MAX
+from hcbf_gym.filtering import axle_step
 
 
 @njit(cache=True)
@@ -20,6 +22,9 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
         atlas: where the pieces stand.
         plant: `plants.PLANT`, looked at.
     """
+    if c.drives:
+        known = axle_step.place(c, plant)
+        return mapped.nearby(c, c.axle_rows, c.axle_rows[U_MAX], scene, atlas, known)
     return mapped.nearby(c, c.rows, c.radius, scene, atlas, plant)
 
 

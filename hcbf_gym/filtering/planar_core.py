@@ -43,7 +43,7 @@ class PlanarCore(FilterCore):
         threads: int = 1,
     ):
         super().__init__(plant, input_set, settings, batch, threads)
-        self._guide = Guide(settings.guidance, self.count)
+        self._guide = Guide(settings.guidance, self.count, plant.axle is not None)
         self._constants["has_way"] = self._guide.guides
         self._constants["through"] = self._guide.through
         self._guides_by_row = bool(self._constants["guided"][0]) and self._guide.guides
@@ -123,7 +123,9 @@ class PlanarCore(FilterCore):
             self._buffer.plants["reason"][i] = belief.believe(plants[i])
         names = "x", "time", "model", "lag", "covariance", "growth"
         state = [plants[name] for name in names]
-        reserved = scene.reserved(self.uncertainty, *state, period=self.plant.period or 0.0)
+        reach = 0.0 if self.plant.axle is None else self.plant.axle.look_ahead
+        kept = self.uncertainty._replace(body=self.uncertainty.body + reach)
+        reserved = scene.reserved(kept, *state, period=self.plant.period or 0.0)
         out[..., MARGIN] = reserved[margins.MARGIN]
         x, time = plants["x"], plants["time"]
         for (i, k), barrier in scene.own.items():

@@ -41,6 +41,11 @@ CONSTANTS = np.dtype(
             ("dip", "f8"),  # what usual rows reserve against dips between samples
             ("sway", "f8"),  # what of d a robot may use that is not its model
             ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
+            # a differential drive
+            ("drives", "?"),
+            ("axle", "f8", 4),  # `models.axle.Axle`
+            ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
+            ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
             # guidance
             ("has_way", "?"),
             ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
@@ -68,6 +73,7 @@ def plant_dtype(n_u: int) -> Any:
         ("elapsed", "f8"),  # since the sample before [s]; 0 where that is not known
         ("fault", "i8"),  # a `Reason` that was found on the way here; 0 for none
         ("has_model", "i8"),  # whether the model has a state of its own; x is that if not
+        ("heading", "f8"),  # of a differential drive [rad]
         # where guidance leads
         ("way", "f8", 3),  # a_x, a_y and b of its row
         ("reachable", "f8"),  # through which rank
@@ -83,6 +89,7 @@ def plant_dtype(n_u: int) -> Any:
         ("input", "f8", (n_u,)),  # applied since
         ("stop", "f8", (n_u,)),  # of U, brings a plant of another model to rest
         ("believed", "f8", 4),  # the last state that was
+        ("headed", "f8"),  # the heading then [rad]
         ("believed_at", "f8"),  # its time [s]
         ("follows", "i8"),  # whether the last sample was believed
         ("known", "i8"),  # whether any was, since the reset
@@ -190,6 +197,8 @@ class Work(NamedTuple):
         priority: (n, M).
         margin: (4, n, m) as `margins.derive` writes them.
         strict: (n, m) which conditions are of rank 1 and on the position.
+        straight: (n, M, 3) a and b of the rows on the acceleration, of differential drives; n is 0
+            for all others.
         answer: of the program, with a leading n.
         polygons: the program's own.
     """
@@ -200,6 +209,7 @@ class Work(NamedTuple):
     priority: Integers
     margin: Array
     strict: NDArray[np.bool_]
+    straight: Array
     answer: FilterResult
     polygons: Workspace
 
@@ -227,7 +237,9 @@ def fits(p: Plants) -> bool:
 
 
 @njit(cache=True, inline="always")
-def make_work(settings: Settings, n: int, m: int, total: int, n_u: int) -> Work:
+def make_work(
+    settings: Settings, n: int, m: int, total: int, n_u: int, drives: bool = False
+) -> Work:
     """Return room for n plants of n_u inputs with m rows, `total` with guidance."""
     return Work(
         np.empty((n, n_u)),
@@ -236,6 +248,7 @@ def make_work(settings: Settings, n: int, m: int, total: int, n_u: int) -> Work:
         np.empty((n, total), dtype=np.int64),
         np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
+        np.empty((n if drives else 0, total, 3)),
         FilterResult(
             np.empty((n, n_u)),
             np.empty((n, total)),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, real_numbers
 from hcbf_gym.filtering.plants import plant_dtype
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
@@ -37,6 +38,7 @@ class Samples:
     def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
         self._max_age = np.inf if plant.max_age is None else plant.max_age
         self._period = 0.0 if plant.period is None else float(plant.period)
+        self._drives = plant.axle is not None
         # whether there is anything to take back
         self._faulty, self.told, self._varies = False, False, False
         n = plant.model.n
@@ -54,7 +56,7 @@ class Samples:
         self._fault: NDArray[np.int64] = plants["fault"]
         self._has_model: NDArray[np.int64] = plants["has_model"]
         self._states, *self._parts = (_bare(array) for array in self.states[:4])
-        self._times = _bare(self.time)
+        self._times, self._headings = _bare(self.time), _bare(plants["heading"])
 
     @property
     def x(self) -> Array:
@@ -81,7 +83,7 @@ class Samples:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it names the parts of its own records."""
-        kept = ("plants", "_own", "_max_age", "_period", "_faulty", "told", "_varies")
+        kept = ("plants", "_own", "_max_age", "_period", "_drives", "_faulty", "told", "_varies")
         return {name: value for name, value in vars(self).items() if name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -110,6 +112,9 @@ class Samples:
         if told or self.told:
             self.told = told
             sound &= self._take_parts(estimate)
+        if self._drives:
+            sound &= self._note(self._headings, estimate.heading)
+            self.blame_where(~(np.abs(self.plants["heading"]) <= FARTHEST))
         if not sound:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
@@ -131,6 +136,11 @@ class Samples:
         """Note why the masked plants are not believed."""
         self._fault[mask] = reason
         self._faulty = True
+
+    def blame_where(self, bad: Mask) -> None:
+        """Note that the states of masked plants are none; an alarm does not hide it."""
+        if bad.any():
+            self.blame(Reason.STATE, bad)
 
     def doubt(self, reason: Reason) -> None:
         """Note why plants are not believed that would be: an alarm does not hide it."""

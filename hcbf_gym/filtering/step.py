@@ -17,7 +17,7 @@ from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
-from hcbf_gym.filtering import map_rows, verdict
+from hcbf_gym.filtering import axle_step, map_rows, verdict
 from hcbf_gym.filtering.belief import believe
 from hcbf_gym.filtering.monitor import watch
 from hcbf_gym.filtering.plants import (
@@ -86,7 +86,9 @@ def filter_plants(
         for i in range(count):
             asks |= _filter_mapped(c, program_of(c, numbers, i, i + 1), plants, i)
         return ASKS if asks else DONE
-    work = make_work(program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1], 2)
+    work = make_work(
+        program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1], 2, c.drives
+    )
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
         settings = program_of(c, numbers, first, end)
@@ -101,10 +103,16 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     count = p.kind.shape[0]
     asks = False
     _make_rows(c, p, w)
+    if c.drives:
+        axle_step.limit(c, settings, p)
     for i in range(count):
         _ask(c, settings, p, w, i)
     rows = CbfRows(w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI])
     filter_range(settings, w.u, rows, w.answer, w.polygons, 0, count)
+    if c.drives:
+        for i in range(count):
+            if p.told[i].reason == 0:
+                axle_step.slide(settings, w, i, p.kind.shape[1])
     for i in range(count):
         _conclude(c, p, w, i)
         asks |= p.told[i].reason != 0
@@ -116,7 +124,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, p, i)
     count, total = part.kind.shape[1], part.rows.shape[1]
-    asks = _filter(c, settings, part, make_work(settings, 1, count, total, 2))
+    asks = _filter(c, settings, part, make_work(settings, 1, count, total, 2, c.drives))
     map_rows.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
     return asks
 
@@ -174,7 +182,7 @@ def pose(
     if said == DONE and not c.made:
         part, source = _nearby(c, plants, 0)
     count, m = part.kind.shape
-    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size)
+    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size, c.drives)
     if said == DONE:
         _make_rows(c, part, work)
         for i in range(count):
@@ -246,7 +254,7 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
     else:
         _make_planar_rows(c, p, w)
     if p.own.size > 0:
-        _take_rows(p, w)
+        _take_rows(c, p, w)
     if c.rounding > 0.0:
         for i in range(count):
             for k in range(m):
@@ -262,18 +270,23 @@ def _make_planar_rows(c: Any, p: Plants, w: Work) -> None:
     """Write the margins and rows of planar double integrators, users' own barriers left out."""
     count, m = p.kind.shape
     for i in range(count):
+        for k in range(m):
+            placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
+            w.strict[i, k] = placed and p.priority[i, k] == 1
+        if c.drives:
+            axle_step.make_rows(c, p, w, i)
+            continue
         plant = p.sensed[i]
         margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
         for k in range(m):
             w.margin[0, i, k] += p.own_margin[i, k]
-            placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
-            w.strict[i, k] = placed and p.priority[i, k] == 1
-    x, t = p.sensed["x"], p.sensed["time"]
-    row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
+    if not c.drives:
+        x, t = p.sensed["x"], p.sensed["time"]
+        row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
 
 
 @njit(cache=True, inline="always")
-def _take_rows(p: Plants, w: Work) -> None:
+def _take_rows(c: Any, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
@@ -286,6 +299,8 @@ def _take_rows(p: Plants, w: Work) -> None:
                 w.rows[q, i, k] = row[q]
             w.margin[0, i, k] = row[general_kernels.MARGIN]
             w.strict[i, k] = row[PLACED] != 0.0 and p.priority[i, k] == 1
+            if c.drives:
+                axle_step.turn_row(c, p, w, i, k)
 
 
 @njit(cache=True, inline="always")
@@ -295,6 +310,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     told = p.told[i]
     if not _are_finite(p, w, i) and told.reason == 0:
         told.reason = BARRIERS
+    if c.drives:
+        axle_step.turn_memory(plant)
     if told.reason == 0:
         if not c.made:
             watch(plant, c.radius, c.confidence, c.settles == 0.0)
@@ -312,6 +329,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if c.has_way:
         told.reachable = plant.reachable
         _guide(c, p, w, i)
+    if c.drives and c.by_level:
+        axle_step.split_ranks(p, w, i)
 
 
 @njit(cache=True, inline="always")
@@ -413,7 +432,11 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
         told.proved = 0 if lacks.any else 1
-    unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)
+    if c.drives:
+        h_body = axle_step.of_body(c, p, i, h)
+        unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h_body, c.body, True)
+    else:
+        unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)
     moved = furthest > NOMINAL * (1.0 + c.radius)
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(change2)

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.reduced_order import ReducedOrderModel
+from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 Reader = Callable[[Any, Any, dict[str, Any]], Any]
 
@@ -190,6 +191,8 @@ class Plant:
         max_age: the greatest age of a state that is believed [s]; None believes any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
         covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either.
+        axle: what limits a differential drive, whose x is that of the point before its axle, at
+            ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
         declared: a mapping, or a reader of it, that tells this plant from others of its kind;
             certificates compare it. None compares what every plant has.
 
@@ -214,6 +217,7 @@ class Plant:
     max_age: float | None = None
     on_alarm: str = "warn"
     covered: Any = Coverage.OUTSIDE
+    axle: Axle | None = None
     declared: Any = None
 
     def __post_init__(self) -> None:
@@ -232,6 +236,13 @@ class Plant:
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
         choose("on_alarm", self.on_alarm, ON_ALARM)
+        if self.axle is not None:
+            self.axle.checked()
+            if self.model != DoubleIntegrator():
+                raise InvalidInputError(
+                    f"plant: got an axle with {self.model}, expected DoubleIntegrator(): the point "
+                    "before the axle is one"
+                )
         if not isinstance(self.uncertainty, Uncertainty):
             raise InvalidInputError(
                 f"plant: got uncertainty {self.uncertainty!r}, expected an Uncertainty"

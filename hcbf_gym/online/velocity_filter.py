@@ -34,7 +34,7 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.robots.walker_margins import braked, margins
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
@@ -108,8 +108,8 @@ class VelocityFilter:
         v_max: strict cap on the speed [m/s]; None for none but what the robot may be told. Its row
             reserves m for an overshoot and one input of `period` T besides, so that the robot is
             told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
-        radius: what the robot reaches beyond the point that follows its commands [m]; None takes
-            the robot's reach, and ℓ besides for a differential drive.
+        radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
+            takes the robot's reach.
         max_age: the greatest age of data that are believed [s].
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
@@ -164,18 +164,21 @@ class VelocityFilter:
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
-        reach = known.reach + self._adapter.look_ahead if radius is None else radius
+        reach = known.reach if radius is None else radius
         reserved = margins(response, self._period, known.known_as)
         if certificate is not None:
             reserved = certificates.load(certificate).margins or reserved
         reserved = reserved._replace(body=finite_float("radius", reach, minimum=0.0))
         input_set = braked(Box.symmetric(HARDEST), response)
-        self._robot, self._reserved, self._hardest = known, reserved.speed, input_set.radius
-        self.v_max = v_max
         self._able = braking.weakest(input_set)
+        box = Box.symmetric(HARDEST)
+        self._axle = axle_of(known.command, response, box, known.command.forward)
+        self._hardest = input_set.radius if self._axle is None else self._axle.hardest
+        self._robot, self._reserved = known, reserved.speed
+        self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
-            uncertainty=reserved,
+            uncertainty=reserved, axle=self._axle,
         )  # fmt: skip
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
@@ -241,9 +244,9 @@ class VelocityFilter:
         pose = np.zeros(3)
         with warnings.catch_warnings(), contextlib.suppress(InvalidInputError):
             warnings.simplefilter("ignore")
-            core.begin(self._scene(), Estimate(x, 0.0, None, x, x), self._goal, None)
+            core.begin(self._scene(), Estimate(x, 0.0, None, x, x, 0.0), self._goal, None)
             for covariance in (None, np.zeros((4, 4))):
-                seen = Estimate(x, self._period, covariance, x, x, elapsed=self._period)
+                seen = Estimate(x, self._period, covariance, x, x, 0.0, elapsed=self._period)
                 core.step(still, self._scene(), seen)
         self._monitor.tell(self._told, 0.0)
         self._monitor.observe(pose, still, 0.0)
@@ -252,7 +255,7 @@ class VelocityFilter:
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
-        self._velocity: Array = np.zeros(2)  # of the model, in the world [m/s]
+        self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
         self._time: float | None = None  # of the last sample, while none is missing [s]
         self._moved = -math.inf  # when the model's velocity was last known [s]
@@ -314,7 +317,8 @@ class VelocityFilter:
             place = _moved(place, motion, age)
             self._missed_by = max(self._missed_by, 0.5 * self._hardest * age * age)
         body = self._follower(place, motion)
-        velocity = self._now(present, body[2:]) if sound else self._velocity
+        axes = self._axes(place[2])
+        velocity = self._now(present, body[2:] @ axes) @ axes.T if sound else self._velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         estimate = Estimate(
@@ -323,6 +327,7 @@ class VelocityFilter:
             self._spread(),
             x,
             lag,
+            place[2],
             age=math.inf if stale else max(0.0, age),
             fault=self._fault or None,
         )
@@ -343,7 +348,7 @@ class VelocityFilter:
             self._time, told = None, np.zeros(len(self._limits))
         else:
             self._time = self._moved = present
-            self._velocity, self._input = velocity, u
+            self._velocity, self._input = velocity @ axes, u @ axes
             told = self._tell(wanted, place[2], motion[2])
         self._told = told
         self._tell_monitor(present)
@@ -412,8 +417,18 @@ class VelocityFilter:
             ]
         )
 
+    def _axes(self, yaw: float) -> Array:
+        """Return (2, 2) in columns the axes in which the model retains its velocity.
+
+        They are the world's. A cart's are its own, as its command turns with it (`models.axle`).
+        """
+        if self._axle is None or not math.isfinite(yaw):
+            return np.eye(2)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return np.array([[cos, -sin], [sin, cos]])
+
     def _now(self, stamp: float, measured: Array) -> Array:
-        """Return the model's velocity now.
+        """Return the model's velocity now, in its axes.
 
         It is what the last input has made of it. After a pause of more than τ + δ nothing that was
         told before is under way, and the model begins with the measured velocity.
@@ -425,8 +440,16 @@ class VelocityFilter:
 
     def _capped(self, velocity: Array) -> Array:
         """Return a measured velocity, shortened to what the cap allows: the model begins there."""
+        if self._axle is not None:
+            sides = np.array([min(self._begins_at, self._axle.forward), self._beside])
+            return np.clip(velocity, -sides, sides)
         speed = float(np.hypot(*velocity))
         return velocity * min(1.0, self._begins_at / speed) if speed > 0.0 else velocity
+
+    @property
+    def _beside(self) -> float:
+        """The greatest speed of the point beside a cart's heading, ℓ Ω [m/s]."""
+        return self._adapter.look_ahead * float(self._limits[-1])
 
     def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
         """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
@@ -434,6 +457,11 @@ class VelocityFilter:
         told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
         cos, sin = math.cos(heading), math.sin(heading)
+        if self._axle is not None:
+            told[0] = min(max(told[0], -self.fastest), self.fastest)
+            axes = self._axes(heading)
+            change = (told - now @ axes) / self._period
+            return axes @ np.clip(change, -self._axle.braking, self._axle.braking)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
         velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
         missing = (velocity - now) / self._period
@@ -443,12 +471,14 @@ class VelocityFilter:
     def _tell(self, wanted: Array, yaw: float, rate: float) -> Array:
         """Return the command after the chosen input, in the robot's axes."""
         soon = self._velocity + self._period * self._input
+        if self._axle is not None:
+            return self._adapter.within(soon / np.array([1.0, self._adapter.look_ahead]))
         self._adapter.turn = float(wanted[-1])
         return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
 
     def _miss(self) -> None:
         """Note that samples are missing: what the robot did meanwhile is not known."""
-        old = Estimate(np.zeros(4), self._time, age=math.inf)
+        old = Estimate(np.zeros(4), self._time, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._scene(), old)
         self._time = None
 

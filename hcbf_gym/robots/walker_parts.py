@@ -84,8 +84,8 @@ class Command:
 
     @property
     def fastest(self) -> float:
-        """The greatest speed of the point that follows, along its axes [m/s]."""
-        return float(self.in_plane(self.limits).max())
+        """The greatest speed of the robot, along its axes; a cart's is that of its axle [m/s]."""
+        return self.forward if self.sideways is None else max(self.forward, self.sideways)
 
     @property
     def limits(self) -> Array:

@@ -1,0 +1,246 @@
+"""What the filter does otherwise for a differential drive; see `barriers.axle_rows`.
+
+What stands binds the axle, what moves and users' own conditions the point before it. U is a
+rectangle along the heading. Where rows on what stands keep a robot from what was asked for, it asks
+for what a robot that moves in every direction would do there: so it turns along a wall instead of
+standing before it.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from hcbf_gym.arrays import Array, Records
+from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels
+from hcbf_gym.barriers.margins import MARGIN, QUICKENING, Known
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
+from hcbf_gym.barriers.rows import SETTINGS_WIDTH, CbfRows
+from hcbf_gym.filtering.plants import Plants, Work
+from hcbf_gym.models import axle as drives
+from hcbf_gym.models.axle import Axle
+from hcbf_gym.programs.planar.cascade import filter_range
+from hcbf_gym.programs.planar.polygon import nearest
+from hcbf_gym.programs.planar.records import Settings, own_of
+from hcbf_gym.programs.result import FilterResult
+
+FACING = -0.2
+"""The cosine between heading and way below which guidance turns the robot first."""
+MOVED = 1e-9
+"""By how much an input must be changed before the robot slides along what stands [m/s²]."""
+
+
+@njit(cache=True, inline="always")
+def axle_of(c: Any) -> Axle:
+    """Return what limits the drive, of `plants.CONSTANTS`."""
+    return Axle(c.axle[0], c.axle[1], c.axle[2], c.axle[3])
+
+
+@njit(cache=True, inline="always")
+def moves(kind: int, parameters: Array) -> bool:
+    """Return whether a condition binds the point: it moves, or is a user's own."""
+    if kind == layout.SPEED_LIMIT or kind == layout.ZONE:
+        return False
+    still = parameters[layout.VELOCITY_X] == 0.0 and parameters[layout.VELOCITY_Y] == 0.0
+    return kind == layout.CUSTOM or not still
+
+
+@njit(cache=True)
+def place(c: Any, plant: Any) -> Known:
+    """Return what is known of the axle."""
+    axle, heading = axle_of(c), plant.heading
+    x, model, body = np.empty(4), np.empty(4), np.empty(4)
+    drives.place(axle, plant.x, heading, x)
+    drives.place(axle, plant.model, heading, model)
+    drives.place(axle, plant.model + plant.lag, heading, body)
+    return Known(x, plant.time, model, body - model, plant.covariance, plant.growth)
+
+
+@njit(cache=True)
+def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
+    """Write margins, rows and U of one plant; those of users' own conditions are made later."""
+    plant, axle = p.sensed[i], axle_of(c)
+    if p.told[i].reason != 0:
+        plant.heading = plant.headed  # as the state, the last that was believed
+    known = place(c, plant)
+    margins.derive(c, p.kind[i], p.parameters[i], known, c.period, w.margin[:, i])
+    w.margin[QUICKENING, i] += c.jerk
+    w.margin[MARGIN, i] += p.own_margin[i]
+    settings = np.empty(SETTINGS_WIDTH)
+    settings[:] = c.axle_rows
+    axle_rows.limit_axle(axle, plant.x, plant.heading, settings)
+    _rows(p, w, i, known.x, settings)
+    for k in range(p.kind.shape[1]):
+        n, b = w.a[i, k], w.rows[B, i, k]
+        w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
+        n[0], n[1], w.rows[B, i, k] = axle_rows.of_axle(
+            axle, plant.x, plant.heading, c.period, n[0], n[1], b
+        )
+    _rows_of_point(c, p, w, i)
+
+
+@njit(cache=True)
+def _rows_of_point(c: Any, p: Plants, w: Work, i: int) -> None:
+    """Write margins and rows of what moves, which bind the point."""
+    some = False
+    for k in range(p.kind.shape[1]):
+        some |= moves(p.kind[i, k], p.parameters[i, k]) and p.kind[i, k] != layout.CUSTOM
+    if not some:
+        return
+    plant, m = p.sensed[i], p.kind.shape[1]
+    margin = np.empty((4, m))
+    margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, margin)
+    a, rows = np.empty((1, m, 2)), np.empty((4, 1, m))
+    reserved = np.empty((4, 1, m))
+    reserved[:, 0] = margin
+    reserved[MARGIN, 0] += p.own_margin[i] + axle_of(c).look_ahead
+    kind, parameters = p.kind[i : i + 1], p.parameters[i : i + 1]
+    at, time = p.sensed["x"][i : i + 1], p.sensed["time"][i : i + 1]
+    row_kernels.rows(kind, parameters, reserved, at, time, c.rows, a, rows)
+    for k in range(m):
+        if moves(p.kind[i, k], p.parameters[i, k]) and p.kind[i, k] != layout.CUSTOM:
+            w.margin[:, i, k] = reserved[:, 0, k]
+            w.rows[:, i, k] = rows[:, 0, k]
+            w.a[i, k, 0], w.a[i, k, 1] = a[0, k, 0], a[0, k, 1]
+            turn_row(c, p, w, i, k)
+
+
+@njit(cache=True)
+def turn_row(c: Any, p: Plants, w: Work, i: int, k: int) -> None:
+    """Write a row on the point as one in u: its velocity turns with the heading besides."""
+    plant, n, b = p.sensed[i], w.a[i, k], w.rows[B, i, k]
+    w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
+    n[0], n[1], w.rows[B, i, k] = axle_rows.of_point(
+        axle_of(c), plant.x, plant.heading, c.period, n[0], n[1], b
+    )
+
+
+@njit(cache=True)
+def _rows(p: Plants, w: Work, i: int, x: Array, settings: Array) -> None:
+    """Write the rows of one plant, whose axle has the state x (4,)."""
+    m = p.kind.shape[1]
+    kind, parameters = p.kind[i : i + 1], p.parameters[i : i + 1]
+    time, at = p.sensed["time"][i : i + 1], x.reshape(1, 4)
+    margin, a = w.margin[:, i : i + 1], w.a[i : i + 1, :m]
+    row_kernels.rows(kind, parameters, margin, at, time, settings, a, w.rows[:, i : i + 1, :m])
+
+
+@njit(cache=True)
+def limit(c: Any, settings: Settings, p: Plants) -> None:
+    """Write the corners of each plant's U into the program."""
+    for i in range(p.sensed.size):
+        plant = p.sensed[i]
+        corners = own_of(settings, i).vertices
+        drives.corners(axle_of(c), plant.x, plant.heading, c.period, corners)
+
+
+@njit(cache=True)
+def turn_memory(plant: Any) -> None:
+    """Turn what was expected of the point's velocity with the heading since the last sample.
+
+    What the robot is told is held in its own axes.
+    """
+    turn = plant.heading - plant.headed
+    cos, sin = np.cos(turn), np.sin(turn)
+    for pair in (plant.expected, plant.input):
+        one, other = pair[0], pair[1]
+        pair[0], pair[1] = cos * one - sin * other, sin * one + cos * other
+    plant.headed = plant.heading
+
+
+@njit(cache=True)
+def split_ranks(p: Plants, w: Work, i: int) -> None:
+    """Let what stands come before what moves in rank 1: where both cannot be, the robot stays out.
+
+    A robot that a region runs into has not entered it.
+    """
+    some = False
+    for k in range(p.kind.shape[1]):
+        some |= p.priority[i, k] == 1 and moves(p.kind[i, k], p.parameters[i, k])
+    if not some:
+        return
+    for k in range(w.priority.shape[1]):
+        later = w.priority[i, k] > 1
+        if k < p.kind.shape[1] and p.priority[i, k] == 1:
+            later = moves(p.kind[i, k], p.parameters[i, k])
+        w.priority[i, k] += 1 if later else 0
+
+
+@njit(cache=True)
+def slide(settings: Settings, w: Work, i: int, m: int) -> None:
+    """Answer once more where rows changed u, with what a robot free to move would do for u*.
+
+    Args:
+        settings: of the program, with each plant's U.
+        w: with the program's answer, written to.
+        i: which plant.
+        m: how many safety rows it has.
+    """
+    vertices, u = own_of(settings, i).vertices, w.answer.u[i]
+    x, y = nearest(vertices, vertices.shape[0], w.u[i, 0], w.u[i, 1])
+    if abs(u[0] - x) + abs(u[1] - y) <= MOVED:
+        return
+    far = 4.0 * settings.radius + 2.0 * max(abs(w.u[i, 0]), abs(w.u[i, 1]))
+    square = np.array([[-far, -far], [far, -far], [far, far], [-far, far]])
+    part, asked = _answer_of(w.answer, i), w.u[i : i + 1].copy()
+    a, b = w.a[i : i + 1].copy(), w.rows[B, i : i + 1].copy()
+    for k in range(m):
+        a[0, k, 0], a[0, k, 1], b[0, k] = w.straight[i, k]
+    h, priority, psi = w.rows[H, i : i + 1], w.priority[i : i + 1], w.rows[ALPHA2_PSI, i : i + 1]
+    free = CbfRows(a, b, h, priority, psi)
+    filter_range(_with(settings, i, square), asked, free, part, w.polygons, 0, 1)
+    asked[0, 0], asked[0, 1] = part.u[0, 0], part.u[0, 1]
+    rows = CbfRows(w.a[i : i + 1], w.rows[B, i : i + 1], h, priority, psi)
+    filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)
+
+
+@njit(cache=True)
+def _answer_of(answer: FilterResult, i: int) -> FilterResult:
+    """Return the answer's part of one plant, with a leading 1."""
+    return FilterResult(
+        answer.u[i : i + 1],
+        answer.slack[i : i + 1],
+        answer.delta[i : i + 1],
+        answer.status[i : i + 1],
+        answer.fallbacks[i : i + 1],
+    )
+
+
+@njit(cache=True)
+def _with(s: Settings, i: int, vertices: Array) -> Settings:
+    """Return the program of one plant with a U of corners (4, 2)."""
+    weights = s.weights[i : i + 1] if s.weights.shape[0] > 1 else s.weights
+    return Settings(
+        s.lower, s.by_level, s.lock, s.ranks, s.guided, s.radius, s.lambda_u, s.known_offset,
+        vertices.reshape(1, 4, 2), weights,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def face(plants: Records, gain: float) -> None:
+    """Let guidance turn robots that face away from their way, by the point before the axle.
+
+    Args:
+        plants: (N,) `plants.PLANT`; the row (a, b) of guidance is written to.
+        gain: k of that row [1/s].
+    """
+    for i in range(plants.size):
+        plant = plants[i]
+        way, cos, sin = plant.way, np.cos(plant.heading), np.sin(plant.heading)
+        along, across = cos * way[0] + sin * way[1], cos * way[1] - sin * way[0]
+        if not along < FACING:
+            continue
+        speed = way[2] / gain + way[0] * plant.x[2] + way[1] * plant.x[3]
+        side = 1.0 if across >= 0.0 else -1.0
+        way[0], way[1] = -side * sin, side * cos
+        way[2] = gain * (speed - way[0] * plant.x[2] - way[1] * plant.x[3])
+
+
+@njit(cache=True)
+def of_body(c: Any, p: Plants, i: int, h: Array) -> Array:
+    """Return h (m,) of the axle: of what binds the point it is no less than the point's less ℓ."""
+    out = h.copy()
+    for k in range(h.size):
+        if moves(p.kind[i, k], p.parameters[i, k]):
+            out[k] -= c.axle[0]
+    return out

@@ -1,0 +1,211 @@
+"""The filter of a differential drive, in a loop with an exact axle."""
+
+import numpy as np
+import pytest
+
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
+from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.models import axle as drives
+from hcbf_gym.models.axle import Axle
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.programs import FilterStatus
+
+CART = Axle(look_ahead=0.25, forward=0.5, turn=1.82, braking=1.5)
+PERIOD, BODY = 0.05, 0.34
+ROOM = [
+    HalfPlane("left", 1, (0.0, -1.0), -2.0),
+    HalfPlane("right", 1, (0.0, 1.0), -2.0),
+    HalfPlane("back", 1, (1.0, 0.0), -2.5),
+    HalfPlane("front", 1, (-1.0, 0.0), -2.5),
+]
+
+
+def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **options):
+    plant = Plant(
+        DoubleIntegrator(), barriers, lambda *_: None, Box.symmetric(CART.braking),
+        period=PERIOD, uncertainty=Uncertainty(body=BODY), axle=CART,
+    )  # fmt: skip
+    settings = FilterSettings(program, "held", guidance, None, solver, "warn", False, options)
+    return PlanarCore(plant, plant.input_set, settings)
+
+
+class Cart:
+    """An axle that does what it is told, at once."""
+
+    def __init__(self, place, heading):
+        self.place, self.heading = np.array(place, dtype=float), float(heading)
+        self.v = self.turning = self.time = 0.0
+
+    @property
+    def axes(self):
+        e = np.array([np.cos(self.heading), np.sin(self.heading)])
+        return e, np.array([-e[1], e[0]])
+
+    @property
+    def x(self):
+        e, across = self.axes
+        velocity = self.v * e + CART.look_ahead * self.turning * across
+        return np.concatenate([self.place + CART.look_ahead * e, velocity])
+
+    def estimate(self):
+        return Estimate(self.x, self.time, heading=self.heading)
+
+    def hold(self, u):
+        """Return the axle's places (10, 2) of one period."""
+        e, across = self.axes
+        self.v += PERIOD * u @ e
+        self.turning += PERIOD / CART.look_ahead * (u @ across)
+        places = []
+        for _ in range(10):
+            self.heading += 0.05 * PERIOD * self.turning
+            self.place = self.place + 0.1 * PERIOD * self.v * self.axes[0]
+            self.heading += 0.05 * PERIOD * self.turning
+            places.append(self.place)
+        self.time += PERIOD
+        return np.array(places)
+
+
+def begun(core, barriers, cart, goal=None):
+    core.restart(np.ones(1, dtype=np.bool_))
+    return core.begin(barriers, cart.estimate(), goal, None)
+
+
+def nearest(barriers, places, time=0.0):
+    """Return the least distance of places (k, 2) from regions, and the normal there."""
+    x = np.pad(places, ((0, 0), (0, 2)))
+    h, sensed = BarrierSet([barriers] * len(x)).sense(x, np.full(len(x), time))
+    k = np.unravel_index(h.argmin(), h.shape)
+    return h.min(), sensed[k][1:3]
+
+
+@pytest.mark.parametrize("attack", ["nearest", "along", "bang", "back"])
+def test_a_hostile_cart_enters_nothing_that_stands(attack):
+    rng = np.random.default_rng(len(attack))
+    met = 0
+    for _ in range(4):
+        discs = []
+        while len(discs) < 4:
+            at, radius = rng.uniform(-1.8, 1.8, 2), rng.uniform(0.1, 0.4)
+            if np.hypot(*at) > radius + 0.5:
+                discs.append(Disc(f"disc {len(discs)}", 1, tuple(at), radius))
+        barriers = [*ROOM, *discs]
+        core, cart = filter_of(barriers), Cart((0.0, 0.0), rng.uniform(-3.0, 3.0))
+        begun(core, barriers, cart)
+        bang = np.zeros(2)
+        for step in range(160):
+            _, n = nearest(barriers, cart.place[None])
+            e, _ = cart.axes
+            if step % 8 == 0:
+                bang = 4.0 * rng.choice([-1.0, 1.0], 2)
+            asked = {
+                "nearest": -8.0 * n,
+                "along": -8.0 * n + 8.0 * np.array([-n[1], n[0]]),
+                "bang": bang,
+                "back": -8.0 * e if n @ e > 0.0 else 8.0 * e,
+            }[attack]
+            u, report = core.step(asked, barriers, cart.estimate())
+            least, _ = nearest(barriers, cart.hold(u))
+            assert least >= BODY - 1e-9
+            assert report["status"] < FilterStatus.VIOLATED
+            met += report["status"] == FilterStatus.SAFE
+            assert abs(cart.v) <= CART.forward + 1e-9
+            assert abs(cart.turning) <= CART.turn + 1e-9
+    assert met > 100
+
+
+def test_turning_in_place_beside_a_wall_is_never_changed():
+    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -1.0)]
+    core, cart = filter_of(wall), Cart((1.0 - BODY - 0.02, 0.0), 0.0)
+    begun(core, wall, cart)
+    for step in range(120):
+        wanted = 1.5 if step < 60 else -1.5
+        asked = CART.look_ahead * (wanted - cart.turning) / PERIOD
+        u_nominal = np.clip(asked, -1.5, 1.5) * cart.axes[1]
+        u, report = core.step(u_nominal, wall, cart.estimate())
+        assert report["status"] == FilterStatus.NOMINAL
+        np.testing.assert_allclose(u, u_nominal, atol=1e-12)
+        assert report["model_error"] < 1e-9
+        cart.hold(u)
+
+
+@pytest.mark.parametrize("width", [0.76, 0.8])
+@pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.2, 0.7, 1.5), (0.3, -0.6, -3.0)])
+def test_a_cart_slides_into_a_door_that_its_circle_passes(width, start):
+    half = width / 2.0
+    door = [
+        ConvexPolygon("a", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
+        ConvexPolygon("b", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
+    ]
+    core, cart = filter_of(door), Cart(start[:2], start[2])
+    begun(core, door, cart)
+    for _ in range(600):
+        ahead = np.array([1.3 if cart.x[0] < 1.2 else 3.5, 0.0]) - cart.x[:2]
+        wanted = CART.forward * ahead / np.hypot(*ahead)
+        u, report = core.step(4.0 * (wanted - cart.x[2:]), door, cart.estimate())
+        least, _ = nearest(door, cart.hold(u))
+        assert least >= BODY - 1e-9
+        assert report["status"] <= FilterStatus.SAFE
+        if cart.place[0] > 2.6:
+            return
+    raise AssertionError(f"stands at {cart.place}")
+
+
+def test_what_moves_gives_way_to_what_stands():
+    wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
+    mover = Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))
+    cart, said, hit = Cart((0.0, 0.0), 0.0), False, False
+    core = filter_of([wall, mover])
+    begun(core, [wall, mover], cart)
+    for _ in range(120):
+        u, report = core.step(np.zeros(2), [wall, mover], cart.estimate())
+        time = cart.time
+        places = cart.hold(u)
+        assert nearest([wall], places)[0] >= BODY - 1e-9
+        h, n = nearest([mover], places[-1:], time + PERIOD)
+        if h < BODY and not hit:
+            hit = True
+            assert said
+            assert cart.v * cart.axes[0] @ n >= -1e-6  # it does not drive at what runs into it
+        said |= report["status"] >= FilterStatus.VIOLATED
+    assert said
+
+
+def test_guidance_turns_a_cart_that_faces_away():
+    discs = [Disc("disc", 1, (2.0, 0.3), 0.3)]
+    core, cart = filter_of(discs, guidance="geodesic"), Cart((0.0, 0.0), np.pi - 0.05)
+    begun(core, discs, cart, np.array([4.0, 0.0]))
+    backwards = 0.0
+    for _ in range(400):
+        u, _ = core.step(np.zeros(2), discs, cart.estimate())
+        assert nearest(discs, cart.hold(u))[0] >= BODY - 1e-9
+        backwards = min(backwards, cart.v)
+        if np.hypot(*(cart.x[:2] - [4.0, 0.0])) < 0.2:
+            break
+    assert np.hypot(*(cart.x[:2] - [4.0, 0.0])) < 0.2
+    assert backwards > -0.1
+
+
+@pytest.mark.parametrize("heading", [None, np.nan, np.inf, "north", [0.0, 1.0]])
+def test_a_heading_that_is_none_brakes(heading):
+    core, cart = filter_of(ROOM), Cart((0.0, 0.0), 0.5)
+    begun(core, ROOM, cart)
+    u, _ = core.step(np.array([1.0, 0.5]), ROOM, cart.estimate())
+    cart.hold(u)
+    with pytest.warns(SafetyWarning, match="not finite"):
+        u, report = core.step(np.array([1.0, 0.5]), ROOM, cart.estimate()._replace(heading=heading))
+    assert report["status"] == FilterStatus.BACKUP
+    assert report["reason"] == Reason.STATE
+    corners = np.empty((4, 2))
+    drives.corners(CART, cart.x, 0.5, PERIOD, corners)
+    assert np.abs(u).max() <= np.abs(corners).max() + 1e-9
+
+
+def test_an_axle_needs_its_point_and_the_compiled_program():
+    with pytest.raises(InvalidInputError, match="turns with its heading"):
+        filter_of(ROOM, solver="daqp")
+    with pytest.raises(InvalidInputError, match="axle"):
+        Plant(SingleIntegrator(), [], lambda *_: None, axle=CART)
