@@ -74,6 +74,12 @@ SUITES = {
         extra="benchmark",
         needs=("cbfpy", "elastiqp"),
     ),
+    "filter-models": Suite(
+        "suites.filter_models",
+        "what SafetyFilter adds for other models and solvers, and batches",
+        2,
+        ROM,
+    ),
     "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
     "strict": Suite(
         "strict.suite",

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.barriers import Disc
-from hcbf_gym.filtering import planar_step
+from hcbf_gym.filtering import step
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -66,7 +66,7 @@ def shares() -> list[dict[str, Any]]:
     def call(told: Any) -> None:
         samples.time[0] += PERIOD
         scene = core._scene
-        planar_step.filter_plants(
+        step.filter_plants(
             core._constants,
             core._program,
             (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import peers
+from benchmarks.blocks import Timed, blocks_in_turn
 from benchmarks.shares import shares
 from hcbf_gym.barriers import Disc, HalfPlane, to_dict
 from hcbf_gym.evaluation.tables import Table
@@ -41,11 +42,6 @@ SHAPES = (
     ),
 )
 """At the origin the first two ask for opposite inputs; far away nothing binds."""
-
-Timed = tuple[Callable[[], Any], Callable[[], Any]]
-"""What prepares a call, and the call that is timed."""
-WARM, BLOCK = 5, 25
-"""Calls of a block, the first of which are not timed: caches and XLA's threads are warm by then."""
 
 
 def run(quick: bool) -> dict[str, Any]:
@@ -79,7 +75,7 @@ def _rows(count: int, place: str, blocks: int) -> list[dict[str, Any]]:
         *(_step(SafetyFilter(_environment(scene), name, **SAME_ROWS)) for name in PROGRAMS),
         *(_step(SafetyFilter(_environment(scene), name)) for name in PROGRAMS),
     ]
-    times = np.array([_blocks_in_turn(calls, blocks) for _ in range(REPETITIONS)])
+    times = np.array([blocks_in_turn(calls, blocks) for _ in range(REPETITIONS)])
     cbfpy, added = times[:, 1:2] - times[:, :1], times[:, 2:] - times[:, :1]
     medians, ratios = np.median(added, axis=0), np.median(added / cbfpy, axis=0)
     return [
@@ -112,19 +108,6 @@ def _step(env: gym.Env[Any, Any]) -> Timed:
 def _peers_step(env: gym.Env[Any, Any], u: Callable[[], Any]) -> Timed:
     """Return how an episode begins, and its next step under a peer's input."""
     return lambda: env.reset(seed=0), lambda: env.step(u())
-
-
-def _blocks_in_turn(calls: Sequence[Timed], blocks: int) -> NDArray[np.float64]:
-    """Return each call's median time [µs] within blocks of it alone; the blocks take turns."""
-    times = np.empty((blocks, BLOCK, len(calls)))
-    for i in range(blocks):
-        for k, (prepare, call) in enumerate(calls):
-            prepare()
-            for j in range(BLOCK):
-                start = time.perf_counter()
-                call()
-                times[i, j, k] = time.perf_counter() - start
-    return 1e6 * np.median(times[:, WARM:], axis=(0, 1))
 
 
 def in_turn(calls: Sequence[Timed], rounds: int) -> NDArray[np.float64]:

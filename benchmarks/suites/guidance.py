@@ -21,8 +21,8 @@ from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned

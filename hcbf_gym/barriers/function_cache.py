@@ -11,7 +11,6 @@ from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_rows import FunctionRows, RowsKernel
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 MOST = 8
@@ -37,19 +36,28 @@ class FunctionCache:
         self.alone: dict[Any, RowsKernel] = {}
         self._warned = False
 
-    def rows(self, functions: Sequence[Function]) -> "FunctionRows | SeparateRows":
-        """Return what makes the rows of m ≥ 1 functions.
+    def rows(self, scenes: Sequence[Sequence[Function]]) -> "FunctionRows | SeparateRows":
+        """Return what makes the rows of m ≥ 1 functions in each of N scenes.
+
+        Args:
+            scenes: N sequences of m functions that differ in their parameters alone.
 
         Raises:
             InvalidInputError: if no input reaches a function, or it cannot be differentiated.
         """
         model, alpha1, alpha2 = self._of
+        functions = scenes[0]
         key = tuple(function.signature for function in functions)
         if key not in self.together and len(self.together) < MOST:
             self.together[key] = RowsKernel(model, functions, alpha1, alpha2)
         if key in self.together:
-            return FunctionRows(self.together[key], functions)
-        return SeparateRows([FunctionRows(self._one(f), [f]) for f in functions])
+            return FunctionRows(self.together[key], scenes)
+        return SeparateRows(
+            [
+                FunctionRows(self._one(function), [(one[k],) for one in scenes])
+                for k, function in enumerate(functions)
+            ]
+        )
 
     def _one(self, function: Function) -> RowsKernel:
         """Return the rows of one function of a tuple that is not compiled together."""
@@ -84,15 +92,10 @@ class SeparateRows:
         self._parts = parts
         self.reaches: list[Reach] = [part.reaches[0] for part in parts]
 
-    def __call__(
-        self, x: Array, t: Any, margin: Array, margin_rate: Array
-    ) -> tuple[CbfRows, Array]:
-        """Return the rows and their conditioning; see `FunctionRows`."""
+    def __call__(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
+        """Return the rows; see `FunctionRows`."""
         each = [
-            part(x, t, margin[k : k + 1], margin_rate[k : k + 1])
+            part(x, t, margin[:, k : k + 1], margin_rate[:, k : k + 1])
             for k, part in enumerate(self._parts)
         ]
-        fields = zip(*(rows for rows, _ in each), strict=True)
-        axis = x.ndim - 1
-        rows = CbfRows(*(np.concatenate(field, axis) for field in fields))
-        return rows, np.concatenate([conditioning for _, conditioning in each], axis)
+        return np.concatenate(each, axis=1)

@@ -9,7 +9,6 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function, Scalar
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samples
-from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -59,60 +58,53 @@ class RowsKernel:
         kernel = _rows_kernel(model, functions, self.reaches, alphas)
         jax = import_jax("barriers.Function")
         wrap = compile64 if compiled else run64
-        many = jax.vmap(kernel, (0, 0, None, None, None))
+        many = jax.vmap(kernel)
         self.one = wrap(_packed(kernel, model.n, len(functions)))
         self.many = wrap(lambda *inputs: jax.numpy.stack(many(*inputs)))
 
 
 class FunctionRows:
-    """The rows of m functions with their parameters.
+    """The rows of m functions with their parameters, in each of N scenes.
 
     Args:
         kernel: made for functions of the same signatures.
-        functions: m ≥ 1 conditions.
+        scenes: N sequences of m ≥ 1 conditions.
     """
 
-    def __init__(self, kernel: RowsKernel, functions: Sequence[Function]) -> None:
+    def __init__(self, kernel: RowsKernel, scenes: Sequence[Sequence[Function]]) -> None:
         self._kernel = kernel
-        self._functions = tuple(functions)
+        self._functions = tuple(scenes[0])
         self.reaches = kernel.reaches
-        self._parameters = np.concatenate([function.packed for function in functions])
-        self._priority = np.array([f.priority for f in self._functions], dtype=np.int64)
+        self._parameters = np.array([np.concatenate([f.packed for f in one]) for one in scenes])
 
-    def __call__(
-        self, x: Array, t: Any, margin: Array, margin_rate: Array
-    ) -> tuple[CbfRows, Array]:
-        """Return the rows of one state x (n,), or of N states (N, n), and their conditioning.
+    def __call__(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
+        """Return the rows of N states.
 
         Args:
-            x: (n,) or (N, n) states.
-            t: time [s]; (N,) for N states.
-            margin: (m,) what each row reserves between h and zero.
-            margin_rate: (m,) d margin/dt.
+            x: (N, n) states.
+            t: (N,) times [s].
+            margin: (N, m) what each row reserves between h and zero.
+            margin_rate: (N, m) d margin/dt.
 
         Returns:
-            The rows and (…, m) numbers from 0 to 1: 0 where a row does not depend on the input or
-            is not finite, less than 1 where L_g ψ is small or turns at a kink of h.
+            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning goes from 0
+            to 1: 0 where a row does not depend on the input or is not finite, less than 1 where
+            L_g ψ is small or turns at a kink of h.
 
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.
         """
-        m = len(self._functions)
-        n_u = self._kernel.model.n_u
-        if x.ndim == 1:
-            inputs = np.concatenate((x, (t,), margin, margin_rate, self._parameters))
-            out = np.asarray(self._kernel.one(inputs))
+        shape = len(x), len(self._functions), self._kernel.model.n_u + 5
+        if len(x) == 1:
+            inputs = np.concatenate((x[0], t, margin[0], margin_rate[0], self._parameters[0]))
+            out = np.asarray(self._kernel.one(inputs)).reshape(shape)
         else:
-            out = np.asarray(self._kernel.many(x, t, margin, margin_rate, self._parameters))
-            out = np.moveaxis(out.reshape(m, n_u + 5, len(x)), -1, 0)
-        a, b, h = out[..., :n_u], out[..., n_u], out[..., n_u + 1]
-        early = out[..., n_u + 4]
+            made = np.asarray(self._kernel.many(x, t, margin, margin_rate, self._parameters))
+            out = np.ascontiguousarray(np.moveaxis(made, -1, 0)).reshape(shape)
+        early = out[..., -1]
         if not early.max() <= VANISHED:
-            self._refuse(h, early)
-        priority = self._priority
-        if x.ndim == 2:
-            priority = np.broadcast_to(priority, b.shape)
-        return CbfRows(a, b, h, priority, out[..., n_u + 2]), out[..., n_u + 3]
+            self._refuse(out[..., -4], early)
+        return out
 
     def _refuse(self, h: Array, early: Array) -> None:
         """Raise the error that says which function is wrong."""

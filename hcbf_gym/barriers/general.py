@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import general_kernels, layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
@@ -17,25 +17,25 @@ from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
 from hcbf_gym.barriers.general_kernels import (
-    ALPHA2_PSI,
     CONDITIONING,
     ELSEWHERE,
-    B,
-    H,
+    MARGIN,
+    RATE,
+    WIDTH,
     Scene,
     Terms,
+    jet_width,
     pack,
-    width,
 )
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.row_kernels import late
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H, late
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 BUILT_IN = (*SHAPES, SpeedLimit)
@@ -43,35 +43,47 @@ BUILT_IN = (*SHAPES, SpeedLimit)
 _NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
-class Prepared(NamedTuple):
-    """Barriers, with what stays the same from state to state.
+class Group(NamedTuple):
+    """Functions of the same signatures, at the same places of some scenes.
 
     Attributes:
-        barriers: m of them.
-        own: places of those that are functions.
-        functions: what makes the rows of these; None if there are none.
-        custom: place and barrier of users' own classes.
-        scene: the others, as compiled code reads them.
-        reaches: (m,) how inputs reach each of them.
-        turns: whether an input enters the second derivative of a barrier that is no function.
-        priority: (m,).
-        least: (m,) what a row reserves by itself: a speed limit's margin.
-        share: (m,) how much of a margin on the position a row reserves.
+        scenes: (K,) which of N scenes.
+        places: (k,) of m.
+        rows: what makes their rows.
     """
 
-    barriers: tuple[Barrier, ...]
-    own: list[int]
-    functions: FunctionRows | SeparateRows | None
-    custom: list[tuple[int, Barrier]]
+    scenes: Integers
+    places: Integers
+    rows: FunctionRows | SeparateRows
+
+
+class Prepared(NamedTuple):
+    """The barriers of N scenes, with what stays the same from state to state.
+
+    Attributes:
+        scenes: N tuples of m of them.
+        groups: those that are functions.
+        custom: scene, place and barrier of users' own classes.
+        scene: the others, as compiled code reads them.
+        reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
+        turns: whether an input enters the second derivative of a barrier that is no function.
+        priority: (N, m).
+        least: (N, m) what a row reserves by itself: a speed limit's margin.
+        share: (N, m) how much of a margin on the position a row reserves.
+    """
+
+    scenes: tuple[tuple[Barrier, ...], ...]
+    groups: list[Group]
+    custom: list[tuple[int, int, Barrier]]
     scene: Scene
-    reaches: list[Reach]
+    reaches: list[list[Reach]]
     turns: bool
-    priority: NDArray[np.int64]
+    priority: Integers
     least: Array
     share: Array
 
     def margins(self, margin: float) -> Array:
-        """Return (m,) what each row reserves between h and zero."""
+        """Return (N, m) what each row reserves between h and zero."""
         return self.least + margin * self.share
 
 
@@ -130,133 +142,218 @@ class GeneralRows:
         t: Any = 0.0,
         margin: ArrayLike = 0.0,
         margin_rate: ArrayLike = 0.0,
-        terms: tuple[Array, Array] | None = None,
     ) -> CbfRows:
-        """Return the rows of one state.
+        """Return the rows of one state, or of N.
 
         Args:
             barriers: m safety conditions.
-            x: (n,) state; (N, n) where all barriers are functions, and every field has N rows.
+            x: (n,) state; (N, n) for N states, and every field has N rows.
             t: time [s]; (N,) for N states.
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
-            terms: f (n,) and g (n, n_u) at x, where they are known already.
 
         Raises:
             InvalidInputError: if no input reaches a barrier by the second derivative, the model has
                 no velocity for a speed limit, or a jet is not made of finite numbers.
         """
-        prepared = self.prepare(barriers)
+        states, m = np.atleast_2d(x), len(barriers)
+        prepared = self.prepare([tuple(barriers)] * len(states))
         kept = np.asarray(margin, dtype=np.float64)
         kept = kept if kept.ndim else prepared.margins(float(kept))
-        rates = np.asarray(margin_rate, dtype=np.float64) + np.zeros(kept.shape)
-        if prepared.functions is not None and len(prepared.own) == len(prepared.barriers):
-            rows, self.conditioning = prepared.functions(x, t, kept, rates)
-            return self._recovering(prepared, rows, kept)
-        if x.shape != (self.model.n,) or kept.shape != prepared.least.shape:
+        if states.shape[1:] != (self.model.n,) or kept.shape[-1] != m:
             raise InvalidInputError(
                 f"rows: got x of shape {x.shape} and margins of shape {kept.shape}, expected "
-                f"({self.model.n},) and {prepared.least.shape}"
+                f"({self.model.n},) and ({m},)"
             )
-        terms = self.model.terms(x) if terms is None else terms
-        reserved = np.array((kept, rates))[:, None]
-        rows, self.conditioning = self._from_jets(prepared, x, t, reserved, terms)
-        if prepared.functions is not None:
-            own = prepared.own
-            functions, self.conditioning[own] = prepared.functions(x, t, kept[own], rates[own])
-            rows.a[own], rows.b[own], rows.h[own] = functions.a, functions.b, functions.h
-            if rows.alpha2_psi is not None:
-                rows.alpha2_psi[own] = functions.alpha2_psi
-        return self._recovering(prepared, rows, kept)
+        out = np.zeros((len(states), m, WIDTH + self.model.n_u))
+        out[..., MARGIN], out[..., RATE] = kept, margin_rate
+        times = np.array(np.broadcast_to(t, len(states)), dtype=np.float64)
+        self._write(prepared, states, times, self.model.terms_of(states), out)
+        if not np.isfinite(out[..., H]).all():
+            for i, k in zip(*np.nonzero(~np.isfinite(out[..., H])), strict=True):
+                barrier = barriers[k]
+                if not isinstance(barrier, Function):
+                    _checked(barrier, barrier.jet(states[i], float(times[i])), self.model.n)
+        out, ranks = (out[0], prepared.priority[0]) if x.ndim == 1 else (out, prepared.priority)
+        self.conditioning = out[..., CONDITIONING]
+        a, numbers = out[..., WIDTH:].copy(), (out[..., q].copy() for q in (B, H, ALPHA2_PSI))
+        b, h, alpha2_psi = numbers
+        return CbfRows(a, b, h, ranks, alpha2_psi)
 
-    def _recovering(self, prepared: Prepared, rows: CbfRows, margin: Array) -> CbfRows:
-        """Return rows that ask for a stop where ψ is below zero; those of other states as given."""
-        if self._most is None or rows.alpha2_psi is None or not (rows.alpha2_psi < 0.0).any():
-            return rows
-        b = rows.b.copy()
-        late_ones = (rows.alpha2_psi < 0.0) & (prepared.scene.degree[0] == 2)
-        for at in map(tuple, np.argwhere(late_ones)):
-            alpha2_psi, kept = float(rows.alpha2_psi[at]), float(rows.h[at] - margin[at[-1]])
-            rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
-            lost = float(b[at]) + alpha2_psi + self.alpha1.derivative(kept) * rate
-            b[at] = max(float(b[at]), late(kept, rate, lost, self._most(rows.a[at])))
-        return rows._replace(b=b)
+    def write(
+        self, prepared: Prepared, x: Array, t: Array, terms: tuple[Array, Array], out: Array
+    ) -> None:
+        """Write the rows of N states; NaN into those of scenes that give none.
 
-    def prepare(self, barriers: Sequence[Barrier]) -> Prepared:
-        """Return what is known of these barriers, looked up once while these are the same."""
-        key = tuple(barriers)
-        latest = () if self._latest is None else self._latest.barriers
-        if (
-            self._latest is None
-            or len(latest) != len(key)
-            or any(map(operator.is_not, latest, key))
-        ):
-            own = [k for k, barrier in enumerate(key) if isinstance(barrier, Function)]
-            functions = self._functions([key[k] for k in own])
-            found = {} if functions is None else dict(zip(own, functions.reaches, strict=True))
-            found |= {k: self._reach(b) for k, b in enumerate(key) if k not in found}
-            reaches = [found[k] for k in range(len(key))]
-            scene = _scene(key, [reach.degree for reach in reaches])
-            turns = bool((scene.degree[scene.kind != ELSEWHERE] == 2).any())
-            custom = [(int(k), key[k]) for k in np.flatnonzero(scene.kind[0] == layout.CUSTOM)]
-            priority = np.array([barrier.priority for barrier in key], dtype=np.int64)
-            zero, one = margins(key, 0.0), margins(key, 1.0)
-            self._latest = Prepared(
-                key, own, functions, custom, scene, reaches, turns, priority, zero, one - zero
-            )
-        return self._latest
+        Args:
+            prepared: the barriers of N scenes.
+            x: (N, n) states.
+            t: (N,) times [s].
+            terms: f (N, n) and g (N, n, n_u) at x.
+            out: (N, m, WIDTH + n_u) with m and ṁ, see `general_kernels.MARGIN`.
+        """
+        try:
+            self._write(prepared, x, t, terms, out)
+        except UNREADABLE:
+            if len(x) == 1:
+                out[..., B] = np.nan
+                return
+            for i in range(len(x)):
+                one = slice(i, i + 1)
+                part = self.prepared([prepared.scenes[i]])
+                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one])
 
-    def _functions(self, barriers: Sequence[Barrier]) -> FunctionRows | SeparateRows | None:
-        """Return what makes the rows of functions, if there are any."""
-        found = [barrier for barrier in barriers if isinstance(barrier, Function)]
-        return self.functions.rows(found) if found else None
-
-    def _from_jets(
-        self, prepared: Prepared, x: Array, t: float, reserved: Array, terms: tuple[Array, Array]
-    ) -> tuple[CbfRows, Array]:
-        """Return the rows and their conditioning; those of functions are left empty."""
-        n, m = self.model.n, len(prepared.barriers)
-        jets = np.zeros((1, m if prepared.custom else 0, width(n)))
-        for k, barrier in prepared.custom:
-            pack(_checked(barrier, barrier.jet(x, t), n), jets[0, k])
+    def _write(
+        self, prepared: Prepared, x: Array, t: Array, terms: tuple[Array, Array], out: Array
+    ) -> None:
+        """Write the rows of N states; what users' own code raises is raised."""
+        n, (f, g) = self.model.n, terms
+        count, m = prepared.priority.shape
+        jets = np.zeros((count, m if prepared.custom else 0, jet_width(n)))
+        for i, k, barrier in prepared.custom:
+            pack(_checked(barrier, barrier.jet(x[i], float(t[i])), n), jets[i, k])
         jacobian = _NO_JACOBIAN
         if prepared.turns:
-            jacobian = finite_array("∂f/∂x", self.model.f_jacobian(x), (n, n))[None]
-        f, g = terms
-        at = Terms(f[None], g[None], jacobian)
-        state = x[None], np.array([t], dtype=np.float64)
-        a, out = general_kernels.rows(prepared.scene, jets, state, reserved, at, self._alphas)
-        if not np.isfinite(out[H]).all():
-            for barrier in prepared.barriers:
-                if not isinstance(barrier, Function):
-                    _checked(barrier, barrier.jet(x, t), n)
-        rows = CbfRows(a[0], out[B, 0], out[H, 0], prepared.priority, out[ALPHA2_PSI, 0])
-        return rows, out[CONDITIONING, 0]
+            jacobian = self.model.jacobians_of(x)
+        at = Terms(f, g, jacobian)
+        lags = general_kernels.write_rows(prepared.scene, jets, (x, t), at, self._alphas, out)
+        for scenes, places, rows in prepared.groups:
+            here = np.ix_(scenes, places)
+            reserved = out[here]
+            made = rows(x[scenes], t[scenes], reserved[..., MARGIN], reserved[..., RATE])
+            degrees = prepared.scene.degree[scenes[0], places]
+            lags |= general_kernels.take_rows(made, degrees, self._alphas[1], reserved)
+            out[here] = reserved
+        if lags and self._most is not None:
+            self._recover(prepared, self._most, out)
 
-    def relative_degree(self, barrier: Barrier) -> int:
-        """Return how often h must be differentiated until an input appears.
+    def _recover(self, prepared: Prepared, most: Callable[[Array], float], out: Array) -> None:
+        """Let rows ask for a stop where ψ_1 is below zero."""
+        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (prepared.scene.degree == 2)):
+            row = out[i, k]
+            alpha2_psi, kept = float(row[ALPHA2_PSI]), float(row[H] - row[MARGIN])
+            rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
+            lost = float(row[B]) + alpha2_psi + self.alpha1.derivative(kept) * rate
+            row[B] = max(float(row[B]), late(kept, rate, lost, most(row[WIDTH:])))
+
+    def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
+        """Return what is known of N scenes, looked up once while these are the same."""
+        latest = () if self._latest is None else self._latest.scenes
+        if self._latest is None or len(latest) != len(scenes) or not _same(latest, scenes):
+            self._latest = self.prepared(scenes)
+        return self._latest
+
+    def prepared(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
+        """Return what is known of the barriers of N scenes.
+
+        Raises:
+            InvalidInputError: if no input reaches one.
+        """
+        count = len(scenes)
+        if count > 1 and all(scene is scenes[0] for scene in scenes):
+            return self._repeated(self.prepared(scenes[:1]), count)
+        groups = self._groups(scenes)
+        of_functions = {
+            (int(i), int(k)): reach
+            for group in groups
+            for i in group.scenes
+            for k, reach in zip(group.places, group.rows.reaches, strict=True)
+        }
+        reaches = [
+            [of_functions.get((i, k)) or self.reach(barrier) for k, barrier in enumerate(scene)]
+            for i, scene in enumerate(scenes)
+        ]
+        degrees = [[reach.degree for reach in one] for one in reaches]
+        kind, parameters = _blocks(scenes)
+        degree = np.array(degrees, dtype=np.int64).reshape(kind.shape)
+        custom = [(int(i), int(k), scenes[i][k]) for i, k in np.argwhere(kind == layout.CUSTOM)]
+        ranks = [[barrier.priority for barrier in scene] for scene in scenes]
+        zero, one = ([margins(scene, m) for scene in scenes] for m in (0.0, 1.0))
+        return Prepared(
+            tuple(scenes),
+            groups,
+            custom,
+            Scene(kind, parameters, degree),
+            reaches,
+            bool((degree[kind != ELSEWHERE] == 2).any()),
+            np.array(ranks, dtype=np.int64).reshape(kind.shape),
+            np.array(zero),
+            np.array(one) - np.array(zero),
+        )
+
+    def _repeated(self, one: Prepared, count: int) -> Prepared:
+        """Return what is known of N scenes that are the same."""
+        kind, parameters, degree = one.scene
+        everywhere = np.arange(count)
+        return one._replace(
+            scenes=one.scenes * count,
+            groups=self._groups(one.scenes * count) if one.groups else [],
+            custom=[(int(i), k, barrier) for i in everywhere for _, k, barrier in one.custom],
+            scene=Scene(
+                np.repeat(kind, count, axis=0),
+                np.repeat(parameters, count, axis=0),
+                np.repeat(degree, count, axis=0),
+            ),
+            priority=np.repeat(one.priority, count, axis=0),
+            least=np.repeat(one.least, count, axis=0),
+            share=np.repeat(one.share, count, axis=0),
+        )
+
+    def _groups(self, scenes: Sequence[tuple[Barrier, ...]]) -> list[Group]:
+        """Return the functions of N scenes, those of the same signatures together."""
+        found: dict[Any, list[int]] = {}
+        for i, scene in enumerate(scenes):
+            places = tuple(k for k, barrier in enumerate(scene) if isinstance(barrier, Function))
+            if places:
+                key = places, tuple(_function(scene, k).signature for k in places)
+                found.setdefault(key, []).append(i)
+        return [
+            Group(
+                np.array(members),
+                np.array(places),
+                self.functions.rows([[_function(scenes[i], k) for k in places] for i in members]),
+            )
+            for (places, _), members in found.items()
+        ]
+
+    def reach(self, barrier: Barrier) -> Reach:
+        """Return how inputs reach a barrier.
 
         Raises:
             InvalidInputError: if none has appeared in the second derivative, or the barrier is a
                 speed limit and the model has no velocity.
         """
-        functions = self._functions([barrier])
-        reach = self._reach(barrier) if functions is None else functions.reaches[0]
-        return reach.degree
-
-    def _reach(self, barrier: Barrier) -> Reach:
-        """Return how inputs reach a barrier that gives jets; see `relative_degree`."""
+        if isinstance(barrier, Function):
+            return self.functions.rows([[barrier]]).reaches[0]
         if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
             raise InvalidInputError(
                 f"{barrier.name}: got a speed limit for {self.model}, expected a model with its "
                 "velocity in x[2:4]"
             )
-        jet = _checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
+        try:
+            jet = _checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
+        except InvalidInputError as error:
+            raise UnreachableError(str(error)) from error
         key = type(barrier), (jet.gradient != 0.0).tobytes()
         if key not in self._reaches:
             self._reaches[key] = reach_by_jets(barrier, self.model)
         return self._reaches[key]
+
+
+def _same(one: Sequence[tuple[Any, ...]], other: Sequence[tuple[Any, ...]]) -> bool:
+    """Return whether scenes hold the very same barriers."""
+    return all(
+        a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def _function(scene: tuple[Barrier, ...], k: int) -> Function:
+    """Return the function at a place of a scene."""
+    barrier = scene[k]
+    assert isinstance(barrier, Function)
+    return barrier
 
 
 def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
@@ -352,13 +449,14 @@ def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
     )
 
 
-def _scene(barriers: Sequence[Barrier], degrees: list[int]) -> Scene:
-    """Return barriers (m,) as one scene; an input enters the derivatives `degrees` (m,) of them."""
-    kind = np.full((1, len(barriers)), ELSEWHERE, dtype=np.int64)
-    parameters = np.zeros((1, len(barriers), layout.WIDTH))
-    for k, barrier in enumerate(barriers):
-        if isinstance(barrier, Shape | SpeedLimit) and type(barrier) in BUILT_IN:
-            kind[0, k] = barrier.write(parameters[0, k])
-        elif not isinstance(barrier, Function):
-            kind[0, k] = layout.CUSTOM
-    return Scene(kind, parameters, np.array([degrees], dtype=np.int64).reshape(kind.shape))
+def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
+    """Return kinds (N, m) and blocks (N, m, WIDTH) of N scenes, as compiled code reads them."""
+    kind = np.full((len(scenes), len(scenes[0])), ELSEWHERE, dtype=np.int64)
+    parameters = np.zeros((*kind.shape, layout.WIDTH))
+    for i, scene in enumerate(scenes):
+        for k, barrier in enumerate(scene):
+            if isinstance(barrier, Shape | SpeedLimit) and type(barrier) in BUILT_IN:
+                kind[i, k] = barrier.write(parameters[i, k])
+            elif not isinstance(barrier, Function):
+                kind[i, k] = layout.CUSTOM
+    return kind, parameters

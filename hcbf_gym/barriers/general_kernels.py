@@ -17,9 +17,12 @@ from hcbf_gym.barriers import class_k, kernels, layout, speed_limit
 from hcbf_gym.barriers.barrier import Jet
 from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT
 from hcbf_gym.barriers.relative_degree import VANISHED
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 
-B, H, ALPHA2_PSI, CONDITIONING = range(4)
-"""What `rows` returns in the first axis of its numbers."""
+MARGIN, RATE, DIP, CONDITIONING, PLACED, WIDTH = range(4, 10)
+"""Where a row that is made for any model has its numbers, behind those of `row_kernels`: m, ṁ, what
+it reserves besides, how well it is conditioned, and 1 where its barrier reads the position.
+a (n_u,) follows."""
 
 ELSEWHERE = -1
 """The kind of a barrier whose row is made elsewhere: a function."""
@@ -53,13 +56,13 @@ class Terms(NamedTuple):
     jacobian: Array
 
 
-def width(n: int) -> int:
+def jet_width(n: int) -> int:
     """Return how many numbers a jet has."""
     return 3 + 2 * n + n * n
 
 
 def pack(jet: Jet, out: Array) -> None:
-    """Write a jet of n states into an array (width,), as `rows` reads it."""
+    """Write a jet of n states into an array (jet_width,), as `rows` reads it."""
     n = np.size(jet.gradient)
     out[0], out[1], out[2] = jet.h, jet.rate, jet.rate_rate
     out[3 : 3 + n], out[3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
@@ -67,41 +70,42 @@ def pack(jet: Jet, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def rows(
+def write_rows(
     scene: Scene,
     jets: Array,
     state: tuple[Array, Array],
-    reserved: Array,
     terms: Terms,
     alphas: Array,
-) -> tuple[Array, Array]:
-    """Return the rows ``a·u ≥ b`` of N states: a (N, m, n_u), and (4, N, m) the numbers of them.
+    out: Array,
+) -> bool:
+    """Write the rows ``a·u ≥ b`` of N states, and return whether a ψ_1 of one is below zero.
 
     Args:
         scene: the barriers.
-        jets: (N, m, width) of users' own barriers; (N, 0, width) where there are none.
+        jets: (N, m, jet_width) of users' own barriers; (N, 0, jet_width) where there are none.
         state: x (N, n) and t (N,) [s].
-        reserved: (2, N, m) what each row reserves between h and zero, and the rate of that.
         terms: of the model.
         alphas: (2, 4) α₁ and α₂.
+        out: (N, m, WIDTH + n_u) with m and ṁ, see `MARGIN`; the rest is written.
     """
     (x, t), f = state, terms.f
     count, m = scene.kind.shape
-    a, out = np.zeros((count, m, terms.g.shape[2])), np.zeros((4, count, m))
     gradient, turned = np.empty(x.shape[1]), np.empty(x.shape[1])
+    lags = False
     for i in range(count):
         steer = (terms.g[i] * terms.g[i]).sum()
         for k in range(m):
             kind = scene.kind[i, k]
             if kind == ELSEWHERE:
                 continue
+            row = out[i, k]
             if kind == CUSTOM:
                 h, rate, bent = _own_jet(jets[i, k], f[i], gradient, turned)
             else:
                 h, rate, bent = _jet(
                     kind, scene.parameters[i, k], x[i], t[i], f[i], gradient, turned
                 )
-            psi, rate = h - reserved[0, i, k], rate - reserved[1, i, k]
+            psi, rate = h - row[MARGIN], rate - row[RATE]
             if scene.degree[i, k] == 2:
                 slope, along_f = class_k.slope(alphas[0], psi), 0.0
                 for j in range(gradient.size):
@@ -114,15 +118,39 @@ def rows(
                 for j in range(gradient.size):
                     gradient[j] = turned[j] + slope * gradient[j]
                 psi = h_dot + class_k.value(alphas[0], psi)
+                lags |= psi < 0.0
             along = whole = 0.0
             for j in range(gradient.size):
                 along += gradient[j] * f[i, j]
                 whole += gradient[j] * gradient[j]
-            out[CONDITIONING, i, k] = _in_inputs(gradient, terms.g[i], whole * steer, a[i, k])
+            row[CONDITIONING] = _in_inputs(gradient, terms.g[i], whole * steer, row[WIDTH:])
             alpha2_psi = class_k.value(alphas[1], psi)
-            out[B, i, k], out[H, i, k] = -alpha2_psi - along - rate, h
-            out[ALPHA2_PSI, i, k] = alpha2_psi
-    return a, out
+            row[B], row[H] = -alpha2_psi - along - rate, h
+            row[ALPHA2_PSI], row[PSI] = alpha2_psi, psi
+    return lags
+
+
+@njit(cache=True, error_model="numpy")
+def take_rows(made: Array, degrees: Integers, alpha2: Array, out: Array) -> bool:
+    """Write rows of functions, and return whether a ψ_1 of one is below zero.
+
+    Args:
+        made: (N, m, n_u + 5) a, b, h, α₂(ψ), conditioning and early inputs.
+        degrees: (m,) of the functions.
+        alpha2: (4,) α₂.
+        out: (N, m, WIDTH + n_u) written to.
+    """
+    lags = False
+    n_u = made.shape[2] - 5
+    for i in range(made.shape[0]):
+        for k in range(made.shape[1]):
+            one, row = made[i, k], out[i, k]
+            row[B], row[H], row[ALPHA2_PSI] = one[n_u], one[n_u + 1], one[n_u + 2]
+            row[PSI] = class_k.inverse(alpha2, one[n_u + 2])
+            row[CONDITIONING] = one[n_u + 3]
+            row[WIDTH:] = one[:n_u]
+            lags |= degrees[k] == 2 and row[PSI] < 0.0
+    return lags
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -159,7 +187,7 @@ def _jet(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _own_jet(jet: Array, f: Array, gradient: Array, turned: Array) -> tuple[float, float, float]:
-    """Write and return the same of a user's own barrier, whose jet (width,) was packed."""
+    """Write and return the same of a user's own barrier, whose jet (jet_width,) was packed."""
     n = f.size
     bent = jet[2]
     for j in range(n):
@@ -184,6 +212,7 @@ def _in_inputs(gradient: Array, g: Array, size: float, a: Array) -> float:
     """
     reached = 0.0
     for j in range(a.size):
+        a[j] = 0.0
         for q in range(gradient.size):
             a[j] += gradient[q] * g[q, j]
         reached += a[j] * a[j]

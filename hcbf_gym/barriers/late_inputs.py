@@ -10,7 +10,6 @@ The number of links from an input to a state that h reads is the derivative that
 unless terms cancel.
 """
 
-import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,10 +18,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_rows import reach_of_function
-from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _CHANGE = 0.1  # of a state, relative to 1 + |x|, to see what changes with it
@@ -115,34 +111,3 @@ class LateInputs:
             f"{barrier.name}: its row holds only {early}, which enters derivative {reach.degree} "
             f"of h, and leaves other inputs of {self._model} that move h to the policy: {later}"
         )
-
-
-def check_inputs(
-    model: ReducedOrderModel, barriers: Sequence[Barrier], allowed: bool = False
-) -> None:
-    """Refuse barriers with a row that misses an input which moves h by a later derivative.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        barriers: m conditions.
-        allowed: whether one warning is enough.
-
-    Raises:
-        InvalidInputError: if there is such a barrier, or one that no input reaches.
-    """
-    found = LateInputs(model).find(barriers, [reach_of(model, barrier) for barrier in barriers])
-    if found and not allowed:
-        raise InvalidInputError(f"{'; '.join(found)}; {REMEDY}")
-    if found:
-        warnings.warn(f"safety filter: {'; '.join(found)}: allowed", stacklevel=4)
-
-
-def reach_of(model: ReducedOrderModel, barrier: Barrier) -> Reach:
-    """Return how the inputs of a model reach a barrier.
-
-    Raises:
-        InvalidInputError: if none does.
-    """
-    if isinstance(barrier, Function):
-        return reach_of_function(model, barrier)
-    return reach_by_jets(barrier, model)

@@ -9,10 +9,11 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, margins, row_kernels, zone
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
+from hcbf_gym.barriers.general_kernels import WIDTH
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.margins import Known
-from hcbf_gym.barriers.own_rows import own_row
+from hcbf_gym.barriers.own_rows import write_own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
@@ -278,9 +279,9 @@ class BarrierSet:
         a, out = np.empty((*shape, 2)), np.empty((4, *shape))
         row_kernels.rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
         for (i, k), barrier in self.own.items():
-            row = own_row(barrier, x[i], float(t[i]), settings, *kept[:, i, k].tolist())
-            a[i, k] = row.a
-            out[:, i, k] = row.b, row.h, row.alpha2_psi, row.psi  # as `row_kernels.B` …
+            row = np.zeros(WIDTH + 2)
+            write_own_row(barrier, x[i], float(t[i]), settings, kept[:, i, k].tolist(), row)
+            a[i, k], out[:, i, k] = row[WIDTH:], row[:4]  # as `row_kernels.B` …
         return CbfRows(
             a,
             out[row_kernels.B],

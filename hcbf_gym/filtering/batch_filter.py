@@ -14,8 +14,8 @@ from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.filtering.array_kinds import like, numpy_of
-from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator

@@ -1,4 +1,8 @@
-"""What a filter believes of the estimate that it is handed, or why it believes nothing."""
+"""What a filter believes of a plant: the state that it is told, or the last one, carried on.
+
+A state that is not finite or too far away, of no time or too old is not believed: the model
+propagates the last one that was, under the input that was applied since.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -6,92 +10,160 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Records
+from hcbf_gym.barriers import margins
 from hcbf_gym.models.constants import FARTHEST
-from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Reason
+from hcbf_gym.models.plant import FIRST_ALARM, Reason
+from hcbf_gym.models.reduced_order import double_integrator_step
 
 _FLOAT = np.dtype(np.float64)
 _ROUNDING = 1e-6
 """Of a covariance: how far its correlations may be from those of one."""
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason >= FIRST_ALARM))
 """What an `Estimate.fault` may be."""
+STATE, CLOCK, ALARM = int(Reason.STATE), int(Reason.CLOCK), int(FIRST_ALARM)
 
 
-class Belief(NamedTuple):
-    """An `Estimate` whose every entry is made of finite numbers of the right shape.
+class State(NamedTuple):
+    """What is told of one plant, and the state that was believed last; of N with a leading axis.
 
     Attributes:
-        x: (n,) state.
-        time: [s]; None where the filter counts.
-        covariance: (n, n) of x; None where x is the truth.
-        model: (n,) the reduced-order model's own state; x where there is no other.
-        lag: (n,) the body's state minus the model's; None where they are one.
+        x: (n,) as the rows read it.
+        model: (n,) the reduced-order model's own.
+        lag: (n,) the body's minus the model's.
+        covariance: (n, n) of x.
+        believed: (n,) the last that was.
     """
 
     x: Array
-    time: float | None
-    covariance: Array | None
     model: Array
-    lag: Array | None
-
-    @property
-    def body(self) -> Array:
-        """(n,) the body's own state: rows may read its position with the model's velocity."""
-        return self.x if self.lag is None else self.model + self.lag
+    lag: Array
+    covariance: Array
+    believed: Array
 
 
-def examine(estimate: Estimate, n: int, last_time: float, max_age: float | None) -> Belief | Reason:
-    """Return what can be believed of an estimate, or why nothing can.
+@njit(cache=True, error_model="numpy", inline="always")
+def look(plant: Any, state: State) -> int:
+    """Return why a plant is not believed, 0 if it is; a state after none is news.
 
     Args:
-        estimate: whatever a plant's reader returned.
-        n: the number of states.
-        last_time: of the estimate that was believed before; −∞ where there was none [s].
-        max_age: the greatest age that is believed; None for any [s].
+        plant: a `plants.PLANT` record, written to.
+        state: of it; where it is believed, it is remembered.
     """
-    x = _of_one(estimate.x, (n,))
-    if x is None or not are_near(x):
-        return Reason.STATE
-    model, lag, covariance = x, None, None
-    if estimate.model is not None:
-        model = _of_one(estimate.model, (n,))
-    if estimate.lag is not None:
-        lag = _of_one(estimate.lag, (n,))
-    if model is None or not are_near(model):
-        return Reason.STATE
-    if estimate.lag is not None and (lag is None or not are_near(lag)):
-        return Reason.STATE
-    if estimate.covariance is not None:
-        covariance = _of_one(estimate.covariance, (n, n))
-        if covariance is None or not is_covariance(covariance):
-            return Reason.STATE
-    if estimate.age is not None:
-        age = real_number(estimate.age)
-        if age is None or age < 0.0 or (max_age is not None and age > max_age):
-            return Reason.AGE
-    elapsed = None if estimate.elapsed is None else real_number(estimate.elapsed)
-    if estimate.elapsed is not None and (elapsed is None or elapsed <= 0.0):
-        return Reason.STATE
-    time = None if estimate.time is None else real_number(estimate.time)
-    if estimate.time is not None and (time is None or time <= last_time):
-        return Reason.CLOCK
-    return Belief(x, time, covariance, model, lag)
+    time = plant.time
+    if plant.has_model == 0:
+        state.model[:] = state.x
+    reason = plant.fault if plant.fault < ALARM else 0
+    if reason == 0 and not _is_sound(state):
+        reason = STATE
+    if reason == 0 and not np.isfinite(time):
+        reason = CLOCK
+    tells_time = plant.elapsed > 0.0 or time != 0.0
+    if reason == 0 and plant.known and time <= plant.believed_at and tells_time:
+        reason = CLOCK
+    if reason != 0:
+        plant.follows = 0
+        return reason
+    if plant.follows == 0:
+        plant.news = 1
+    state.believed[:] = state.x
+    plant.believed_at = time
+    plant.known = 1
+    return 0
 
 
-def _of_one(value: Any, shape: tuple[int, ...]) -> Array | None:
-    """Return numbers of one plant, given with or without a leading 1; None if they are none."""
-    numbers = real_numbers(value, shape)
-    if numbers is None:
-        numbers = real_numbers(value, (1, *shape))
-    return None if numbers is None else numbers.reshape(shape)
+@njit(cache=True, error_model="numpy", inline="always")
+def replace(plant: Any, state: State) -> None:
+    """Write the state that was believed last, which the model has carried on, for the present."""
+    state.x[:] = state.believed
+    state.model[:] = state.believed
+    state.lag[:] = 0.0
+    state.covariance[:, :] = 0.0
+    plant.time = plant.believed_at
 
 
-def alarm_of(estimate: Estimate) -> Reason | None:
-    """Return the alarm that a plant raises by itself, NONE for none; None if it is no such code."""
-    if estimate.fault is None:
-        return Reason.NONE
-    fault = real_number(estimate.fault)
-    return None if fault is None or fault not in KNOWN_FAULTS else Reason(int(fault))
+@njit(cache=True, error_model="numpy")
+def believe(plant: Any) -> int:
+    """Return why a planar double integrator is not believed, 0 if it is; then its model carries on.
+
+    Args:
+        plant: a `plants.PLANT` record, written to.
+    """
+    state = State(plant.x, plant.model, plant.lag, plant.covariance, plant.believed)
+    follows = plant.follows
+    reason = look(plant, state)
+    if reason == 0:
+        _grow(plant, follows)
+        return 0
+    believed = plant.believed
+    if plant.known and plant.elapsed > 0.0:
+        believed[0], believed[1], believed[2], believed[3] = double_integrator_step(
+            believed, plant.input, plant.elapsed, np.inf
+        )
+    replace(plant, state)
+    return reason
+
+
+@njit(cache=True, error_model="numpy")
+def believe_all(plants: Records, states: State, velocity_at: int, told: Records) -> bool:
+    """Look at N plants of any model, write the reasons, and return whether there is one.
+
+    Args:
+        plants: (N,) `plants.PLANT`, written to.
+        states: of them.
+        velocity_at: where x holds the planar velocity, -1 for nowhere.
+        told: (N,) `report.PLANT`, the reasons are written.
+    """
+    some = False
+    for i in range(plants.size):
+        plant = plants[i]
+        state = state_of(states, i)
+        told[i].reason = look(plant, state)
+        some |= told[i].reason != 0
+        for k in range(2):  # what is known of a speed, whatever the model
+            plant.x[2 + k] = np.inf if velocity_at < 0 else state.x[velocity_at + k]
+    return some
+
+
+@njit(cache=True, error_model="numpy")
+def replace_all(plants: Records, states: State, told: Records) -> None:
+    """Write the states that models carried on where plants are not believed."""
+    for i in range(plants.size):
+        if told[i].reason != 0:
+            replace(plants[i], state_of(states, i))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def state_of(states: State, i: int) -> State:
+    """Return what is told of plant i."""
+    return State(
+        states.x[i], states.model[i], states.lag[i], states.covariance[i], states.believed[i]
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _grow(plant: Any, follows: int) -> None:
+    """Note by how much the velocity's covariance grows in one period; a fix does not change that.
+
+    Of a sample that follows none all of it is taken, as nothing is known of how it grows.
+    """
+    covariance = plant.covariance
+    if follows == 0:
+        plant.vague[:] = 0.0
+    elif covariance[2, 2] + covariance[3, 3] + plant.vague[0] + plant.vague[2] == 0.0:
+        return  # the truth, as before
+    grown = margins.growth_of(covariance, plant.vague)
+    if grown > 0.0 or follows == 0:
+        plant.growth = grown
+    plant.vague[0], plant.vague[1] = covariance[2, 2], covariance[2, 3]
+    plant.vague[2] = covariance[3, 3]
+
+
+@njit(cache=True, error_model="numpy")
+def _is_sound(state: State) -> bool:
+    """Return whether a plant is where anything can be, and its covariance may be one."""
+    near = are_near(state.x) and are_near(state.model) and are_near(state.lag)
+    return near and is_covariance(state.covariance)
 
 
 def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:

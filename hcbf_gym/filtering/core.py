@@ -1,240 +1,355 @@
-"""What stands between u* and u: the settings that both cores share, and their choice."""
+"""What stands between u* and u: the filter of N plants, whatever their model.
 
+`planar_core` and `model_core` say how rows come about; all that is believed, decided and said of a
+step stands here and in what this file calls.
+"""
+
+import operator
 import warnings
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from hcbf_gym import programs, records
-from hcbf_gym.arrays import Array, Integers, Mask, Records
-from hcbf_gym.barriers import braking, class_k
-from hcbf_gym.barriers.class_k import ClassK, LogClassK
-from hcbf_gym.barriers.relative_degree import samples
-from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
+from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.certificates import Judged
 from hcbf_gym.errors import (
-    CoverageWarning,
+    UNREADABLE,
     InvalidInputError,
-    SafetyWarning,
-    as_array,
-    check_options,
-    choose,
-    finite_float,
+    UnreachableError,
+    shown,
 )
+from hcbf_gym.filtering import solvers, step
 from hcbf_gym.filtering.alarms import ReasonWarnings
-from hcbf_gym.filtering.certified import Earned
+from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.configured import Configured
+from hcbf_gym.filtering.covering import Covering
+from hcbf_gym.filtering.report import ReportBuffer
+from hcbf_gym.filtering.samples import Samples
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import ON_ALARM, Coverage, CoveredBy, Estimate, Plant, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.programs import FilterStatus
 
-ROW_OPTIONS = ("alpha1", "alpha2")
-
-USUAL_ROWS_MARGIN = 0.01
-"""What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
-
-MOST_CORNERS = 64
-"""Of U, that are looked at for the dip."""
-
-BY_ITSELF = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""Why, of a `Coverage` that says no more."""
+SceneArrays = tuple[Integers, Array, Integers, Array, Array]
+"""Kind, parameters, priority, own margin and atlas of N scenes."""
 
 
-class FilterSettings(NamedTuple):
-    """What the user asked of a filter.
+class FilterCore(Configured, ABC):
+    """A filter of N plants: what it knows of them, and what a step makes of that.
 
     Attributes:
-        program: its name, or a plan.
-        rows: "held" or "usual".
-        guidance: "geodesic", "local", a plain dict with more of it, or None.
-        margin: [m]; None derives it.
-        solver: its name; None is the compiled path where there is one.
-        on_alarm: "warn" or "brake"; None takes the plant's.
-        allow_late_inputs: whether a row may miss an input that helps later.
-        options: α₁, α₂ and the program's own.
+        covering: whether the promise was tested.
+
+    Args: as `Configured` takes them.
     """
 
-    program: programs.Named
-    rows: str
-    guidance: Any
-    margin: float | None
-    solver: str | None
-    on_alarm: str | None
-    allow_late_inputs: bool
-    options: dict[str, Any]
-
-
-def plain_options(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options in JSON's terms, class-K functions as dicts, for a wrapper's spec."""
-    kinds = class_k.KINDS
-    return {
-        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
-        for key, value in options.items()
-    }
-
-
-class FilterCore(ABC):
-    """A filter of N plants: its settings, read once at the door.
-
-    Attributes:
-        alpha1: α₁ as the rows have it, scaled down where U cannot brake what it asks for.
-        alpha2: α₂.
-        alpha1_scale: by which factor; 1 where U can.
-        row_settings: how rows are made, for a held input where that was asked for.
-        uncertainty: what they reserve.
-        dip: what of it usual rows reserve against dips between samples [unit of h].
-        sway: what of the constant part a robot may use that is not its model [m].
-        told_as: the type of the environment's actions.
-        settles: how long the robot takes to follow [s]; 0 for one that is its model.
-
-    Args:
-        plant: of the environment.
-        input_set: U.
-        settings: what the user asked.
-        count: N.
-
-    Raises:
-        UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
-            or α₂.
-    """
-
-    def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings, count: int):
-        choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
-        allowed = (*ROW_OPTIONS, *programs.options(settings.program))
-        check_options(f"safety filter {settings.program!r}", settings.options, allowed)
-        self.plant, self.input_set, self.count = plant, input_set, count
-        self.settings = settings
-        self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
-        self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
-        self.alpha1_scale = self._fit_alpha1()
-        held = settings.rows == "held" and self._is_planar and plant.period is not None
-        self.row_settings = self._row_settings(held)
-        if not held and plant.period is not None:
-            check_hold(plant.period, alpha2=self.alpha2)
-        self.uncertainty = kept(plant, settings.margin, 0.0 if held else dip_of(plant, input_set))
-        own = plant.uncertainty.distance if settings.margin is None else 0.0
-        self.dip = 0.0 if held else self.uncertainty.distance - own
-        leans = self.uncertainty.cap > 0.0
-        self.settles = self.uncertainty.per_velocity if leans else 0.0
-        self.sway = 0.5 * self.uncertainty.distance if leans else 0.0
-        self._hold = plant.period, input_set.radius
-        if plant.period is None:
-            warnings.warn(
-                "safety filter: the plant's period is not known, so that rows are those of one "
-                "instant and promise nothing between samples; expected Plant(period=…) [s]",
-                SafetyWarning,
-                stacklevel=4,
-            )
-        self.told_as = np.dtype(np.float64)
-        self._said: set[str] = set()
-        self.program_options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
-        self._steps: Array = np.zeros(count)
-        on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
-        self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
+    def __init__(
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        batch: int | None = None,
+        threads: int = 1,
+    ):
+        super().__init__(plant, input_set, settings, batch, threads)
         self._warnings = ReasonWarnings(self.brakes_on_alarm)
-        self._coverage: Integers = np.zeros(count, dtype=np.int64)
-        self._covered_by: Integers = np.zeros(count, dtype=np.int64)
-        self._fresh: Mask = np.ones(count, dtype=np.bool_)
-
-    def applied_as(self, dtype: Any) -> None:
-        """Note the type of the environment's actions: what the filter tells is what arrives."""
-        self.told_as = np.dtype(dtype)
-
-    def cover(self, said: Any) -> None:
-        """Note whether the promise was tested for the episodes that begin.
-
-        Args:
-            said: a `Judged`, or a `Coverage` or (N,) of them by itself.
-
-        Raises:
-            InvalidInputError: if it is none.
-        """
-        given = as_array("covered", said.covered if isinstance(said, Judged) else said)
-        known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
-        if not known or given.shape not in ((), (self.count,)):
-            raise InvalidInputError(f"covered: got {said!r}, expected one of {list(Coverage)}")
-        why = said.covered_by if isinstance(said, Judged) else BY_ITSELF[given]
-        for kept, news in ((self._coverage, given), (self._covered_by, why)):
-            kept[self._fresh] = np.broadcast_to(news, self.count)[self._fresh]
-
-    def tell_coverage(self, plants: Records) -> None:
-        """Write what is covered and why into (N,) reports."""
-        plants["covered"], plants["covered_by"] = self._coverage, self._covered_by
-
-    def _doubt(self, scenes: Integers) -> None:
-        """Cover no episode that begins in a scene where rank 1 cannot be promised.
-
-        What is promised is a sufficient condition: it does not overrule episodes that showed it.
-
-        Args:
-            scenes: a `Coverage` of each such episode's scene, as `check_scene` returns it.
-        """
-        known = self._coverage[self._fresh]
-        shown = isinstance(self.plant.covered, Earned) & (known == Coverage.COVERED)
-        doubted = (scenes == Coverage.OUTSIDE) & ~shown & (known != Coverage.OUTSIDE)
-        self._coverage[self._fresh] = np.where(doubted, scenes, known)
-        why = self._covered_by[self._fresh]
-        self._covered_by[self._fresh] = np.where(doubted, CoveredBy.INPUTS, why)
-
-    def _fit_alpha1(self) -> float:
-        """Scale α₁ down to what U can brake, and return the factor, which reports repeat.
-
-        Raises:
-            InvalidInputError: if U cannot brake in some direction at all.
-        """
-        if not isinstance(self.plant.model, DoubleIntegrator):
-            return 1.0
-        able = braking.weakest(self.input_set)
-        if able <= 0.0:
-            raise InvalidInputError(
-                f"input set: got {self.input_set}, which holds no braking input in some direction; "
-                "expected 0 inside it, not on its edge"
-            )
-        period = self.plant.period if self.settings.rows == "held" else None
-        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
-        held = period is not None and steepest * period <= 1.0
-        factor = braking.share(self._row_settings(held), self.input_set)
-        if factor < 1.0:
-            self.alpha1 = self.alpha1.scaled(factor)
-        return factor
+        self._said_late = False
+        self.covering = Covering(plant, self.count)
+        self._fresh: Mask = np.ones(self.count, dtype=np.bool_)
+        self._steps: Array = np.zeros(self.count)
+        self._samples = Samples(plant, input_set.n_u, self.count, apart=not self._is_planar)
+        self._buffer = ReportBuffer(batch, input_set.n_u)
+        self._buffer.plants["alpha1_scale"] = self.alpha1_scale
+        self._m = 0
+        self._scene = BarrierSet([()] * self.count)
+        self._version, self._edits = self._scene.version.copy(), -1
+        self._refused, self._needs_time = False, False
+        self._refusal: Exception | None = None
+        self._listed: tuple[Any, ...] | None = None  # what the scene was read from, if lists
 
     @property
-    def _is_planar(self) -> bool:
-        """Whether the model is the planar double integrator, whose rows are compiled and held."""
-        return self.plant.model == DoubleIntegrator()
+    def guides(self) -> bool:
+        """Whether guidance leads the plants, so that they need a goal."""
+        return False
 
-    def _row_settings(self, held: bool) -> RowSettings:
-        """Return how rows are made, for a held input or for one instant."""
-        period = self.plant.period if held else None
-        if not self._is_planar:
-            return RowSettings(self.alpha1, self.alpha2)
-        low, high = input_limits(self.input_set)
-        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions of plant 0, in the order of the report's rows."""
+        return self._scene.conditions()
 
-    def check_scene(self, scenes: BarrierSet) -> Integers:
-        """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
+    def restart(self, mask: Mask) -> None:
+        """Forget what was known of the masked plants (N,): new episodes have begun there."""
+        self._samples.forget(mask)
+        self._steps[mask] = 0.0
+        self._fresh |= mask
 
-        Warns once of each thing that α₁, U and the speed limit cannot satisfy.
+    def cover(self, said: Any) -> None:
+        """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
+        self.covering.begin(said, self._fresh)
 
-        Args:
-            scenes: of the new episodes.
+    def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
+        """Look at the first states of new episodes, and return what the infos of a reset say.
 
         Raises:
-            InvalidInputError: if the margin leaves nothing of a speed limit, or a held input can
-                pass it from rest within one period.
+            InvalidInputError: if barriers ask for what cannot be, or leave an input to the policy
+                that moves them later.
         """
-        margin = self.plant.uncertainty.speed
-        self.check_limits(scenes)
-        covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
-            if not one.promised:
-                covered[one.scenes] = Coverage.OUTSIDE
-            if one.what not in self._said:
-                self._said.add(one.what)
-                warnings.warn(f"safety filter: {one.says}", CoverageWarning, stacklevel=5)
-        return covered
+        self._take(barriers, estimate)
+        refusal = self._refusal
+        if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
+            raise refusal  # where no input reaches them, or their code fails, they brake
+        self._enter(goal, extent)
+        self._fresh[:] = False
+        self.covering.tell(self._buffer.plants)
+        remembered, counted = self._remembered(), self._steps.copy()
+        n_u = self.input_set.n_u
+        nothing = np.zeros(n_u if self._alone else (self.count, n_u))
+        u, report = self.step(nothing, barriers, estimate)
+        self._restore(remembered)
+        self._steps[:] = counted
+        told = report["status"] >= FilterStatus.UNSAFE
+        report["status"] = report["status"] * told
+        report["u_safe"] = np.zeros_like(u)
+        for key in ("slack", "delta", "intervention", "fallbacks"):
+            report[key] = np.zeros_like(report[key])[()]
+        return report
+
+    def step(
+        self, u_nominal: Array, barriers: Any, estimate: Estimate
+    ) -> tuple[Array, dict[str, Any]]:
+        """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
+        samples, buffer = self._samples, self._buffer
+        self._take(barriers, estimate)
+        scene = self._scene
+        if scene.kind.shape[1] != self._m:
+            self._m = scene.kind.shape[1]
+            self._make_room(self._m)
+        buffer.renew()
+        buffer.plants["u_nominal"] = u_nominal
+        arrays, own = self._made(scene, u_nominal)
+        said = self._filter(
+            self._constants, self._program, arrays, samples.plants, own, buffer.plants, buffer.rows
+        )
+        if said == step.NOT_FINITE:
+            bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
+            raise InvalidInputError(
+                f"action: got {shown(np.atleast_2d(u_nominal)[bad].tolist())} for the plants "
+                f"{shown(np.flatnonzero(bad).tolist())}, expected finite numbers"
+                if self.count > 1
+                else f"action: got {u_nominal.tolist()}, expected finite numbers"
+            )
+        if said == step.MISSHAPED:
+            raise InvalidInputError(
+                f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
+                f"expected one for each, of ranks from 1 to {LOWEST_RANK}"
+            )
+        if estimate.time is None:
+            self._steps += 1.0
+        if said == step.ASKS:
+            self._finish()
+        report = buffer.report()
+        return report["u_safe"], report
+
+    @abstractmethod
+    def _make_room(self, m: int) -> None:
+        """Make room for m rows."""
+
+    @abstractmethod
+    def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:
+        """Return the scenes as compiled code reads them, and the rows that are made beforehand."""
+
+    @abstractmethod
+    def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
+        """Look at a scene that is news, and return which barriers may have late inputs.
+
+        Raises:
+            InvalidInputError: if no input reaches one.
+        """
+
+    @abstractmethod
+    def _enter(self, goal: Any, extent: Any) -> None:
+        """Look at the scenes that begin."""
+
+    def _remembered(self) -> Any:
+        """Return what is known of the plants, for `_restore`."""
+        return self._samples.remembered()
+
+    def _restore(self, remembered: Any) -> None:
+        """Know what was known before."""
+        self._samples.restore(remembered)
+
+    def _filter(self, *arrays: Any) -> int:
+        """Filter what the arrays of `step.filter_plants` hold; return what that says."""
+        compiled: Any = step
+        if self._solver is None and len(self._parts) == 1:
+            return compiled.filter_plants(*arrays)
+        if self._solver is None:
+            return self._filter_parts(*arrays)
+        said, part, work, source = compiled.pose(*arrays)
+        if said != step.DONE:
+            return said
+        constants, program, *_, rows = arrays
+        answered = solvers.answer(self._solver, work)
+        return step.close(constants, program, answered, (part, work, source), rows)
+
+    def _filter_parts(
+        self, constants: Any, _: Any, scene: Any, sensed: Any, own: Any, told: Any, rows: Any
+    ) -> int:
+        """Filter parts of the plants at once, as `_filter` does all of them."""
+        compiled: Any = step
+        if not np.isfinite(told["u_nominal"]).all():
+            return step.NOT_FINITE
+        *of_plants, atlas = scene
+
+        def filter_part(part: tuple[slice, Array]) -> int:
+            these, program = part
+            own_constants = constants
+            if constants["input_sets"][0] > 1:
+                own_constants = constants.copy()
+                own_constants["input_sets"] = len(told[these])
+            scenes = *(array[these] for array in of_plants), atlas
+            each = sensed[these], own[these], told[these], rows[these]
+            return compiled.filter_plants(own_constants, program, scenes, *each)
+
+        return max(
+            self._threads.run(filter_part, list(zip(self._parts, self._programs, strict=True)))
+        )
+
+    def _finish(self) -> None:
+        """Brake as the user asks, and warn."""
+        told, rows = self._buffer.plants, self._buffer.rows
+        if self.plant.brake is not None:
+            for i in np.flatnonzero(told["status"] == FilterStatus.BACKUP):
+                u = self._users_brake(int(i)).astype(self.told_as)
+                told["u_safe"][i] = self._samples.input[i] = u
+                told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
+                rows["slack"][i] = rows["delta"][i] = 0.0
+        reasons, counts = np.unique(told["reason"], return_counts=True)
+        for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
+            self._warnings.warn(reason, count)
+
+    def _users_brake(self, i: int) -> Array:
+        """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
+        n_u = self.input_set.n_u
+        asked: Any = self.plant.brake
+        if callable(asked):
+            known = self._samples.plants["known"][i]
+            asked = asked(self._samples.x[i].copy()) if known else None
+        wanted = real_numbers(asked, (n_u,))
+        return self.input_set.project(np.zeros(n_u) if wanted is None else wanted)
+
+    def _time(self, estimate: Estimate) -> Any:
+        """Return the time since the reset [s], counted here where the plant gives none."""
+        if estimate.time is not None:
+            return estimate.time
+        return self._steps * (self.plant.period or 0.0)
+
+    def _take(self, barriers: Any, estimate: Estimate) -> None:
+        """Note the states, and the barriers as they are now.
+
+        What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
+        Where barriers move, and neither the estimate nor the period tells the time, nor are they.
+        """
+        samples = self._samples
+        samples.take(estimate, None if estimate.time is not None else self._time(estimate))
+        try:
+            scene = self._read_barriers(barriers)
+        except UNREADABLE:
+            self._listed, self._refused, self._refusal = None, True, None
+            self._version, self._edits = np.full(self.count, -1), -1
+        else:
+            self._note_news(scene)
+        if self._refused:
+            samples.doubt(Reason.BARRIERS)
+        elif self._needs_time and estimate.time is None:
+            samples.doubt(Reason.CLOCK)
+
+    def _note_news(self, scene: BarrierSet) -> None:
+        """Take a scene for the present one; what is news in it is looked at."""
+        if scene is self._scene and scene.edits == self._edits:
+            return
+        news = np.ones(self.count, dtype=np.bool_)
+        if scene is self._scene:
+            news = scene.version != self._version
+        self._samples.plants["news"][news] = 1
+        self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
+        self.covering.change(news & ~self._fresh)
+        self.covering.tell(self._buffer.plants)
+        self._refused, self._refusal = False, None
+        try:
+            with np.errstate(all="ignore"):
+                self._needs_time = self.plant.period is None and self._moves(scene)
+                self.check_limits(scene)
+                self._check_inputs(*self._accept(scene))
+        except UNREADABLE as error:
+            self._refused, self._refusal = True, error
+
+    def _moves(self, scene: BarrierSet) -> bool:
+        """Return whether a scene depends on time."""
+        return bool(scene.moves.any())
+
+    def _read_barriers(self, barriers: Any) -> BarrierSet:
+        """Return barriers as a set; the present one where they are the list that was read last.
+
+        Raises:
+            InvalidInputError: if they are none.
+        """
+        if _same(barriers, self._listed):
+            return self._scene
+        scene = self._scenes_of(barriers)
+        self._listed = None
+        if not isinstance(barriers, BarrierSet):
+            self._listed = tuple(tuple(b) if isinstance(b, list) else b for b in barriers)
+        return scene
+
+    def _scenes_of(self, barriers: Any) -> BarrierSet:
+        """Return barriers as a set of N scenes.
+
+        Raises:
+            InvalidInputError: if they are none.
+        """
+        return scenes_of(barriers, self.count)
+
+    def _read_static(self) -> None:
+        """Take barriers that never change, and refuse what cannot be.
+
+        Raises:
+            InvalidInputError: if they are none, cannot be satisfied, or leave an input to the
+                policy that moves them later.
+        """
+        if not callable(self.plant.barriers):
+            self._note_news(self._read_barriers(self.plant.barriers))
+            if self._refusal is not None:
+                raise self._refusal
+
+    @cached_property
+    def _late_inputs(self) -> LateInputs:
+        return LateInputs(self.plant.model)
+
+    def _check_inputs(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> None:
+        """Refuse barriers whose rows miss an input that moves them later; warn of it once.
+
+        Raises:
+            InvalidInputError: if there is one, and late inputs are not allowed.
+        """
+        late = "; ".join(self._late_inputs.find(barriers, reaches)) if barriers else ""
+        if not late:
+            return
+        allowed = self.settings.allow_late_inputs
+        late = f"{late}: allowed" if allowed else f"{late}; {REMEDY}"
+        if not self._said_late and (allowed or not self._fresh.all()):
+            self._said_late = True
+            warnings.warn(f"safety filter: {late}", stacklevel=6)
+        if not allowed:
+            raise InvalidInputError(late)
 
     def check_limits(self, scenes: BarrierSet) -> None:
         """Refuse speed limits that no input can satisfy.
@@ -243,94 +358,22 @@ class FilterCore(ABC):
             InvalidInputError: if the margin leaves nothing of one, or a held input can pass it from
                 rest within one period.
         """
-        scenes.check(self._hold, self.plant.uncertainty.speed)
+        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed)
 
-    @property
-    @abstractmethod
-    def conditions(self) -> list[Condition]:
-        """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
-
-    @abstractmethod
-    def restart(self, mask: Mask) -> None:
-        """Forget what was known of the masked plants (N,): new episodes have begun there."""
-
-    @abstractmethod
-    def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
-        """Look at the first states of new episodes, and return what the infos of a reset say."""
-
-    @abstractmethod
-    def step(
-        self, u_nominal: Array, barriers: Any, estimate: Estimate
-    ) -> tuple[Array, dict[str, Any]]:
-        """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
-
-    def _time(self, estimate: Estimate) -> Any:
-        """Return the time since the reset [s], counted here where the plant gives none."""
-        if estimate.time is not None:
-            return estimate.time
-        return self._steps * (self.plant.period or 0.0)
+    @cached_property
+    def _gain(self) -> float:
+        """The greatest acceleration of the planar velocity by an input [m/s²]."""
+        model, at = self.plant.model, self.plant.model.velocity_at
+        if self._is_planar or at is None:
+            return self.input_set.radius
+        gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
+        return float(gain) * self.input_set.radius
 
 
-def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least and the greatest entries of the inputs of a planar U."""
-    corners = input_set.vertices()
-    (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    return (low_x, low_y), (high_x, high_y)
-
-
-def check_hold(period: float, **alphas: ClassK) -> None:
-    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1.
-
-    Raises:
-        InvalidInputError: if one does.
-    """
-    for name, alpha in alphas.items():
-        steep = alpha.derivative(0.0)
-        if steep * period > 1.0:
-            raise InvalidInputError(
-                f"{name}: got a slope of {steep:g} 1/s at 0 with a period of {period:g} s, "
-                f"expected at most {1.0 / period:g} 1/s: sample faster or take a flatter function"
-            )
-
-
-def dip_of(plant: Plant, input_set: InputSet) -> float:
-    """Return what usual rows reserve against dips of h between samples, a_p T²/2 or more.
-
-    a_p is the greatest acceleration of the position while an input is held, of the corners of U at
-    sampled states of unit size; the velocity of a model that is driven by velocities is in U.
-
-    Args:
-        plant: of which model and period count.
-        input_set: U.
-    """
-    if plant.period is None:
-        return USUAL_ROWS_MARGIN
-    model, half = plant.model, 0.5 * plant.period
-    placed = slice(model.n_u) if isinstance(model, DoubleIntegrator) else slice(2)
-    hardest = 0.0
-    for x in samples(model)[0]:
-        for u in input_set.vertices()[:MOST_CORNERS]:
-            middle = model.step(x, u, half)
-            bent = model.step(middle, u, half)[placed] - 2.0 * middle[placed] + x[placed]
-            hardest = max(hardest, float(np.linalg.norm(bent)))
-    return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # bent = a_p (T/2)²
-
-
-def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
-    """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
-
-    Args:
-        plant: whose body and whose speed limit count in any case.
-        margin: what rows on the position reserve [m]; None derives it.
-        dip: what rows that are not made for a held input reserve besides [m].
-
-    Raises:
-        InvalidInputError: if the margin is negative or not finite.
-    """
-    known = plant.uncertainty
-    if margin is not None:
-        distance = finite_float("margin", margin, minimum=0.0)
-        return known._replace(
-            distance=distance, per_velocity=0.0, per_lead=0.0, cap=0.0, confidence=0.0
-        )
-    return known._replace(distance=known.distance + dip)
+def _same(barriers: Any, listed: tuple[Any, ...] | None) -> bool:
+    """Return whether a list holds the very barriers that were read last; they never change."""
+    if listed is None or type(barriers) not in (list, tuple) or len(barriers) != len(listed):
+        return False
+    return all(map(operator.is_, barriers, listed)) or (
+        all(type(one) is tuple for one in listed) and all(map(_same, barriers, listed))
+    )

@@ -18,7 +18,7 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
         c: `plants.CONSTANTS`.
         scene: the plant's conditions.
         atlas: where the pieces stand.
-        plant: `planar_belief.PLANT`, looked at.
+        plant: `plants.PLANT`, looked at.
     """
     return mapped.nearby(c, c.rows, c.radius, scene, atlas, plant)
 

@@ -3,33 +3,37 @@
 The keys are the same whoever answered. A field that a filter does not write is 0.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym.arrays import Array, Records
 
-PLANT = np.dtype(
-    (
-        np.record,
-        [
-            ("u_nominal", "f8", 2),  # u*, as the filter received it
-            ("u_safe", "f8", 2),  # u, what the environment receives
-            ("intervention", "f8"),  # ‖u − u*‖
-            ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
-            ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
-            ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
-            ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move
-            ("alpha1_scale", "f8"),  # by how much α₁ was scaled down to what U can brake
-            ("status", "i8"),  # a `programs.FilterStatus`
-            ("reason", "i8"),  # a `models.plant.Reason`
-            ("covered", "i8"),  # a `models.plant.Coverage`
-            ("covered_by", "i8"),  # why it is not 1, a `models.plant.CoveredBy`
-            ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
-        ],
-    )
-)
-"""What is said of a plant."""
+
+@cache
+def plant_dtype(n_u: int) -> Any:
+    """Return what is said of a plant of so many inputs."""
+    fields: list[Any] = [
+        ("u_nominal", "f8", (n_u,)),  # u*, as the filter received it
+        ("u_safe", "f8", (n_u,)),  # u, what the environment receives
+        ("intervention", "f8"),  # ‖u − u*‖
+        ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
+        ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
+        ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
+        ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move
+        ("alpha1_scale", "f8"),  # by how much α₁ was scaled down to what U can brake
+        ("status", "i8"),  # a `programs.FilterStatus`
+        ("reason", "i8"),  # a `models.plant.Reason`
+        ("covered", "i8"),  # a `models.plant.Coverage`
+        ("covered_by", "i8"),  # why it is not 1, a `models.plant.CoveredBy`
+        ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
+    ]
+    return np.dtype((np.record, fields))
+
+
+PLANT = plant_dtype(2)
+"""What is said of a plant of two inputs."""
 
 ROW = np.dtype(
     (
@@ -51,22 +55,7 @@ ROW = np.dtype(
 
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()
-_SCALARS = {name: PLANT[name].type for name in _PLANTS if PLANT[name].shape == ()}
 _WORD = 8  # bytes of a number or a code
-
-
-def of_one(u: dict[str, Array], rows: dict[str, Array], told: dict[str, Any]) -> dict[str, Any]:
-    """Return the report of one plant of any number of inputs.
-
-    Args:
-        u: inputs (n_u,) by their names.
-        rows: what is said of the rows (m,) by its names.
-        told: numbers and codes by their names; the others are 0.
-    """
-    report: dict[str, Any] = {name: value.copy() for name, value in (u | rows).items()}
-    for name, number in _SCALARS.items():
-        report[name] = number(told.get(name, 0))
-    return report
 
 
 class ReportBuffer:
@@ -74,16 +63,18 @@ class ReportBuffer:
 
     Args:
         count: N of a batch; None for one plant, whose report has no leading N.
+        n_u: the number of inputs.
 
     Attributes:
         plants: (N,) `PLANT`.
         rows: (N, M) `ROW`; M is m, and one more with guidance.
     """
 
-    def __init__(self, count: int | None):
+    def __init__(self, count: int | None, n_u: int = 2):
         self._alone = count is None
         self._count = 1 if count is None else count
-        self.plants: Records = np.zeros(self._count, dtype=PLANT)
+        self._dtype = plant_dtype(n_u)
+        self.plants: Records = np.zeros(self._count, dtype=self._dtype)
         self.widen(0, 0)
 
     def widen(self, m: int, total: int) -> None:
@@ -91,10 +82,10 @@ class ReportBuffer:
         told = self.plants
         words = total * self._count * ROW.itemsize // _WORD
         self._m, self._total = m, total
-        self._divide(np.zeros(self._count * PLANT.itemsize // _WORD + words))
+        self._divide(np.zeros(self._count * self._dtype.itemsize // _WORD + words))
         self.plants[...] = told
         if self._alone:
-            self._places = _places(m)
+            self._places = _places(self._dtype, m)
 
     def renew(self) -> None:
         """Give a batch's next report memory of its own; that of one plant is copied."""
@@ -103,10 +94,10 @@ class ReportBuffer:
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""
-        words = self._count * PLANT.itemsize // _WORD
+        words = self._count * self._dtype.itemsize // _WORD
         self._numbers = memory
         self._codes = memory.view(np.int64)
-        self.plants = memory[:words].view(PLANT)
+        self.plants = memory[:words].view(self._dtype)
         self.rows: Records = memory[words:].view(ROW).reshape(self._count, self._total)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -134,14 +125,14 @@ class ReportBuffer:
 _BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
 
 
-def _places(m: int) -> list[tuple[str, int | slice, bool]]:
+def _places(dtype: Any, m: int) -> list[tuple[str, int | slice, bool]]:
     """Return where one plant's memory holds each field, and whether that is a code."""
-    start, step = PLANT.itemsize // _WORD, ROW.itemsize // _WORD
+    start, step = dtype.itemsize // _WORD, ROW.itemsize // _WORD
     places: list[tuple[str, int | slice, bool]] = []
-    for name, (kind, offset, *_) in (PLANT.fields or {}).items():
+    for name, (kind, offset, *_) in dtype.fields.items():
         at = offset // _WORD
         size = kind.itemsize // _WORD
-        places.append((name, slice(at, at + size) if size > 1 else at, kind == np.int64))
+        places.append((name, slice(at, at + size) if kind.shape else at, kind == np.int64))
     for k, name in enumerate(_ROWS):
         places.append((name, slice(start + k, start + k + m * step, step), False))
     return places

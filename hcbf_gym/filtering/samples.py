@@ -1,7 +1,7 @@
-"""What is handed to the filter of N planar double integrators, as one record a plant.
+"""What is handed to the filter of N plants, as one record a plant.
 
 Whatever is misshaped, too old or no number on the way from the plant is a fault of that plant, and
-`planar_belief.look` does not believe it.
+`belief.look` does not believe it.
 """
 
 from typing import Any
@@ -9,59 +9,84 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.filtering.belief import KNOWN_FAULTS, real_numbers
-from hcbf_gym.filtering.planar_belief import PLANT
+from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, real_numbers
+from hcbf_gym.filtering.plants import plant_dtype
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
 
 
 class Samples:
-    """The records of N plants.
+    """The records of N plants, and their states.
 
     Args:
         plant: what each of them is.
+        n_u: the number of inputs.
         count: N.
+        apart: whether the states stand beside the records, as those of any length do.
 
     Attributes:
-        plants: (N,) `planar_belief.PLANT`.
-        x: (N, 4) of them, positions [m] and velocities [m/s].
-        time: (N,) of them [s].
+        plants: (N,) `plants.PLANT`.
+        states: of them.
+        input: (N, n_u) that was applied last.
+        time: (N,) of the states [s].
+        told: whether a sample said more than x.
     """
 
-    def __init__(self, plant: Plant, count: int):
+    def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
         self._max_age = np.inf if plant.max_age is None else plant.max_age
         self._period = 0.0 if plant.period is None else float(plant.period)
         # whether there is anything to take back
-        self._faulty, self._told, self._varies = False, False, False
-        self._name_parts(np.zeros(count, dtype=PLANT))
+        self._faulty, self.told, self._varies = False, False, False
+        n = plant.model.n
+        shapes = (n,), (n,), (n,), (n, n), (n,)
+        own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
+        self._name_parts(np.zeros(count, dtype=plant_dtype(n_u)), own)
         self.forget(np.ones(count, dtype=np.bool_))
 
-    def _name_parts(self, plants: NDArray[Any]) -> None:
-        """Name parts of the records, which look into their memory."""
-        self.plants = plants
-        self.x: Array = plants["x"]
+    def _name_parts(self, plants: Records, own: State | None) -> None:
+        """Name parts of the records, which look into their memory, and of states of their own."""
+        self.plants, self._own = plants, own
+        self.states = State(*(plants[name] for name in State._fields)) if own is None else own
+        self.input: Array = plants["input"]
         self.time: Array = plants["time"]
         self._fault: NDArray[np.int64] = plants["fault"]
         self._has_model: NDArray[np.int64] = plants["has_model"]
-        self._states, self._times, *self._parts = (
-            _bare(plants[name]) for name in ("x", "time", "model", "lag", "covariance")
-        )
+        self._states, *self._parts = (_bare(array) for array in self.states[:4])
+        self._times = _bare(self.time)
+
+    @property
+    def x(self) -> Array:
+        """(N, n) the states."""
+        return self.states.x
 
     def forget(self, mask: Mask) -> None:
         """Know nothing of the masked plants (N,)."""
         self.plants[mask] = 0
         self.plants["elapsed"][mask] = self._period
+        for array in self._own or ():
+            array[mask] = 0.0
+
+    def remembered(self) -> tuple[Records, list[Array]]:
+        """Return copies of all that is known."""
+        return self.plants.copy(), [array.copy() for array in self._own or ()]
+
+    def restore(self, remembered: tuple[Records, list[Array]]) -> None:
+        """Know what `remembered` returned."""
+        plants, own = remembered
+        self.plants[:] = plants
+        for place, array in zip(self._own or (), own, strict=True):
+            place[:] = array
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it names the parts of its own records."""
-        kept = ("plants", "_max_age", "_period", "_faulty", "_told", "_varies")
+        kept = ("plants", "_own", "_max_age", "_period", "_faulty", "told", "_varies")
         return {name: value for name, value in vars(self).items() if name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._name_parts(self.plants)
+        self._name_parts(self.plants, self._own)
 
     def take(self, estimate: Estimate, now: Any) -> None:
         """Note what is known of the plants.
@@ -82,8 +107,8 @@ class Samples:
             self._varies = estimate.elapsed is not None
             sound &= self._take_elapsed(estimate.elapsed)
         told = not (estimate.covariance is estimate.model is estimate.lag is None)
-        if told or self._told:
-            self._told = told
+        if told or self.told:
+            self.told = told
             sound &= self._take_parts(estimate)
         if not sound:
             self.blame(Reason.STATE)
@@ -113,7 +138,7 @@ class Samples:
         self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
 
     def _take_parts(self, estimate: Estimate) -> bool:
-        """Note what stands beside the states, and tell whether it is made of numbers."""
+        """Note what stands beside the states, and return whether it is made of numbers."""
         self._has_model[:] = estimate.model is not None
         sound = True
         given = estimate.model, estimate.lag, estimate.covariance

@@ -2,29 +2,32 @@
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
-from hcbf_gym.filtering.planar_records import Work
+from hcbf_gym.filtering.plants import Work
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
 from hcbf_gym.programs.program import has_no_gap
 
 
-def answer(program: Program, work: Work) -> bool:
-    """Write a program's answer for one plant, and return whether there is one.
+def answer(program: Program, work: Work) -> Mask:
+    """Write a program's answers for N plants, and return (N,) where there is one.
 
     Args:
         program: with its solver.
-        work: the rows and the input that is asked for; the answer is written to.
+        work: the rows and the inputs that are asked for; the answers are written to.
     """
-    b, h, alpha2_psi = work.rows[B, 0], work.rows[H, 0], work.rows[ALPHA2_PSI, 0]
-    result = solve(program, work.u[0], CbfRows(work.a[0], b, h, work.priority[0], alpha2_psi))
-    if result is None:
-        return False
-    for place, value in zip(work.answer, result, strict=True):
-        place[0] = value
-    return True
+    answered = np.zeros(len(work.u), dtype=np.bool_)
+    for i in range(len(work.u)):
+        b, h, alpha2_psi = work.rows[B, i], work.rows[H, i], work.rows[ALPHA2_PSI, i]
+        rows = CbfRows(work.a[i], b, h, work.priority[i], alpha2_psi)
+        result = solve(program, work.u[i], rows)
+        if result is not None:
+            answered[i] = True
+            for place, value in zip(work.answer, result, strict=True):
+                place[i] = value
+    return answered
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Integers, Mask, Records
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import class_k
+from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.programs.result import FilterStatus
-from hcbf_gym.programs.tolerances import NOMINAL as MOVED
 
 NOMINAL, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 VIOLATED, UNSAFE = int(FilterStatus.VIOLATED), int(FilterStatus.UNSAFE)
@@ -132,61 +132,30 @@ def conclude(status: int, moved: bool, unsafe: bool, violated: bool, slack: Arra
     return max(status, VIOLATED) if violated else status
 
 
-class Rules(NamedTuple):
-    """What the verdict on usual rows rests on.
-
-    Attributes:
-        alpha1: (4,) α₁.
-        alpha2: (4,) α₂.
-        dip: see `shortfall`.
-        sway: see `shortfall`.
-        period: T [s]; 0 where it is not known.
-        settles: see `is_violated`.
-        body: ρ, what the body reaches beyond its centre [m].
-        radius: the largest norm of an input.
-    """
-
-    alpha1: Array
-    alpha2: Array
-    dip: float
-    sway: float
-    period: float
-    settles: float
-    body: float
-    radius: float
-
-
-@njit(cache=True, error_model="numpy")
-def judge(
-    rules: Rules,
-    memory: Records,
-    rows: tuple[Integers, Array, Array],
-    margin: Array,
-    strict: Mask,
-    u_nominal: Array,
-    answer: tuple[int, Array, Array],
-) -> tuple[int, bool, Array]:
-    """Return the status of a step, whether it is proved, and ψ (m,).
+@njit(cache=True)
+def is_unsafe(
+    priority: Integers, strict: Mask, a: Array, h: Array, body: float, made: bool
+) -> bool:
+    """Return whether a strict h is below zero, or ``h − ρ`` of one on the position.
 
     Args:
-        rules: what it rests on.
-        memory: (1,) `MEMORY`, written to.
-        rows: rank, h and α₂(ψ) (m,) of barriers with ‖∇h‖ ≤ 1.
-        margin: (m,) m.
+        priority: (m,).
         strict: (m,) which conditions are of rank 1 and on the position.
-        u_nominal: (n_u,) u*.
-        answer: the program's status, u (n_u,) and slack (m,).
+        a: (M, n_u) of the rows; of planar double integrators ∇h, by which ρ is multiplied.
+        h: (m,) of the body's centre.
+        body: ρ, what the body reaches beyond its centre [m].
+        made: whether the rows are those of another model, whose a is not ∇h.
     """
-    status, u, slack = answer
-    priority, h, alpha2_psi = rows
-    psi, leaning = np.empty(h.size), np.zeros(h.size)
-    unsafe = False
-    for k in range(psi.size):
-        psi[k] = class_k.inverse(rules.alpha2, alpha2_psi[k])
-        reach = rules.body if strict[k] else 0.0
-        unsafe |= priority[k] == 1 and h[k] < reach
-    lacks = shortfall(strict, h, margin, leaning, psi, rules.dip, rules.sway, rules.alpha1)
-    violated = is_violated(memory[0], lacks, rules.period, rules.settles)
-    moved = np.abs(u - u_nominal).max() > MOVED * (1.0 + rules.radius)
-    status = conclude(status, moved, unsafe, violated, slack)
-    return status, not lacks.any, psi
+    for k in range(h.size):
+        reach = 0.0
+        if body > 0.0 and strict[k]:
+            reach = body if made else body * np.sqrt(a[k, 0] * a[k, 0] + a[k, 1] * a[k, 1])
+        if priority[k] == 1 and h[k] < reach:
+            return True
+    return False
+
+
+@njit(cache=True)
+def stands(speed2: float, asked2: float) -> float:
+    """Return 1 where a plant stands though u* asks it to move, by the squares of both."""
+    return 1.0 if speed2 < STANDING * STANDING and asked2 > ASKING * ASKING else 0.0

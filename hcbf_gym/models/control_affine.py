@@ -14,8 +14,9 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel, count, namespace
 class ControlAffine(ReducedOrderModel):
     """The model ``ẋ = f(x) + g(x)u`` of two functions, written with NumPy or with jax.numpy.
 
-    Functions that use jax.numpy are compiled, and ∂f/∂x is exact; with NumPy it comes by central
-    differences. `barriers.Function` of a relative degree above 1 needs the functions in jax.numpy.
+    Functions that use jax.numpy are compiled, for N states at once too, and ∂f/∂x is exact; with
+    NumPy it comes by central differences. `barriers.Function` of a relative degree above 1 needs
+    the functions in jax.numpy.
 
     Args:
         f: x (n,) → (n,) the drift.
@@ -62,6 +63,9 @@ class ControlAffine(ReducedOrderModel):
             self._jacobian = compile64(import_jax("f").jacfwd(f))
         if is_jax(inputs):
             self._compiled_g = compile64(g)
+        self._many: Callable[..., Any] | None = None
+        if is_jax(drift) and is_jax(inputs):
+            self._many = compile64(import_jax("f").vmap(lambda x: (f(x), g(x))))
 
     def f(self, x: Any) -> Any:
         """Return (n,) the drift."""
@@ -74,6 +78,13 @@ class ControlAffine(ReducedOrderModel):
         if isinstance(x, np.ndarray):
             return np.asarray(self._compiled_g(x), dtype=np.float64)
         return self._traced("g", self._g, x)
+
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
+        if self._many is None or len(x) == 1:
+            return super().terms_of(x)
+        f, g = self._many(x)
+        return np.array(f, dtype=np.float64), np.array(g, dtype=np.float64)
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 
 class ReducedOrderModel(ABC):
@@ -53,6 +53,30 @@ class ReducedOrderModel(ABC):
                 f"({self.n},) and ({self.n}, {self.n_u})"
             )
         return f, g
+
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, n) and g (N, n, n_u) at N states x (N, n); see `terms`."""
+        each = [self.terms(state) for state in x]
+        return np.array([f for f, _ in each]), np.array([g for _, g in each])
+
+    def jacobians_of(self, x: Array) -> Array:
+        """Return ∂f/∂x (N, n, n) at N states x (N, n).
+
+        Raises:
+            InvalidInputError: if they are no finite numbers of that shape.
+        """
+        jacobians = np.array([self.f_jacobian(state) for state in x])
+        return finite_array("∂f/∂x", jacobians, (len(x), self.n, self.n))
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
+        return np.array([self.step(*each, dt) for each in zip(x, u, strict=True)])
+
+    def brakes_of(self, x: Array, dt: float) -> Array:
+        """Return (N, n_u) the inputs that bring N states x (N, n) to rest; see `brake`."""
+        if type(self).brake is ReducedOrderModel.brake:
+            return np.zeros((len(x), self.n_u))
+        return np.array([self.brake(state, dt) for state in x])
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x, by central differences unless a model knows better."""
@@ -126,6 +150,12 @@ class SingleIntegrator(ReducedOrderModel):
         """Return (n, n_u) the identity."""
         return namespace(x).eye(self.n)
 
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, n) and g (N, n, n) at N states x (N, n)."""
+        if type(self) is not SingleIntegrator:
+            return super().terms_of(x)
+        return np.zeros(x.shape), _driven(x, 0)
+
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
         return np.zeros((self.n, self.n))
@@ -133,6 +163,11 @@ class SingleIntegrator(ReducedOrderModel):
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return (n,) the state after `dt` [s] under a held u, ``x + u dt``."""
         return x + dt * u
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n)."""
+        own = type(self) is SingleIntegrator
+        return x + dt * u if own else super().steps_of(x, u, dt)
 
 
 @dataclass(frozen=True)
@@ -170,18 +205,40 @@ class DoubleIntegrator(ReducedOrderModel):
         """Return (n, n_u) the input matrix."""
         return namespace(x).eye(self.n, self.n_u, k=-self.n_u)
 
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
+        if type(self) is not DoubleIntegrator:
+            return super().terms_of(x)
+        return _damped_drifts(x, self.drag), _driven(x, self.n_u)
+
     def brake(self, x: Array, dt: float) -> Array:
         """Return (n_u,) the input after which v is 0, ``c v − v/dt`` [m/s²]."""
         return (self.drag - 1.0 / dt) * x[self.n_u :]
+
+    def brakes_of(self, x: Array, dt: float) -> Array:
+        """Return (N, n_u) the inputs after which v of N states x (N, n) is 0."""
+        own = type(self) is DoubleIntegrator
+        return (self.drag - 1.0 / dt) * x[:, self.n_u :] if own else super().brakes_of(x, dt)
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
         return _damped_jacobian(self.n_u, self.drag)
 
+    def jacobians_of(self, x: Array) -> Array:
+        """Return ∂f/∂x (N, n, n) at N states x (N, n)."""
+        if type(self) is not DoubleIntegrator:
+            return super().jacobians_of(x)
+        return _repeated(_damped_jacobian(self.n_u, self.drag), len(x))
+
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
         own = type(self) is DoubleIntegrator
         return _damped_step(x, u, dt, self.drag) if own else super().step(x, u, dt)
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
+        own = type(self) is DoubleIntegrator
+        return _damped_steps(x, u, dt, self.drag) if own else super().steps_of(x, u, dt)
 
 
 @njit(cache=True, error_model="numpy")
@@ -191,6 +248,34 @@ def _damped_drift(x: Array, drag: float) -> Array:
     f = np.empty(x.size)
     f[:k], f[k:] = x[k:], -drag * x[k:]
     return f
+
+
+@njit(cache=True, error_model="numpy")
+def _damped_drifts(x: Array, drag: float) -> Array:
+    """Return (N, n) the drifts at N states."""
+    f = np.empty(x.shape)
+    for i in range(len(x)):
+        f[i] = _damped_drift(x[i], drag)
+    return f
+
+
+@njit(cache=True)
+def _driven(x: Array, first: int) -> Array:
+    """Return g (N, n, n − first) of N states, of which those from `first` on are driven."""
+    g = np.zeros((*x.shape, x.shape[1] - first))
+    for i in range(len(x)):
+        for j in range(x.shape[1] - first):
+            g[i, first + j, j] = 1.0
+    return g
+
+
+@njit(cache=True)
+def _repeated(matrix: Array, count: int) -> Array:
+    """Return a matrix N times."""
+    out = np.empty((count, *matrix.shape))
+    for i in range(count):
+        out[i] = matrix
+    return out
 
 
 @njit(cache=True)
@@ -217,6 +302,15 @@ def _damped_step(x: Array, u: Array, dt: float, drag: float) -> Array:
         a4 = u[i] - drag * v4
         after[i] = x[i] + dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
         after[u.size + i] = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return after
+
+
+@njit(cache=True, error_model="numpy")
+def _damped_steps(x: Array, u: Array, dt: float, drag: float) -> Array:
+    """Return N states x (N, n) after dt."""
+    after = np.empty(x.shape)
+    for i in range(len(x)):
+        after[i] = _damped_step(x[i], u[i], dt, drag)
     return after
 
 

@@ -39,6 +39,11 @@ class Unicycle(ReducedOrderModel):
         drive = xp.stack([xp.cos(x[2]), xp.sin(x[2]), zero])
         return xp.stack([drive, xp.stack([zero, zero, zero + 1.0])], axis=1)
 
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, 3) and g (N, 3, 2) at N states x (N, 3)."""
+        own = type(self) is Unicycle
+        return (np.zeros(x.shape), _unicycles_inputs(x)) if own else super().terms_of(x)
+
     def f_jacobian(self, x: Array) -> Array:
         """Return (3, 3) ∂f/∂x."""
         return np.zeros((3, 3))
@@ -47,6 +52,11 @@ class Unicycle(ReducedOrderModel):
         """Advance x (3,) by dt [s] under a constant u (2,): one Runge–Kutta step, 4th order."""
         own = type(self) is Unicycle
         return _unicycle_step(x, u, dt) if own else super().step(x, u, dt)
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, 3) by dt [s] under constant inputs u (N, 2)."""
+        own = type(self) is Unicycle
+        return _unicycles_steps(x, u, dt) if own else super().steps_of(x, u, dt)
 
 
 @dataclass(frozen=True)
@@ -104,6 +114,17 @@ class KinematicBicycle(ReducedOrderModel):
         """Return (2,) the input after which v is 0: ``a = −v/dt``, straight on."""
         return np.array([-x[3] / dt, 0.0])
 
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, 4) and g (N, 4, 2) at N states x (N, 4)."""
+        own = type(self) is KinematicBicycle
+        return _bicycles_terms(x, self.rear) if own else super().terms_of(x)
+
+    def brakes_of(self, x: Array, dt: float) -> Array:
+        """Return (N, 2) the inputs after which v of N states x (N, 4) is 0, straight on."""
+        if type(self) is not KinematicBicycle:
+            return super().brakes_of(x, dt)
+        return np.column_stack([-x[:, 3] / dt, np.zeros(len(x))])
+
     def f_jacobian(self, x: Array) -> Array:
         """Return (4, 4) ∂f/∂x."""
         cos = np.cos(x[2])
@@ -117,6 +138,11 @@ class KinematicBicycle(ReducedOrderModel):
         """Advance x (4,) by dt [s] under a constant u (2,): one Runge–Kutta step, 4th order."""
         own = type(self) is KinematicBicycle
         return _bicycle_step(x, u, dt, self.rear) if own else super().step(x, u, dt)
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, 4) by dt [s] under constant inputs u (N, 2)."""
+        own = type(self) is KinematicBicycle
+        return _bicycles_steps(x, u, dt, self.rear) if own else super().steps_of(x, u, dt)
 
 
 @njit(cache=True, error_model="numpy")
@@ -167,3 +193,39 @@ def _bicycle_step(x: Array, u: Array, dt: float, rear: float) -> Array:
     k3 = _bicycle_rate(x + 0.5 * dt * k2, a, slip, rear)
     k4 = _bicycle_rate(x + dt * k3, a, slip, rear)
     return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+@njit(cache=True, error_model="numpy")
+def _unicycles_inputs(x: Array) -> Array:
+    """Return g (N, 3, 2) at N states."""
+    g = np.empty((len(x), 3, 2))
+    for i in range(len(x)):
+        g[i] = _unicycle_inputs(x[i])
+    return g
+
+
+@njit(cache=True, error_model="numpy")
+def _unicycles_steps(x: Array, u: Array, dt: float) -> Array:
+    """Return N states x (N, 3) after dt."""
+    after = np.empty(x.shape)
+    for i in range(len(x)):
+        after[i] = _unicycle_step(x[i], u[i], dt)
+    return after
+
+
+@njit(cache=True, error_model="numpy")
+def _bicycles_terms(x: Array, rear: float) -> tuple[Array, Array]:
+    """Return f (N, 4) and g (N, 4, 2) at N states."""
+    f, g = np.empty(x.shape), np.empty((len(x), 4, 2))
+    for i in range(len(x)):
+        f[i], g[i] = _bicycle_rate(x[i], 0.0, 0.0, rear), _bicycle_inputs(x[i], rear)
+    return f, g
+
+
+@njit(cache=True, error_model="numpy")
+def _bicycles_steps(x: Array, u: Array, dt: float, rear: float) -> Array:
+    """Return N states x (N, 4) after dt."""
+    after = np.empty(x.shape)
+    for i in range(len(x)):
+        after[i] = _bicycle_step(x[i], u[i], dt, rear)
+    return after

@@ -25,8 +25,8 @@ from hcbf_gym.errors import (
     require_packages,
 )
 from hcbf_gym.filtering.belief import real_numbers
-from hcbf_gym.filtering.core import FilterSettings
 from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason

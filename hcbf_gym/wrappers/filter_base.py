@@ -9,11 +9,11 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filtering.certified import certified, differs, limits
-from hcbf_gym.filtering.core import FilterCore, FilterSettings
-from hcbf_gym.filtering.general_core import GeneralCore
+from hcbf_gym.filtering.core import FilterCore
+from hcbf_gym.filtering.model_core import ModelCore
 from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -70,7 +70,9 @@ class FilterBase:
         check_order(self.env)
         check_spaces(*spaces)
         input_set = input_set_of(self.plant, spaces[1])
-        self._core = _core_of(self.plant, input_set, settings, batch, threads)
+        self._core: FilterCore = _core_of(self.plant)(
+            self.plant, input_set, settings, batch, threads
+        )
         self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
             self._core.applied_as(self._dtype)
@@ -115,19 +117,6 @@ class FilterBase:
         return u.astype(self._dtype) if plant.to_action is None else plant.to_action(u), report
 
 
-def _core_of(
-    plant: Plant, input_set: InputSet, settings: FilterSettings, batch: int | None, threads: int
-) -> FilterCore:
-    """Return the core that fits a plant: compiled for the planar double integrator.
-
-    Raises:
-        InvalidInputError: on a batch of another model.
-    """
-    if plant.model == DoubleIntegrator():
-        return PlanarCore(plant, input_set, settings, batch, threads)
-    if batch is not None:
-        raise InvalidInputError(
-            f"plant: got a batch of {type(plant.model).__name__}, expected the planar "
-            "DoubleIntegrator; around single environments put a SafetyFilter on each"
-        )
-    return GeneralCore(plant, input_set, settings)
+def _core_of(plant: Plant) -> type[PlanarCore] | type[ModelCore]:
+    """Return the core that fits a plant: compiled for the planar double integrator."""
+    return PlanarCore if plant.model == DoubleIntegrator() else ModelCore

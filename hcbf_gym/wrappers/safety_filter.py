@@ -9,7 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 
 from hcbf_gym import programs, records
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.filtering.core import FilterSettings, plain_options
+from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.filter_base import FilterBase
 

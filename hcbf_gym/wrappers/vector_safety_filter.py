@@ -13,19 +13,19 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.filtering.core import FilterSettings, plain_options
+from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.filter_base import FilterBase
 
 
 class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
-    """`SafetyFilter` around N planar double integrators: all actions in one compiled call.
+    """`SafetyFilter` around N plants: all actions in one compiled call, where inputs are two.
 
     It stands around ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, or around any vector
     environment of Gymnasium with its `plant`, whose readers return what they know of all N: states
-    (N, 4) or an `Estimate` of as many, and barriers as one list for all, N lists, or a
-    `BarrierSet` of N scenes, which is the fastest. A state that is not finite brakes its plant
-    alone.
+    (N, n) or an `Estimate` of as many, and barriers as one list for all, N lists, or, of planar
+    double integrators, a `BarrierSet` of N scenes, which is the fastest. A state that is not finite
+    brakes its plant alone.
 
     Args:
         env: possibly wrapped; wrappers that change actions belong outside the filter.
@@ -36,6 +36,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         guidance: as `SafetyFilter` takes it.
         margin: as `SafetyFilter` takes it.
         on_alarm: as `SafetyFilter` takes it.
+        allow_late_inputs: as `SafetyFilter` takes it.
         certificate: as `SafetyFilter` takes it.
         threads: how many cores filter at once; what comes out is the same.
         **options: as `SafetyFilter` takes them.
@@ -55,6 +56,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         guidance: Any = None,
         margin: float | None = None,
         on_alarm: str | None = None,
+        allow_late_inputs: bool = False,
         certificate: str | Path | Certificate | None = None,
         threads: int = 1,
         **options: Any,
@@ -67,6 +69,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
             guidance=guidance,
             margin=margin,
             on_alarm=on_alarm,
+            allow_late_inputs=allow_late_inputs,
             certificate=records.plain(certificate),
             threads=threads,
             **plain_options(options),
@@ -77,7 +80,9 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
                 f"environment: got {env} without metadata['autoreset_mode'], expected one of "
                 "Gymnasium's AutoresetMode, which says when episodes begin anew"
             )
-        settings = FilterSettings(program, rows, guidance, margin, None, on_alarm, False, options)
+        settings = FilterSettings(
+            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options
+        )
         inner = cast(VectorEnv, env.unwrapped)
         spaces = env.single_action_space, inner.single_action_space
         self._prepare(spaces, plant, settings, certificate, env.num_envs, threads)
@@ -106,7 +111,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Filter u* (N, 2) [m/s²] and step the environments with the result.
+        """Filter u* (N, n_u) and step the environments with the result.
 
         Raises:
             InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.

@@ -88,7 +88,7 @@ def test_row_is_psi_dot_plus_alpha2_psi_along_the_models_flow(model):
 
     def psi(barrier, x, t):
         jet = barrier.jet(x, t)
-        if make.relative_degree(barrier) == 1:
+        if make.reach(barrier).degree == 1:
             return jet.h - getattr(barrier, "margin", 0.0)
         return jet.gradient @ model.f(x) + jet.rate + ALPHA1(jet.h)
 

@@ -100,7 +100,7 @@ def test_the_row_of_relative_degree_r_holds_h_along_the_flow(degree):
     model = chain(degree)
     make = GeneralRows(model, LinearClassK(2.0), LinearClassK(2.0))
     wall = Function("wall", 1, lambda x, t: 1.0 - x[0])
-    assert make.relative_degree(wall) == degree
+    assert make.reach(wall).degree == degree
     x, least = np.zeros(model.n), np.inf
     for _ in range(1500):
         rows = make([wall], x)

@@ -283,13 +283,13 @@ def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
     one = made(certificates.declared(plant, env, None, {}), margins=Uncertainty())
     filtered = SafetyFilter(env, plant=plant, certificate=one)
     filtered._core._fresh[:] = True
-    filtered._core._coverage[:] = Coverage.COVERED
-    filtered._core._doubt(np.array([Coverage.OUTSIDE]))
-    assert filtered._core._coverage[0] == Coverage.COVERED
+    filtered._core.covering._coverage[:] = Coverage.COVERED
+    filtered._core.covering.doubt(np.array([Coverage.OUTSIDE]), filtered._core._fresh)
+    assert filtered._core.covering._coverage[0] == Coverage.COVERED
     bare = SafetyFilter(env, plant=plant)
-    bare._core._coverage[:] = Coverage.COVERED
-    bare._core._doubt(np.array([Coverage.OUTSIDE]))
-    assert bare._core._coverage[0] == Coverage.OUTSIDE
+    bare._core.covering._coverage[:] = Coverage.COVERED
+    bare._core.covering.doubt(np.array([Coverage.OUTSIDE]), bare._core._fresh)
+    assert bare._core.covering._coverage[0] == Coverage.OUTSIDE
 
 
 def differs(one, plant, env):

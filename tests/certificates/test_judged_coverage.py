@@ -261,5 +261,5 @@ def test_a_scene_that_changes_or_asks_for_too_much_says_so():
     _, info = env.reset(seed=0)
     assert info["safety_filter"]["covered_by"] == CoveredBy.NONE
     env._core._fresh[:] = True
-    env._core._doubt(np.array([Coverage.OUTSIDE]))
-    assert env._core._covered_by[0] == CoveredBy.INPUTS
+    env._core.covering.doubt(np.array([Coverage.OUTSIDE]), env._core._fresh)
+    assert env._core.covering._why[0] == CoveredBy.INPUTS

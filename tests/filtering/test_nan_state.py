@@ -60,10 +60,7 @@ SCRIPT = """
     print(json.dumps([called, said]))
 """
 
-PATHS = {
-    "planar": ("planar_belief.look", "planar_step._braking_input"),
-    "general": ("belief.examine", "brake.input"),
-}
+PATHS = dict.fromkeys(("planar", "general"), ("belief.look", "step._wish_to_stop"))
 """Which function says that nothing is believed, and which one says what is applied then."""
 
 

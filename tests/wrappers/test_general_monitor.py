@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym.filtering.monitor import Monitor
+from hcbf_gym.filtering import plants
+from hcbf_gym.filtering.belief import State
+from hcbf_gym.filtering.model_monitor import ModelMonitor
 from hcbf_gym.models import (
     Box,
     ControlAffine,
@@ -87,19 +89,22 @@ def semi_implicit(model, x, u, dt):
 def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, drive=None):
     """The first alarm of a run and the sample at which it came; (NONE, count) without one."""
     model, u_set = PLANTS[name]
-    monitor = Monitor(model, T, u_set)
-    x, asked = np.zeros(model.n), inputs(u_set, seed, count)
-    past = []
+    monitor = ModelMonitor(model, T, u_set, 3.0, 1)
+    plant = np.zeros(1, dtype=plants.plant_dtype(model.n_u))
+    plant["elapsed"] = T
+    n = model.n
+    states = State(*(np.zeros((1, *shape)) for shape in ((n,), (n,), (n,), (n, n), (n,))))
+    states.covariance[:] = 0.0 if spread is None else spread
+    x, asked = np.zeros(n), inputs(u_set, seed, count)
+    past, u, yes = [], np.zeros(model.n_u), np.ones(1, dtype=np.bool_)
     for k in range(count):
         past.append(x)
-        seen = x if sense is None else sense(past, k)
-        covariance = None if spread is None else spread
-        reason = monitor.observe(seen, seen, covariance)
-        if reason:
-            return reason, k
+        states.x[0] = states.model[0] = x if sense is None else sense(past, k)
+        monitor.watch(plant, states, u[None], model.terms_of(states.x), yes, True)
+        if plant["alarm"][0]:
+            return Reason(plant["alarm"][0]), k
         u = asked[k] if drive is None else drive(k)
         u = u_set.project(balance(name, x, u) if drive is None else u)
-        monitor.expect(seen, seen, u)
         step = model.step if integrate is None else lambda *a: integrate(model, *a)
         x = step(x, u, T)
     return Reason.NONE, count

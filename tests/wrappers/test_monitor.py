@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hcbf_gym.filtering import planar_belief
+from hcbf_gym.filtering import belief, monitor, plants
 from hcbf_gym.models.plant import Reason
 
 PERIOD, LIMIT = 0.02, 5.0
@@ -14,12 +14,12 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    plant = np.zeros(1, dtype=planar_belief.PLANT)[0]
+    plant = np.zeros(1, dtype=plants.PLANT)[0]
     plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        assert planar_belief.look(plant) == 0
-        planar_belief.watch(plant, RADIUS, 3.0, 0.0)
+        assert belief.believe(plant) == 0
+        monitor.watch(plant, RADIUS, 3.0, True)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really

@@ -21,10 +21,12 @@ from hcbf_gym.programs.planar.records import (
     PIN,
     RELAXED,
     Cost,
+    Own,
     Point,
     Settings,
     Workspace,
     make_workspace,
+    own_of,
 )
 from hcbf_gym.programs.result import FilterResult, FilterStatus, slack_of
 from hcbf_gym.programs.tolerances import NOMINAL
@@ -46,7 +48,7 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
         answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus`,
             fallbacks (N,) zeros.
     """
-    w = make_workspace(settings.radius, settings.vertices.shape[0], rows.b.shape[1])
+    w = make_workspace(settings.radius, settings.vertices.shape[1], rows.b.shape[1])
     filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.shape[0])
 
 
@@ -66,17 +68,15 @@ def filter_range(
     assert rows.alpha2_psi is not None
     for i in range(first, end):
         one = CbfRows(rows.a[i], rows.b[i], rows.h[i], rows.priority[i], rows.alpha2_psi[i])
-        weights = settings.weights[i if settings.weights.shape[0] > 1 else 0]
-        answer.status[i] = _filter_state(
-            settings, weights, u_nominal[i], one, answer.u[i], answer.slack[i], answer.delta[i], w
-        )
+        own, u, slack, delta = own_of(settings, i), answer.u[i], answer.slack[i], answer.delta[i]
+        answer.status[i] = _filter_state(settings, own, u_nominal[i], one, u, slack, delta, w)
         answer.fallbacks[i] = 0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _filter_state(
     settings: Settings,
-    weights: Array,
+    own: Own,
     u_nominal: Array,
     rows: CbfRows,
     u: Array,
@@ -86,16 +86,16 @@ def _filter_state(
 ) -> int:
     """Filter one nominal input, writing u (2,), slack (m,) and delta (m,); return the status."""
     ux, uy = u_nominal[0], u_nominal[1]
-    if _allowed(settings.vertices, rows, ux, uy):
+    if _allowed(own.vertices, rows, ux, uy):
         u[0], u[1] = ux, uy
         for k in range(slack.size):
             slack[k] = 0.0
             delta[k] = _least_slack(settings, rows, k)
         return _NOMINAL
-    count = _sort(settings, weights, rows.priority, w)
+    count = _sort(settings, own.weights, rows.priority, w)
     for k in range(slack.size):
-        _load(settings, weights, rows, w.rows[k])
-    x, y = _decide(settings, count, ux, uy, w)
+        _load(settings, own.weights, rows, w.rows[k])
+    x, y = _decide(settings, own.vertices, count, ux, uy, w)
     u[0], u[1] = x, y
     moved = max(abs(x - ux), abs(y - uy)) > NOMINAL * (1.0 + settings.radius)
     return _account(settings, _SAFE if moved else _NOMINAL, rows.priority, u, slack, delta, w)
@@ -170,9 +170,10 @@ def _load(settings: Settings, weights: Array, rows: CbfRows, row: np.record) -> 
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _decide(settings: Settings, stage_count: int, ux: float, uy: float, w: Workspace) -> Point:
+def _decide(
+    settings: Settings, vertices: Array, stage_count: int, ux: float, uy: float, w: Workspace
+) -> Point:
     """Run the stages on rows sorted by them."""
-    vertices = settings.vertices
     feasible = w.polygons[FEASIBLE]
     count = vertices.shape[0]
     copy(vertices, count, feasible)

@@ -54,7 +54,7 @@ class _Compiled:
             input_set.radius,
             prices.lambda_u,
             prices.known_offset,
-            np.ascontiguousarray(input_set.vertices()),
+            np.ascontiguousarray(input_set.vertices())[None],
             np.ascontiguousarray(prices.weights.table),
         )
 

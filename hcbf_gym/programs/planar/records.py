@@ -48,9 +48,10 @@ class Settings(NamedTuple):
         radius: the largest norm of an input in U.
         lambda_u: λ_u.
         known_offset: whether δ_min comes from α₂(ψ) (``epsilon="known"``); 0 if not.
-        vertices: (V, 2) the corners of U, counter-clockwise.
+        vertices: (K, V, 2) the corners of U, counter-clockwise; K is 1, or N for N states with a U
+            of their own.
         weights: (K, 1 + L) Δγ and γ₀ of the priorities from 2 on, the last one repeated; infinity
-            is a strict level. K is 1, or N for N states with weights of their own.
+            is a strict level. K as above.
     """
 
     lower: int
@@ -63,6 +64,22 @@ class Settings(NamedTuple):
     known_offset: bool
     vertices: Array
     weights: Array
+
+
+class Own(NamedTuple):
+    """What a state may have for itself: corners (V, 2) of U, and weights (1 + L,)."""
+
+    vertices: Array
+    weights: Array
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def own_of(settings: Settings, i: int) -> Own:
+    """Return what state i of N has."""
+    vertices, weights = settings.vertices, settings.weights
+    return Own(
+        vertices[i if vertices.shape[0] > 1 else 0], weights[i if weights.shape[0] > 1 else 0]
+    )
 
 
 class Line(NamedTuple):

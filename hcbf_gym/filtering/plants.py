@@ -1,5 +1,6 @@
-"""What a compiled filter reads and writes: constants, plants, and room for the rows of a few."""
+"""What compiled code reads and writes: constants, plants, and room for the rows of a few."""
 
+from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
+from hcbf_gym.filtering import monitor, verdict
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
 from hcbf_gym.programs.result import FilterResult
@@ -27,8 +29,10 @@ CONSTANTS = np.dtype(
             ("radius", "f8"),
             ("lambda_u", "f8"),
             ("known_offset", "?"),
-            ("corners", "i8"),  # of U
+            ("corners", "i8"),  # of a U
+            ("input_sets", "i8"),  # 1, or one a plant
             ("weights", "i8"),  # of a state
+            ("made", "?"),  # whether rows, alarms and braking inputs were made beforehand
             # what the rows keep, and how they are made
             *((name, "f8") for name in Uncertainty._fields),
             ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
@@ -47,6 +51,51 @@ CONSTANTS = np.dtype(
 """What a filter never changes."""
 
 
+@cache
+def plant_dtype(n_u: int) -> Any:
+    """Return what is known of one plant of so many inputs; zeros at a reset.
+
+    Vectors of length 4 are those of the planar double integrator. Those of other models stand
+    beside the record, see `belief.State`.
+    """
+    fields: list[Any] = [
+        # what is said of it now, as `models.plant.Estimate` has it
+        ("x", "f8", 4),
+        ("time", "f8"),
+        ("model", "f8", 4),
+        ("lag", "f8", 4),
+        ("covariance", "f8", (4, 4)),
+        ("elapsed", "f8"),  # since the sample before [s]; 0 where that is not known
+        ("fault", "i8"),  # a `Reason` that was found on the way here; 0 for none
+        ("has_model", "i8"),  # whether the model has a state of its own; x is that if not
+        # where guidance leads
+        ("way", "f8", 3),  # a_x, a_y and b of its row
+        ("reachable", "f8"),  # through which rank
+        ("zone", "f8"),  # the rank of the map's zone that it stands in, 0 for none
+        # what is remembered from step to step
+        *monitor.MEMORY,
+        ("drift", "f8", 2),  # r [m]
+        ("motion", "f8", 2),  # m [m]
+        ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
+        ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
+        ("vague", "f8", 3),  # xx, xy and yy of its covariance at the last sample [m²/s²]
+        ("growth", "f8"),  # what that grew by when it grew last [m²/s²]
+        ("input", "f8", (n_u,)),  # applied since
+        ("stop", "f8", (n_u,)),  # of U, brings a plant of another model to rest
+        ("believed", "f8", 4),  # the last state that was
+        ("believed_at", "f8"),  # its time [s]
+        ("follows", "i8"),  # whether the last sample was believed
+        ("known", "i8"),  # whether any was, since the reset
+        *verdict.MEMORY,
+        ("alarm", "i8"),  # a `Reason`, until the next reset
+    ]
+    return np.dtype((np.record, fields))
+
+
+PLANT = plant_dtype(2)
+"""What is known of one plant of two inputs."""
+
+
 LEAST_PLANTS = 64
 """Below so many plants a thread takes longer to begin than to filter."""
 
@@ -61,37 +110,47 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
     record = np.zeros(1, dtype=CONSTANTS)
     own = settings._asdict()
     vertices, weights = own.pop("vertices"), own.pop("weights")
-    sizes = {"corners": len(vertices), "weights": weights.shape[1]}
+    sizes = {"corners": vertices.shape[1], "input_sets": 1, "weights": weights.shape[1]}
     for name, number in (own | sizes | others).items():
         record[name] = number
     return record, _numbers(vertices, weights)
 
 
-def divided(settings: Settings, count: int, threads: int) -> list[tuple[slice, Array]]:
-    """Return parts of N plants for so many threads, each with what `constants` returns second.
+def solved_outside(radius: float) -> Settings:
+    """Return the settings of a program that a solver outside answers.
 
     Args:
-        settings: of the program.
-        count: N.
-        threads: of which each gets at least `LEAST_PLANTS`.
+        radius: the largest norm of an input.
     """
+    nothing = np.zeros((1, 1, 2)), np.zeros((1, 1))
+    return Settings(0, False, 0, True, False, radius, 0.0, False, *nothing)
+
+
+def parts_of(count: int, threads: int) -> list[slice]:
+    """Return parts of N plants for so many threads, of which each gets at least `LEAST_PLANTS`."""
     parts = max(1, min(threads, count // LEAST_PLANTS))
     ends = np.linspace(0, count, parts + 1).astype(int).tolist()
-    found: list[tuple[slice, Array]] = []
-    for part in (slice(*pair) for pair in pairwise(ends)):
-        own = settings.weights[part] if len(settings.weights) > 1 else settings.weights
-        found.append((part, _numbers(settings.vertices, own)))
-    return found
+    return [slice(*pair) for pair in pairwise(ends)]
+
+
+def part_of(constants: Records, program: Array, part: slice) -> Array:
+    """Return the corners of U and the weights of a part of N plants, as `constants` does of all."""
+    one = constants[0]
+    vertices, weights = split(one, program)
+    own = (array if len(array) == 1 else array[part] for array in (vertices, weights))
+    return _numbers(*own)
+
+
+def with_vertices(constants: Records, program: Array, vertices: Array) -> Array:
+    """Return a program for the U of each plant, (N, V, 2) corners; the constants are written to."""
+    _, weights = split(constants[0], program)
+    constants["input_sets"], constants["corners"] = vertices.shape[:2]
+    return _numbers(vertices, weights)
 
 
 def _numbers(vertices: Array, weights: Array) -> Array:
     """Return the corners of U with the program's weights behind them."""
     return np.concatenate([vertices.ravel(), weights.ravel()])
-
-
-_OWN = "a_x", "a_y", "b", "h", "alpha2_psi", "psi", "margin", "dip"
-OWN_ROW = np.dtype((np.record, [(name, "f8") for name in _OWN]))
-"""A row of a user's own barrier, made in Python: `own_rows.OwnRow`, and its margin."""
 
 
 class Plants(NamedTuple):
@@ -103,8 +162,9 @@ class Plants(NamedTuple):
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
         atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
-        sensed: (N,) `planar_belief.PLANT`, written to.
-        own: (N, m) `OWN_ROW` where users' own rows were made beforehand, else (0, 0).
+        sensed: (N,) `PLANT`, written to.
+        own: (N, m, WIDTH + n_u) rows that were made beforehand, see `barriers.general_kernels`;
+            (0, 0, 0) where there are none.
         told: (N,) `report.PLANT`, with u*; the rest is written.
         rows: (N, M) `report.ROW`, written to; M is m, and one more where guidance has a row.
     """
@@ -115,7 +175,7 @@ class Plants(NamedTuple):
     own_margin: Array
     atlas: Array
     sensed: Records
-    own: Records
+    own: Array
     told: Records
     rows: Records
 
@@ -124,8 +184,8 @@ class Work(NamedTuple):
     """Room for the rows of a few plants, n at most, and for the program's answers.
 
     Attributes:
-        u: (n, 2) the inputs that the program is asked for.
-        a: (n, M, 2) gradients.
+        u: (n, n_u) the inputs that the program is asked for.
+        a: (n, M, n_u) gradients.
         rows: (4, n, M) b, h, α₂(ψ) and ψ.
         priority: (n, M).
         margin: (4, n, m) as `margins.derive` writes them.
@@ -153,7 +213,7 @@ def fits(p: Plants) -> bool:
     count, m = p.kind.shape
     if p.sensed.size != count or p.told.size != count or p.rows.shape[0] != count:
         return False
-    if p.rows.shape[1] < m or (p.own.size > 0 and p.own.shape != (count, m)):
+    if p.rows.shape[1] < m or (p.own.size > 0 and p.own.shape[:2] != (count, m)):
         return False
     if p.parameters.shape != (count, m, layout.WIDTH):
         return False
@@ -167,31 +227,40 @@ def fits(p: Plants) -> bool:
 
 
 @njit(cache=True, inline="always")
-def make_work(settings: Settings, n: int, m: int, total: int) -> Work:
-    """Return room for n plants with m rows, `total` with guidance."""
+def make_work(settings: Settings, n: int, m: int, total: int, n_u: int) -> Work:
+    """Return room for n plants of n_u inputs with m rows, `total` with guidance."""
     return Work(
-        np.empty((n, 2)),
-        np.empty((n, total, 2)),
+        np.empty((n, n_u)),
+        np.empty((n, total, n_u)),
         np.empty((4, n, total)),
         np.empty((n, total), dtype=np.int64),
         np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
         FilterResult(
-            np.empty((n, 2)),
+            np.empty((n, n_u)),
             np.empty((n, total)),
             np.empty((n, total)),
             np.empty(n, dtype=np.int64),
             np.empty(n, dtype=np.int64),
         ),
-        make_workspace(settings.radius, settings.vertices.shape[0], total),
+        make_workspace(settings.radius, settings.vertices.shape[1], total),
     )
 
 
 @njit(cache=True, inline="always")
+def split(c: Any, numbers: Array) -> tuple[Array, Array]:
+    """Return the corners of U (K, V, 2) and the weights (K, 1 + L) of a program."""
+    end = 2 * c.corners * c.input_sets
+    return numbers[:end].reshape(c.input_sets, c.corners, 2), numbers[end:].reshape(-1, c.weights)
+
+
+@njit(cache=True, inline="always")
 def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
-    """Return the program of the plants from `first` on and before `end`, with their weights."""
-    weights = numbers[2 * c.corners :].reshape(-1, c.weights)
-    if weights.shape[0] > 1:  # each plant has its own
+    """Return the program of the plants from `first` on and before `end`, with what is their own."""
+    vertices, weights = split(c, numbers)
+    if vertices.shape[0] > 1:  # each plant has its own
+        vertices = vertices[first:end]
+    if weights.shape[0] > 1:
         weights = weights[first:end]
     return Settings(
         c.lower,
@@ -202,7 +271,7 @@ def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
         c.radius,
         c.lambda_u,
         c.known_offset,
-        numbers[: 2 * c.corners].reshape(c.corners, 2),
+        vertices,
         weights,
     )
 

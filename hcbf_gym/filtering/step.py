@@ -1,22 +1,26 @@
-"""From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants."""
+"""From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants.
+
+Of planar double integrators all of it happens here. Of other models the states have been looked at,
+and rows, alarms and braking inputs were made beforehand.
+"""
 
 from typing import Any
 
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Integers, Records
-from hcbf_gym.barriers import layout, margins, row_kernels
+from hcbf_gym.arrays import Array, Integers, Mask, Records
+from hcbf_gym.barriers import general_kernels, layout, margins, row_kernels
+from hcbf_gym.barriers.general_kernels import CONDITIONING, DIP, PLACED, WIDTH
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.filtering import map_rows, verdict
-from hcbf_gym.filtering.monitor import APART
-from hcbf_gym.filtering.planar_belief import look, watch
-from hcbf_gym.filtering.planar_records import (
-    OWN_ROW,
+from hcbf_gym.filtering.belief import believe
+from hcbf_gym.filtering.monitor import watch
+from hcbf_gym.filtering.plants import (
     Plants,
     Work,
     fits,
@@ -27,11 +31,10 @@ from hcbf_gym.filtering.planar_records import (
 from hcbf_gym.filtering.report import ROW
 from hcbf_gym.filtering.verdict import BACKUP
 from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
-from hcbf_gym.programs.planar.records import Settings
+from hcbf_gym.programs.planar.records import Settings, own_of
 from hcbf_gym.programs.tolerances import NOMINAL
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
@@ -50,11 +53,11 @@ def filter_plants(
     program: Array,
     scene: tuple[Integers, Array, Integers, Array, Array],
     sensed: Records,
-    own: Records,
+    own: Array,
     told: Records,
     rows: Records,
 ) -> int:
-    """Filter the nominal inputs of N planar double integrators; `Plants` has the arrays.
+    """Filter the nominal inputs of N plants of two inputs; `Plants` has the arrays.
 
     Args:
         constants: (1,) `plants.CONSTANTS`.
@@ -83,7 +86,7 @@ def filter_plants(
         for i in range(count):
             asks |= _filter_mapped(c, program_of(c, numbers, i, i + 1), plants, i)
         return ASKS if asks else DONE
-    work = make_work(program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1])
+    work = make_work(program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1], 2)
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
         settings = program_of(c, numbers, first, end)
@@ -113,7 +116,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, p, i)
     count, total = part.kind.shape[1], part.rows.shape[1]
-    asks = _filter(c, settings, part, make_work(settings, 1, count, total))
+    asks = _filter(c, settings, part, make_work(settings, 1, count, total, 2))
     map_rows.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
     return asks
 
@@ -127,7 +130,7 @@ def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
     count = hand.kind.size
     own = p.own[:0]
     if p.own.size > 0:
-        own = np.empty((1, count), dtype=OWN_ROW)
+        own = np.empty((1, count, p.own.shape[2]))
         for r in range(count):
             own[0, r] = p.own[i, hand.source[r]]
     part = Plants(
@@ -150,27 +153,32 @@ def pose(
     program: Array,
     scene: tuple[Integers, Array, Integers, Array, Array],
     sensed: Records,
-    own: Records,
+    own: Array,
     told: Records,
     rows: Records,
 ) -> tuple[int, Plants, Work, Integers]:
-    """Pose the problem of one plant to a solver outside, which writes the answer into `Work`.
+    """Pose problems to a solver outside, which writes the answers into `Work`.
 
-    Args: as `filter_plants` takes them.
+    Args: as `filter_plants` takes them, of one planar double integrator or of N plants of any model
+        and number of inputs.
 
     Returns:
-        as `filter_plants`, the plant with what is at hand, its problem, and which condition each
-        row stands for.
+        as `filter_plants`, the plants with what is at hand, their problems, and which condition
+        each row stands for; of other models (0,).
     """
     c = borrowed(constants)[0]
     plants = Plants(*scene, sensed, own, told, rows)
     said = _begin(c, plants)
     settings = program_of(c, borrowed(program), 0, 1)
-    part, source = _nearby(c, plants, 0) if said == DONE else (plants, plants.kind[0])
-    work = make_work(settings, 1, part.kind.shape[1], part.rows.shape[1])
+    part, source = plants, np.empty(0, dtype=np.int64)
+    if said == DONE and not c.made:
+        part, source = _nearby(c, plants, 0)
+    count, m = part.kind.shape
+    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size)
     if said == DONE:
         _make_rows(c, part, work)
-        _ask(c, settings, part, work, 0)
+        for i in range(count):
+            _ask(c, settings, part, work, i)
     return said, part, work, source
 
 
@@ -178,10 +186,8 @@ def pose(
 def close(
     constants: Records,
     program: Array,
-    answered: bool,
-    part: Plants,
-    work: Work,
-    source: Integers,
+    answered: Mask,
+    posed: tuple[Plants, Work, Integers],
     rows: Records,
 ) -> int:
     """Conclude what `pose` began, and return `DONE` or `ASKS`.
@@ -189,22 +195,27 @@ def close(
     Args:
         constants: (1,) `plants.CONSTANTS`.
         program: see `plants.constants`.
-        answered: whether the answer stands in `work`; if not, the plant is brought to rest.
-        part: of `pose`.
-        work: of `pose`.
-        source: of `pose`.
-        rows: (1, M) `report.ROW`, written to.
+        answered: (N,) whether the answer stands in `work`; if not, the plant is brought to rest.
+        posed: by `pose`: plants, problems and sources.
+        rows: (N, M) `report.ROW`, written to.
     """
     c = borrowed(constants)[0]
-    plant, told = part.sensed[0], part.told[0]
-    if not answered and not _stops(told.reason, plant.alarm, c.brakes):
-        told.reason = SOLVER
-        settings = program_of(c, borrowed(program), 0, 1)
-        work.u[0, 0], work.u[0, 1] = _braking_input(settings, plant, c.period)
-    _conclude(c, part, work, 0)
-    m = rows.shape[1] - part.rows.shape[1] + part.kind.shape[1]
-    map_rows.tell(source, part.rows[0], rows[0, :m])
-    return ASKS if told.reason != 0 else DONE
+    part, work, source = posed
+    settings = program_of(c, borrowed(program), 0, 1)
+    asks = False
+    for i in range(answered.size):
+        plant, told = part.sensed[i], part.told[i]
+        if not answered[i]:
+            if not _stops(told.reason, plant.alarm, c.brakes):
+                told.reason = SOLVER
+                _wish_to_stop(c, own_of(settings, i).vertices, plant, work.u[i])
+            _apply(work, i)
+        _conclude(c, part, work, i)
+        asks |= told.reason != 0
+    if source.size > 0:
+        m = rows.shape[1] - part.rows.shape[1] + part.kind.shape[1]
+        map_rows.tell(source, part.rows[0], rows[0, :m])
+    return ASKS if asks else DONE
 
 
 @njit(cache=True, inline="always")
@@ -212,13 +223,14 @@ def _begin(c: Any, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
         u_nominal = plants.told[i].u_nominal
-        if not np.isfinite(u_nominal[0] + u_nominal[1]):
-            return NOT_FINITE
+        for j in range(u_nominal.size):
+            if not np.isfinite(u_nominal[j]):
+                return NOT_FINITE
     if not fits(plants):
         return MISSHAPED
-    if plants.own.size == 0:
+    if plants.own.size == 0 and not c.made:
         for i in range(plants.told.size):
-            plants.told[i].reason = look(plants.sensed[i])
+            plants.told[i].reason = believe(plants.sensed[i])
     return DONE
 
 
@@ -226,38 +238,54 @@ def _begin(c: Any, plants: Plants) -> int:
 def _make_rows(c: Any, p: Plants, w: Work) -> None:
     """Write the margins and the rows."""
     count, m = p.kind.shape
-    x, t = p.sensed["x"], p.sensed["time"]
     for i in range(count):
-        plant = p.sensed[i]
-        margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
         for k in range(m):
-            w.margin[0, i, k] += p.own_margin[i, k]
             w.priority[i, k] = p.priority[i, k]
-            placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
-            w.strict[i, k] = placed and p.priority[i, k] == 1
-    row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
+    if c.made:
+        w.margin[:, :, :] = 0.0
+    else:
+        _make_planar_rows(c, p, w)
     if p.own.size > 0:
         _take_rows(p, w)
     if c.rounding > 0.0:
         for i in range(count):
             for k in range(m):
                 if p.priority[i, k] == 1:
-                    size = abs(w.a[i, k, 0]) + abs(w.a[i, k, 1])
+                    size = 0.0
+                    for j in range(w.a.shape[2]):
+                        size += abs(w.a[i, k, j])
                     w.rows[B, i, k] += c.rounding * size
 
 
 @njit(cache=True, inline="always")
+def _make_planar_rows(c: Any, p: Plants, w: Work) -> None:
+    """Write the margins and rows of planar double integrators, users' own barriers left out."""
+    count, m = p.kind.shape
+    for i in range(count):
+        plant = p.sensed[i]
+        margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
+        for k in range(m):
+            w.margin[0, i, k] += p.own_margin[i, k]
+            placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
+            w.strict[i, k] = placed and p.priority[i, k] == 1
+    x, t = p.sensed["x"], p.sensed["time"]
+    row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
+
+
+@njit(cache=True, inline="always")
 def _take_rows(p: Plants, w: Work) -> None:
-    """Copy the rows of users' own barriers, which were made beforehand."""
+    """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
             if p.kind[i, k] != layout.CUSTOM:
                 continue
             row = p.own[i, k]
-            w.a[i, k, 0], w.a[i, k, 1] = row.a_x, row.a_y
-            w.rows[B, i, k], w.rows[H, i, k] = row.b, row.h
-            w.rows[ALPHA2_PSI, i, k], w.rows[PSI, i, k] = row.alpha2_psi, row.psi
-            w.margin[0, i, k] = row.margin
+            for j in range(w.a.shape[2]):
+                w.a[i, k, j] = row[WIDTH + j]
+            for q in range(4):  # b, h, α₂(ψ) and ψ
+                w.rows[q, i, k] = row[q]
+            w.margin[0, i, k] = row[general_kernels.MARGIN]
+            w.strict[i, k] = row[PLACED] != 0.0 and p.priority[i, k] == 1
 
 
 @njit(cache=True, inline="always")
@@ -267,35 +295,38 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     told = p.told[i]
     if not _are_finite(p, w, i) and told.reason == 0:
         told.reason = BARRIERS
-    told.model_error = np.sqrt(plant.error)
     if told.reason == 0:
-        plant.news |= plant.follows == 0
-        apart = APART if c.settles > 0.0 else 0.0
-        told.model_error = watch(plant, c.radius, c.confidence, apart)
+        if not c.made:
+            watch(plant, c.radius, c.confidence, c.settles == 0.0)
         told.reason = plant.alarm
     else:
         plant.follows = 0
-    w.u[i, 0], w.u[i, 1] = told.u_nominal[0], told.u_nominal[1]
+    told.model_error = np.sqrt(plant.error)
     told.reachable = 0.0
     if _stops(told.reason, plant.alarm, c.brakes):
-        w.u[i, 0], w.u[i, 1] = _braking_input(settings, plant, c.period)
+        _wish_to_stop(c, own_of(settings, i).vertices, plant, w.u[i])
         _guide_nowhere(c, p, w, i)
-    elif c.has_way:
+        return
+    for j in range(w.u.shape[1]):
+        w.u[i, j] = told.u_nominal[j]
+    if c.has_way:
         told.reachable = plant.reachable
         _guide(c, p, w, i)
 
 
 @njit(cache=True, inline="always")
 def _are_finite(p: Plants, w: Work, i: int) -> bool:
-    """Tell whether the safety rows of a state are finite; where they are not, take them out."""
+    """Return whether the safety rows of a state are finite; where they are not, take them out."""
     finite = True
     m = p.kind.shape[1]
     for k in range(m):
-        finite &= np.isfinite(w.a[i, k, 0] + w.a[i, k, 1] + w.rows[B, i, k] + w.rows[H, i, k])
+        for j in range(w.a.shape[2]):
+            finite &= np.isfinite(w.a[i, k, j])
+        finite &= np.isfinite(w.rows[B, i, k] + w.rows[H, i, k])
         finite &= np.isfinite(w.rows[ALPHA2_PSI, i, k] + w.margin[0, i, k])
     if not finite:
         for k in range(m):
-            w.a[i, k, 0], w.a[i, k, 1] = 0.0, 0.0
+            w.a[i, k, :] = 0.0
             w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = -1.0, 1.0, 1.0
             w.margin[0, i, k] = w.rows[PSI, i, k] = 0.0
     return finite
@@ -303,20 +334,24 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
 
 @njit(cache=True, inline="always")
 def _stops(reason: int, alarm: int, brakes: bool) -> bool:
-    """Tell whether a plant is brought to rest: it is not known, or an alarm asks for that."""
+    """Return whether a plant is brought to rest: it is not known, or an alarm asks for that."""
     return reason != 0 and (reason != alarm or brakes)
 
 
 @njit(cache=True, inline="always")
-def _braking_input(settings: Settings, plant: Any, period: float) -> tuple[float, float]:
-    """Return the input of U nearest ``−v/T``, that nearest 0 where v is not known.
+def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
+    """Write the input of U nearest to what stops the plant's model, to 0 where no state is known.
 
-    `DoubleIntegrator.brake` is the same for a single plant.
+    `DoubleIntegrator.brake` has ``−v/T`` for a single plant; those of other models stand in `stop`.
     """
+    if c.made:
+        for j in range(u.size):
+            u[j] = plant.stop[j]
+        return
     wanted_x = wanted_y = 0.0
-    if plant.known and period > 0.0:
-        wanted_x, wanted_y = -plant.x[2] / period, -plant.x[3] / period
-    return nearest(settings.vertices, settings.vertices.shape[0], wanted_x, wanted_y)
+    if plant.known and c.period > 0.0:
+        wanted_x, wanted_y = -plant.x[2] / c.period, -plant.x[3] / c.period
+    u[0], u[1] = nearest(vertices, vertices.shape[0], wanted_x, wanted_y)
 
 
 @njit(cache=True, inline="always")
@@ -354,78 +389,60 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     told = p.told[i]
     m = p.kind.shape[1]
     u = w.answer.u[i]
-    if c.rounding > 0.0:
-        u[0], u[1] = np.float32(u[0]), np.float32(u[1])
-    u_nominal = told.u_nominal
-    slack = w.answer.slack[i]
-    delta = w.answer.delta[i]
-    stops = _stops(told.reason, plant.alarm, c.brakes)
-    if stops:
-        _brake(told.reason == plant.alarm and told.reason not in (MOTION, RESPONSE), w, i)
-    dx, dy = u[0] - u_nominal[0], u[1] - u_nominal[1]
-    moved = max(abs(dx), abs(dy)) > NOMINAL * (1.0 + c.radius)
-    unsafe = is_unsafe(p.kind[i], p.priority[i], w.a[i], w.rows[H, i], c.body)
+    if _stops(told.reason, plant.alarm, c.brakes):
+        if told.reason != plant.alarm or told.reason == MOTION or told.reason == RESPONSE:
+            _apply(w, i)
+        w.answer.status[i] = BACKUP
+    furthest = change2 = asked2 = 0.0
+    for j in range(u.size):
+        if c.rounding > 0.0:
+            u[j] = np.float32(u[j])
+        change = u[j] - told.u_nominal[j]
+        furthest = max(furthest, abs(change))
+        change2 += change * change
+        asked2 += told.u_nominal[j] ** 2
+        told.u_safe[j] = plant.input[j] = u[j]
+    slack, delta = w.answer.slack[i], w.answer.delta[i]
+    h, psi = w.rows[H, i, :m], w.rows[PSI, i, :m]
     told.proved = 0
     violated = False
     believed = told.reason == 0 or told.reason == plant.alarm
     if believed:
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
-        of_rows = w.rows[H, i, :m], w.margin[0, i], w.margin[LEANING, i], w.rows[PSI, i, :m]
+        of_rows = h, w.margin[0, i], w.margin[LEANING, i], psi
         lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
         told.proved = 0 if lacks.any else 1
+    unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)
+    moved = furthest > NOMINAL * (1.0 + c.radius)
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
-    told.intervention = np.sqrt(dx * dx + dy * dy)
+    told.intervention = np.sqrt(change2)
     told.fallbacks = w.answer.fallbacks[i]
-    speed2 = plant.x[2] ** 2 + plant.x[3] ** 2
-    asked2 = u_nominal[0] ** 2 + u_nominal[1] ** 2
-    stands = speed2 < STANDING * STANDING and asked2 > ASKING * ASKING
-    told.deadlock = 1.0 if stands else 0.0
-    for k in range(2):
-        told.u_safe[k] = plant.input[k] = u[k]
+    told.deadlock = verdict.stands(plant.x[2] ** 2 + plant.x[3] ** 2, asked2)
     for k in range(m):
         row = p.rows[i, k]
         row.slack = slack[k]
         row.delta = delta[k]
         row.margin = w.margin[0, i, k]
-        row.h = w.rows[H, i, k] if believed else np.nan
-        row.psi = w.rows[PSI, i, k] if believed else np.nan
-        steers = w.a[i, k, 0] != 0.0 or w.a[i, k, 1] != 0.0
-        row.conditioning = 1.0 if believed and steers else 0.0
-        if p.own.size > 0 and p.kind[i, k] == layout.CUSTOM:
-            row.margin += p.own[i, k].dip
+        row.h = h[k] if believed else np.nan
+        row.psi = psi[k] if believed else np.nan
+        row.conditioning = 0.0
+        own = p.own.size > 0 and p.kind[i, k] == layout.CUSTOM
+        if own:
+            row.margin += p.own[i, k, DIP]
+        if believed and c.made:
+            row.conditioning = p.own[i, k, CONDITIONING]
+        elif believed and (w.a[i, k, 0] != 0.0 or w.a[i, k, 1] != 0.0):
+            row.conditioning = 1.0
 
 
 @njit(cache=True, inline="always")
-def _brake(rows_hold: bool, w: Work, i: int) -> None:
-    """Make one answer that of a plant that is brought to rest.
+def _apply(w: Work, i: int) -> None:
+    """Make the braking input the answer, as it is: the rows say nothing, or no solver answered.
 
     After an alarm the state is believed, but the plant no longer: what it does by itself may bring
-    it to a region, and the program's answer to the braking input keeps it away. Without a state
-    that is believed the rows say nothing, and the braking input is applied.
+    it to a region, and the program's answer to the braking input keeps it away.
     """
-    answer = w.answer
-    if not rows_hold:
-        answer.u[i, 0], answer.u[i, 1] = w.u[i, 0], w.u[i, 1]
-        answer.slack[i, :], answer.delta[i, :] = 0.0, 0.0
-    answer.status[i] = BACKUP
-
-
-@njit(cache=True)
-def is_unsafe(kind: Integers, priority: Integers, a: Array, h: Array, body: float) -> bool:
-    """Tell whether a strict ``h − ρ‖∇h‖``, the whole body's where h is a distance, is below zero.
-
-    Args:
-        kind: (m,) of the barriers; a speed limit and a zone have no place.
-        priority: (m,).
-        a: (M, 2) of the rows, ∇h; M is m or more.
-        h: (M,) of the body's centre.
-        body: ρ, what the body reaches beyond its centre [m].
-    """
-    for k in range(kind.size):
-        reach = 0.0
-        if body > 0.0 and kind[k] != layout.SPEED_LIMIT and kind[k] != layout.ZONE:
-            reach = body * np.sqrt(a[k, 0] * a[k, 0] + a[k, 1] * a[k, 1])
-        if priority[k] == 1 and h[k] < reach:
-            return True
-    return False
+    w.answer.u[i, :] = w.u[i]
+    w.answer.slack[i, :], w.answer.delta[i, :] = 0.0, 0.0
+    w.answer.fallbacks[i] = 0

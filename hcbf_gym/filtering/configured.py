@@ -1,0 +1,173 @@
+"""A filter of N plants as its user asked for it: settings, read once at the door, and program."""
+
+import warnings
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import programs
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import braking, class_k
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, finite_array
+from hcbf_gym.filtering import plants
+from hcbf_gym.filtering.settings import (
+    ROW_OPTIONS,
+    FilterSettings,
+    check_hold,
+    dip_of,
+    input_limits,
+    kept,
+)
+from hcbf_gym.filtering.threads import Threads
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import ON_ALARM, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+
+class Configured:
+    """What a filter of N plants never changes.
+
+    Attributes:
+        alpha1: α₁ as the rows have it, scaled down where U cannot brake what it asks for.
+        alpha2: α₂.
+        alpha1_scale: by which factor; 1 where U can.
+        row_settings: how rows are made, for a held input where that was asked for.
+        uncertainty: what they reserve.
+        told_as: the type of the environment's actions.
+
+    Args:
+        plant: of the environment.
+        input_set: U.
+        settings: what the user asked.
+        batch: N of a batch; None for one plant, whose arrays have no leading N.
+        threads: how many cores filter parts of a batch at once.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
+            or α₂.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        batch: int | None = None,
+        threads: int = 1,
+    ):
+        choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
+        allowed = (*ROW_OPTIONS, *programs.options(settings.program))
+        check_options(f"safety filter {settings.program!r}", settings.options, allowed)
+        self.plant, self.input_set, self.settings = plant, input_set, settings
+        self._alone, self.count = batch is None, 1 if batch is None else batch
+        self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
+        self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
+        self.alpha1_scale = self._fit_alpha1()
+        held = settings.rows == "held" and self._is_planar and plant.period is not None
+        self.row_settings = self._row_settings(held)
+        if not held and plant.period is not None:
+            check_hold(plant.period, alpha2=self.alpha2)
+        self.uncertainty = kept(plant, settings.margin, 0.0 if held else dip_of(plant, input_set))
+        if plant.period is None:
+            warnings.warn(
+                "safety filter: the plant's period is not known, so that rows are those of one "
+                "instant and promise nothing between samples; expected Plant(period=…) [s]",
+                SafetyWarning,
+                stacklevel=5,
+            )
+        self.told_as = np.dtype(np.float64)
+        on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
+        self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
+        self._make_program(held)
+        self._parts = plants.parts_of(self.count, threads)
+        self._programs = self._of_parts()
+        self._threads = Threads(len(self._parts))
+
+    def _make_program(self, held: bool) -> None:
+        """Make the program, and write what compiled code never changes.
+
+        Args:
+            held: whether rows are made for a held input.
+        """
+        asked, input_set, plant = self.settings, self.input_set, self.plant
+        options = {k: v for k, v in asked.options.items() if k not in ROW_OPTIONS}
+        self._solver: programs.Program | None = None
+        if asked.solver is not None or input_set.n_u != 2:
+            self._solver = programs.make(
+                asked.program, input_set=input_set, solver=asked.solver, **options
+            )
+        compiled = plants.solved_outside(input_set.radius)
+        if input_set.n_u == 2:
+            batch = programs.make_batch(asked.program, input_set=input_set, **options)
+            compiled = batch.settings_of(self.count)
+        own = plant.uncertainty.distance if asked.margin is None else 0.0
+        leans = self.uncertainty.cap > 0.0
+        numbers = self.uncertainty._asdict()
+        numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
+        numbers |= {"brakes": self.brakes_on_alarm, "made": not self._is_planar}
+        numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
+        numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
+        numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
+        self._constants, self._program = plants.constants(compiled, numbers)
+
+    def applied_as(self, dtype: Any) -> None:
+        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
+        self.told_as = np.dtype(dtype)
+        rounds = self.told_as == np.float32
+        rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
+        self._constants["rounding"] = rounding if rounds else 0.0
+
+    def set_inputs(self, vertices: Array) -> None:
+        """Give each plant a U of its own from now on, within the ball that the first U lies in.
+
+        Args:
+            vertices: (N, V, 2) its corners, counter-clockwise, around 0.
+        """
+        corners = finite_array("vertices", vertices, (self.count, None, 2))
+        self._program = plants.with_vertices(self._constants, self._program, corners)
+        self._programs = self._of_parts()
+
+    def _of_parts(self) -> list[Array]:
+        """Return the program of each part of the plants."""
+        if len(self._parts) == 1:
+            return [self._program]
+        return [plants.part_of(self._constants, self._program, part) for part in self._parts]
+
+    def _fit_alpha1(self) -> float:
+        """Scale α₁ down to what U can brake, and return the factor, which reports repeat.
+
+        Raises:
+            InvalidInputError: if U cannot brake in some direction at all.
+        """
+        if not isinstance(self.plant.model, DoubleIntegrator):
+            return 1.0
+        able = braking.weakest(self.input_set)
+        if able <= 0.0:
+            raise InvalidInputError(
+                f"input set: got {self.input_set}, which holds no braking input in some direction; "
+                "expected 0 inside it, not on its edge"
+            )
+        period = self.plant.period if self.settings.rows == "held" else None
+        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        held = period is not None and steepest * period <= 1.0
+        factor = braking.share(self._row_settings(held), self.input_set)
+        if factor < 1.0:
+            self.alpha1 = self.alpha1.scaled(factor)
+        return factor
+
+    @cached_property
+    def _is_planar(self) -> bool:
+        """Whether the model is the planar double integrator, whose rows are compiled and held."""
+        return self.plant.model == DoubleIntegrator()
+
+    def _row_settings(self, held: bool) -> RowSettings:
+        """Return how rows are made, for a held input or for one instant."""
+        period = self.plant.period if held else None
+        if not self._is_planar:
+            return RowSettings(self.alpha1, self.alpha2)
+        low, high = input_limits(self.input_set)
+        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))

@@ -1,0 +1,205 @@
+"""The filter of N plants of any model: rows, alarms and braking inputs, made step by step."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.barrier import Barrier, reads_time
+from hcbf_gym.barriers.convexity import warn_of_concave
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.general import GeneralRows, Prepared, check_barriers
+from hcbf_gym.barriers.general_kernels import MARGIN, PLACED, WIDTH
+from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import UNREADABLE, InvalidInputError
+from hcbf_gym.filtering import belief
+from hcbf_gym.filtering.core import FilterCore, SceneArrays
+from hcbf_gym.filtering.model_monitor import ModelMonitor
+from hcbf_gym.filtering.settings import FilterSettings, check_hold
+from hcbf_gym.models.input_sets import Box, InputSet
+from hcbf_gym.models.plant import Plant, Reason
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+
+class ModelCore(FilterCore):
+    """The filter of N plants of a model that is not compiled: usual rows from jets, any inputs.
+
+    Where inputs are two and no solver is named, the compiled program answers, for all plants in
+    one call; else a solver does, one plant after the other.
+
+    Args: as `FilterCore` takes them; nothing guides the plants.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        batch: int | None = None,
+        threads: int = 1,
+    ):
+        super().__init__(plant, input_set, settings, batch, threads)
+        model = plant.model
+        if settings.guidance is not None:
+            raise InvalidInputError(
+                f"guidance: got {settings.guidance!r} with {type(model).__name__}, expected "
+                "None: only the planar double integrator is guided"
+            )
+        self._rows_of = GeneralRows(model, self.alpha1, self.alpha2, input_set.support)
+        confidence = plant.uncertainty.confidence
+        self._monitor = ModelMonitor(model, plant.period, input_set, confidence, self.count)
+        self._velocity_at = -1 if model.velocity_at is None else model.velocity_at
+        self._coasts = type(model).brake is not ReducedOrderModel.brake
+        self._prepared: Prepared | None = None
+        self._said_concave = False
+        self._make_room(0)
+        self._read_static()
+
+    def restart(self, mask: Mask) -> None:
+        """Forget what was known of the masked plants (N,): new episodes have begun there."""
+        super().restart(mask)
+        self._monitor.forget(mask)
+
+    def _scenes_of(self, barriers: Any) -> BarrierSet:
+        """Return barriers as a set of N scenes.
+
+        Raises:
+            InvalidInputError: if they are none.
+        """
+        if isinstance(barriers, BarrierSet):
+            raise InvalidInputError(
+                f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
+                "barriers: a set makes rows of the planar double integrator alone"
+            )
+        nested = not self._alone and isinstance(barriers, list | tuple)
+        if nested and all(isinstance(one, list | tuple) for one in barriers):
+            return super()._scenes_of([check_barriers(one) for one in barriers])
+        return super()._scenes_of(check_barriers(barriers))
+
+    def _moves(self, scene: BarrierSet) -> bool:
+        """Return whether a scene depends on time."""
+        seen = {id(one): one for entries in scene.entries for one in entries}
+        n = self.plant.model.n
+        return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
+
+    def _make_room(self, m: int) -> None:
+        """Make room for m rows."""
+        self._buffer.widen(m, m)
+        self._own = np.zeros((self.count, m, WIDTH + self.input_set.n_u))
+        self._kind = np.full((self.count, m), layout.CUSTOM, dtype=np.int64)
+        if self._prepared is not None and self._prepared.priority.shape == (self.count, m):
+            self._reserve(self._prepared)
+
+    def _reserve(self, prepared: Prepared) -> None:
+        """Write what rows reserve, and which are on the position."""
+        kept = self.uncertainty.distance + self.uncertainty.body
+        self._own[..., MARGIN] = prepared.margins(kept)
+        self._own[..., PLACED] = prepared.share > 0.0
+
+    def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
+        """Look at a scene that is news, and return its barriers and how inputs reach them."""
+        self._prepared = None
+        first: Any = scene.entries[0]
+        same = all(entries is first for entries in scene.entries)
+        scenes: Any = [first] * self.count if same else scene.entries
+        if not self._said_concave:
+            self._said_concave = True
+            own = [one for one in first if isinstance(one, Function)]
+            warn_of_concave(own, self.plant.model)
+        prepared = self._rows_of.prepare(scenes)
+        reaches = [reach for one in prepared.reaches for reach in one]
+        period = self.plant.period
+        if period is not None and any(reach.degree > 1 for reach in reaches):
+            check_hold(period, alpha1=self.alpha1)
+        self._prepared = prepared
+        if prepared.priority.shape == self._kind.shape:
+            self._reserve(prepared)
+        distinct = prepared.scenes[: len(prepared.reaches)]
+        return [one for entries in distinct for one in entries], reaches
+
+    def _enter(self, goal: Any, extent: Any) -> None:
+        """Nothing more is known of scenes that begin."""
+
+    def _remembered(self) -> Any:
+        """Return what is known of the plants, for `_restore`."""
+        return super()._remembered(), self._monitor.remembered()
+
+    def _restore(self, remembered: Any) -> None:
+        """Know what was known before."""
+        samples, monitor = remembered
+        super()._restore(samples)
+        self._monitor.restore(monitor)
+
+    def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:
+        """Look at the states, compare them with what was expected, and make the rows."""
+        if np.isfinite(u_nominal).all():
+            with np.errstate(all="ignore"):
+                self._look()
+        numbers = self._kind, scene.parameters, scene.priority, scene.own_margin
+        return (*numbers, scene.atlas.numbers), self._own
+
+    def _look(self) -> None:
+        """Write reasons, alarms, rows and braking inputs."""
+        samples, told = self._samples, self._buffer.plants
+        records, states = samples.plants, samples.states
+        if belief.believe_all(records, states, self._velocity_at, told):
+            self._carry_on(told["reason"] != 0)
+            belief.replace_all(records, states, told)
+        terms, known = self._terms(states.x)
+        if not known.all():
+            told["reason"][(told["reason"] == 0) & ~known] = Reason.BARRIERS
+        believed = told["reason"] == 0
+        self._monitor.watch(records, states, samples.input, terms, believed, not samples.told)
+        if self._prepared is not None:
+            self._rows_of.write(self._prepared, states.x, samples.time, terms, self._own)
+        if self._coasts:
+            self._note_stops(states.x, records["known"] != 0)
+
+    def _carry_on(self, mask: Mask) -> None:
+        """Take for the states of masked plants what the model makes of those believed last."""
+        samples = self._samples
+        records, states = samples.plants, samples.states
+        for i in np.flatnonzero(mask & (records["known"] != 0) & (records["elapsed"] > 0.0)):
+            last, u = states.believed[i].copy(), samples.input[i].copy()
+            try:
+                after = self.plant.model.step(last, u, float(records["elapsed"][i]))
+            except UNREADABLE:
+                after = None
+            carried = belief.real_numbers(after, last.shape)
+            records["known"][i] = carried is not None
+            states.believed[i] = last if carried is None else carried
+
+    def _terms(self, x: Array) -> tuple[tuple[Array, Array], Mask]:
+        """Return f and g at N states, and (N,) where the model gives them."""
+        model = self.plant.model
+        try:
+            return model.terms_of(x), np.ones(len(x), dtype=np.bool_)
+        except UNREADABLE:
+            pass
+        f, g = np.zeros((len(x), model.n)), np.zeros((len(x), model.n, model.n_u))
+        known = np.zeros(len(x), dtype=np.bool_)
+        for i in range(len(x)):
+            try:
+                f[i], g[i] = model.terms(x[i])
+                known[i] = True
+            except UNREADABLE:
+                continue
+        return (f, g), known
+
+    def _note_stops(self, x: Array, known: Mask) -> None:
+        """Write the inputs of U nearest to those that stop the model; nearest 0 where unknown."""
+        period, stops = self.plant.period, self._samples.plants["stop"]
+        if period is None:
+            return
+        try:
+            wanted = self.plant.model.brakes_of(x, period)
+        except UNREADABLE:
+            wanted = np.full(stops.shape, np.nan)
+        wanted[~(np.isfinite(wanted).all(axis=1) & known)] = 0.0
+        if isinstance(self.input_set, Box):
+            stops[:] = self.input_set.project(wanted)
+        else:
+            stops[:] = [self.input_set.project(one) for one in wanted]

@@ -1,0 +1,121 @@
+"""What a user asks of a filter, and what follows from it for the rows."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hcbf_gym import programs, records
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.relative_degree import samples
+from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+ROW_OPTIONS = ("alpha1", "alpha2")
+"""Options that are not the program's."""
+
+USUAL_ROWS_MARGIN = 0.01
+"""What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
+
+MOST_CORNERS = 64
+"""Of U, that are looked at for the dip."""
+
+
+class FilterSettings(NamedTuple):
+    """What the user asked of a filter.
+
+    Attributes:
+        program: its name, or a plan.
+        rows: "held" or "usual".
+        guidance: "geodesic", "local", a plain dict with more of it, or None.
+        margin: [m]; None derives it.
+        solver: its name; None is the compiled path where there is one.
+        on_alarm: "warn" or "brake"; None takes the plant's.
+        allow_late_inputs: whether a row may miss an input that helps later.
+        options: α₁, α₂ and the program's own.
+    """
+
+    program: programs.Named
+    rows: str
+    guidance: Any
+    margin: float | None
+    solver: str | None
+    on_alarm: str | None
+    allow_late_inputs: bool
+    options: dict[str, Any]
+
+
+def plain_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options in JSON's terms, class-K functions as dicts, for a wrapper's spec."""
+    kinds = class_k.KINDS
+    return {
+        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
+        for key, value in options.items()
+    }
+
+
+def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the least and the greatest entries of the inputs of a planar U."""
+    corners = input_set.vertices()
+    (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return (low_x, low_y), (high_x, high_y)
+
+
+def check_hold(period: float, **alphas: ClassK) -> None:
+    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1.
+
+    Raises:
+        InvalidInputError: if one does.
+    """
+    for name, alpha in alphas.items():
+        steep = alpha.derivative(0.0)
+        if steep * period > 1.0:
+            raise InvalidInputError(
+                f"{name}: got a slope of {steep:g} 1/s at 0 with a period of {period:g} s, "
+                f"expected at most {1.0 / period:g} 1/s: sample faster or take a flatter function"
+            )
+
+
+def dip_of(plant: Plant, input_set: InputSet) -> float:
+    """Return what usual rows reserve against dips of h between samples, a_p T²/2 or more.
+
+    a_p is the greatest acceleration of the position while an input is held, of the corners of U at
+    sampled states of unit size; the velocity of a model that is driven by velocities is in U.
+
+    Args:
+        plant: of which model and period count.
+        input_set: U.
+    """
+    if plant.period is None:
+        return USUAL_ROWS_MARGIN
+    model, half = plant.model, 0.5 * plant.period
+    placed = slice(model.n_u) if isinstance(model, DoubleIntegrator) else slice(2)
+    hardest = 0.0
+    for x in samples(model)[0]:
+        for u in input_set.vertices()[:MOST_CORNERS]:
+            middle = model.step(x, u, half)
+            bent = model.step(middle, u, half)[placed] - 2.0 * middle[placed] + x[placed]
+            hardest = max(hardest, float(np.linalg.norm(bent)))
+    return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # bent = a_p (T/2)²
+
+
+def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
+    """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
+
+    Args:
+        plant: whose body and whose speed limit count in any case.
+        margin: what rows on the position reserve [m]; None derives it.
+        dip: what rows that are not made for a held input reserve besides [m].
+
+    Raises:
+        InvalidInputError: if the margin is negative or not finite.
+    """
+    known = plant.uncertainty
+    if margin is not None:
+        distance = finite_float("margin", margin, minimum=0.0)
+        return known._replace(
+            distance=distance, per_velocity=0.0, per_lead=0.0, cap=0.0, confidence=0.0
+        )
+    return known._replace(distance=known.distance + dip)
