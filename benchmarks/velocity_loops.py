@@ -43,19 +43,18 @@ class Cart:
         return float(self.physics.data.time)
 
     def start(self, position: Array, rng: np.random.Generator) -> None:
-        """Stand with the point that follows at a position (2,) [m], facing along x."""
-        ahead = np.array([self.walker.command.look_ahead or 0.0, 0.0])
-        self.physics.reset(position - ahead, 0.0, rng)
+        """Stand at a position (2,) [m], facing along x."""
+        self.physics.reset(position, 0.0, rng)
 
     def step(self, command: Array) -> Array:
-        """Take one physics step under a command; return (4,) of what follows it."""
+        """Take one physics step under a command; return (4,) of the robot's origin."""
         self.physics.step(self._controller(command))
-        return self.follower()
+        return self.origin()
 
-    def follower(self) -> Array:
-        """Return (4,) position [m] and velocity [m/s] of the point that follows commands."""
+    def origin(self) -> Array:
+        """Return (4,) position [m] and velocity [m/s] of the robot's origin: a cart's axle."""
         self.physics.base(self._base[0])
-        return tracked(self._base, self.walker.command.look_ahead or 0.0)[0]
+        return tracked(self._base, 0.0)[0]
 
     def says(self) -> tuple[Array, Array]:
         """Return pose and twist as odometry has them."""
@@ -119,7 +118,7 @@ class LoopEpisode:
         attack = attacks.make(self.attack, self.seed)
         counts, margins = np.zeros(len(FilterStatus), dtype=np.int64), [0.0]
         least, speed_left = np.full(barriers.kind.shape[1], np.inf), np.inf
-        changed, state, alarm = False, cart.follower(), 0
+        changed, state, alarm = False, cart.origin(), 0
         while cart.time < self.seconds and not cart.physics.fallen:
             if cart.time == 0.0 or rng.random() >= self.lost:
                 wanted = attack.act(_seen(barriers, strict, state, cart.time))

@@ -76,7 +76,7 @@ def rows(
                 v_max = c[layout.V_MAX]
                 a[i, k, 0], a[i, k, 1] = -x[i, 2] / v_max, -x[i, 3] / v_max
                 h = speed_limit.value(v_max, x[i, 2], x[i, 3])
-                b, alpha2_psi, psi = _speed_row(
+                b, alpha2_psi, psi = speed_row(
                     h - margin[0, i, k], margin[1, i, k], x[i, 2], x[i, 3], v_max, alpha2, settings
                 )
             else:
@@ -224,7 +224,7 @@ def reach_of(speed: float, s: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _speed_row(
+def speed_row(
     kept: float,
     margin_rate: float,
     vx: float,

@@ -15,7 +15,7 @@ from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels
 from hcbf_gym.barriers.margins import MARGIN, QUICKENING, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
-from hcbf_gym.barriers.rows import SETTINGS_WIDTH, CbfRows
+from hcbf_gym.barriers.rows import ALPHA2, SETTINGS_WIDTH, U_MAX, CbfRows
 from hcbf_gym.filtering.plants import Plants, Work
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
@@ -70,7 +70,18 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
     settings[:] = c.axle_rows
     axle_rows.limit_axle(axle, plant.x, plant.heading, settings)
     _rows(p, w, i, known.x, settings)
+    settings[U_MAX] = axle.braking  # of the speed: what turns it changes no speed
     for k in range(p.kind.shape[1]):
+        if p.kind[i, k] == layout.SPEED_LIMIT:
+            v_max, margin, rate = (
+                p.parameters[i, k, layout.V_MAX],
+                w.margin[0, i, k],
+                w.margin[1, i, k],
+            )
+            kept, v = w.rows[H, i, k] - margin, known.x
+            w.rows[B, i, k] = row_kernels.speed_row(
+                kept, rate, v[2], v[3], v_max, settings[ALPHA2 : ALPHA2 + 4], settings
+            )[0]
         n, b = w.a[i, k], w.rows[B, i, k]
         w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
         n[0], n[1], w.rows[B, i, k] = axle_rows.of_axle(

@@ -364,7 +364,7 @@ class FilterCore(Configured, ABC):
     def _gain(self) -> float:
         """The greatest acceleration of the planar velocity by an input [m/s²]."""
         if self.plant.axle is not None:
-            return self.plant.axle.hardest
+            return self.plant.axle.braking
         model, at = self.plant.model, self.plant.model.velocity_at
         if self._is_planar or at is None:
             return self.input_set.radius

@@ -173,7 +173,9 @@ class VelocityFilter:
         self._able = braking.weakest(input_set)
         box = Box.symmetric(HARDEST)
         self._axle = axle_of(known.command, response, box, known.command.forward)
-        self._hardest = input_set.radius if self._axle is None else self._axle.hardest
+        able = input_set.radius
+        self._hardest = able if self._axle is None else self._axle.braking
+        self._strays = able if self._axle is None else self._axle.hardest_of_point
         self._robot, self._reserved = known, reserved.speed
         self.v_max = v_max
         self._plant = Plant(
@@ -315,7 +317,7 @@ class VelocityFilter:
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
             place = _moved(place, motion, age)
-            self._missed_by = max(self._missed_by, 0.5 * self._hardest * age * age)
+            self._missed_by = max(self._missed_by, 0.5 * self._strays * age * age)
         body = self._follower(place, motion)
         axes = self._axes(place[2])
         velocity = self._now(present, body[2:] @ axes) @ axes.T if sound else self._velocity

@@ -44,13 +44,12 @@ class Simulated:
         return self.doing if len(self.doing) == 3 else np.array([self.doing[0], 0.0, self.doing[1]])
 
     @property
-    def point(self):
-        ahead = self.command.look_ahead or 0.0
-        x, y, yaw = self.pose
-        return np.array([x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), 0.0, 0.0])
+    def place(self):
+        """Of its centre or axle, which must stay outside."""
+        return np.array([*self.pose[:2], 0.0, 0.0])
 
     def go(self, told, seconds):
-        """Follow a command; yield where the point is that follows, tick by tick."""
+        """Follow a command; yield where it is, tick by tick."""
         for _ in range(round(seconds / TICK)):
             self.waiting.append(np.array(told))
             wanted = self.gain * self.waiting.pop(0)
@@ -62,7 +61,7 @@ class Simulated:
             cos, sin = math.cos(yaw), math.sin(yaw)
             moved = [cos * forward - sin * aside, sin * forward + cos * aside, turn]
             self.pose = self.pose + TICK * np.array(moved)
-            yield self.point
+            yield self.place
 
 
 def hostile(command, seed, seconds):
@@ -80,7 +79,7 @@ def hostile(command, seed, seconds):
         now = PERIOD * k
         if now >= until:
             mode, until = robot.rng.integers(5), now + robot.rng.uniform(0.3, 3.0)
-        x = robot.point
+        x = robot.place
         nearest = min(barriers, key=lambda b: b.h(x, now))
         wanted = -np.array(nearest.jet(x, now).gradient[:2]) * 2.0 * command.fastest
         cos, sin = math.cos(robot.pose[2]), math.sin(robot.pose[2])

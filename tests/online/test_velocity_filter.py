@@ -38,12 +38,12 @@ class Cart:
         return self.physics.data.time
 
     def go(self, command, until):
-        """Advance to a time [s] under a command; return (k, 2) the path of what follows it."""
+        """Advance to a time [s] under a command; return (k, 2) the path of the robot's origin."""
         path = []
         while self.time < until - 1e-9:
             self.physics.step(self._controller(command))
             self.physics.base(self._base[0])
-            path.append(tracked(self._base, self.walker.command.look_ahead or 0.0)[0, :2])
+            path.append(tracked(self._base, 0.0)[0, :2])
         return np.array(path).reshape(-1, 2)
 
     def says(self):
