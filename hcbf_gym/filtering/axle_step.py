@@ -153,10 +153,16 @@ def turn_memory(plant: Any) -> None:
     """
     turn = plant.heading - plant.headed
     cos, sin = np.cos(turn), np.sin(turn)
-    for pair in (plant.expected, plant.input):
-        one, other = pair[0], pair[1]
-        pair[0], pair[1] = cos * one - sin * other, sin * one + cos * other
+    _turn(plant.expected, cos, sin)
+    _turn(plant.input, cos, sin)
     plant.headed = plant.heading
+
+
+@njit(cache=True, inline="always")
+def _turn(pair: Array, cos: float, sin: float) -> None:
+    """Turn a vector in the plane."""
+    one, other = pair[0], pair[1]
+    pair[0], pair[1] = cos * one - sin * other, sin * one + cos * other
 
 
 @njit(cache=True)
