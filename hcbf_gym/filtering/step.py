@@ -324,7 +324,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         _wish_to_stop(c, own_of(settings, i).vertices, plant, w.u[i])
         _guide_nowhere(c, p, w, i)
         return
-    for j in range(w.u.shape[1]):
+    for j in range(told.u_nominal.size):
         w.u[i, j] = told.u_nominal[j]
     if c.has_way:
         told.reachable = plant.reachable
@@ -339,9 +339,10 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
     finite = True
     m = p.kind.shape[1]
     for k in range(m):
-        for j in range(w.a.shape[2]):
-            finite &= np.isfinite(w.a[i, k, j])
-        finite &= np.isfinite(w.rows[B, i, k] + w.rows[H, i, k])
+        whole = w.rows[B, i, k] + w.rows[H, i, k]
+        for j in range(p.told[i].u_nominal.size):
+            whole += w.a[i, k, j]
+        finite &= np.isfinite(whole)
         finite &= np.isfinite(w.rows[ALPHA2_PSI, i, k] + w.margin[0, i, k])
     if not finite:
         for k in range(m):
@@ -413,7 +414,7 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
             _apply(w, i)
         w.answer.status[i] = BACKUP
     furthest = change2 = asked2 = 0.0
-    for j in range(u.size):
+    for j in range(told.u_nominal.size):  # known to the compiler
         if c.rounding > 0.0:
             u[j] = np.float32(u[j])
         change = u[j] - told.u_nominal[j]

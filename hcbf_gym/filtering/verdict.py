@@ -132,7 +132,7 @@ def conclude(status: int, moved: bool, unsafe: bool, violated: bool, slack: Arra
     return max(status, VIOLATED) if violated else status
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def is_unsafe(
     priority: Integers, strict: Mask, a: Array, h: Array, body: float, made: bool
 ) -> bool:
@@ -155,7 +155,7 @@ def is_unsafe(
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def stands(speed2: float, asked2: float) -> float:
     """Return 1 where a plant stands though u* asks it to move, by the squares of both."""
     return 1.0 if speed2 < STANDING * STANDING and asked2 > ASKING * ASKING else 0.0
