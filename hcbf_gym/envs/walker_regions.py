@@ -33,7 +33,9 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
 
     ## Action Space
     `Box(low, high, (2,), float32)`, the acceleration u [m/s²] in the world, held for 0.02 s; ±5
-    m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are refused.
+    m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are refused. Of a
+    differential drive it is that of the point before the axle, in axes that turn with the cart:
+    with u = 0 it holds its speed and its turning rate (`hcbf_gym.models.axle`).
 
     ## Observation Space
     `Box(-inf, inf, (8 + 4 m,), float64)`, index by index that of `RegionsEnv`, with the robot's
@@ -69,9 +71,9 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, start pose.
     * `disturbances`: plain dict of scheduled or random pushes.
-    * `body`: what must stay outside: "point", which follows the model (the trunk's origin, or the
-      point before a differential drive), or "footprint", the whole robot, for which infos then
-      have `body_h` and `min_body_h` (m,) besides.
+    * `body`: what must stay outside: "point", the trunk's origin (of a differential drive its
+      axle), or "footprint", the whole robot, for which infos then have `body_h` and `min_body_h`
+      (m,) besides.
     * `render_mode`: None, "rgb_array", or "human" (a window).
 
     ## Version History
