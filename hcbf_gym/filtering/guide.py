@@ -21,7 +21,8 @@ class Guide:
     Args:
         choice: "geodesic", "local", a dict with more of it, or None.
         count: N.
-        drives: whether the plants are differential drives, which turn before they go back.
+        ahead: ℓ of differential drives, whose axles are led, and which turn before they go back; 0
+            for all others [m].
 
     Attributes:
         guides: whether anything does.
@@ -32,8 +33,8 @@ class Guide:
         InvalidInputError: on an unknown option.
     """
 
-    def __init__(self, choice: Any, count: int, drives: bool = False):
-        self._drives = drives
+    def __init__(self, choice: Any, count: int, ahead: float = 0.0):
+        self._ahead = ahead
         self._guidance: Geodesic | Local | None = None
         self.guides = choice is not None
         self.through = 0
@@ -75,9 +76,23 @@ class Guide:
         elif guide is not None:
             guide.follow(scenes, samples.time)
             guide.update(samples.time)
-            x, place = samples.x, guide.geometry
+            x, place = self._led(guide, samples), guide.geometry
             guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
             ranks = plants["reachable"], plants["zone"]
             guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
-            if self._drives:
+            if self._ahead > 0.0:
                 axle_step.face(plants, guide.pull.gain)
+
+    def _led(self, guide: Geodesic, samples: Samples) -> Array:
+        """Return (N, 4) what is led: position [m] and the velocity of the reduced-order model.
+
+        Of a differential drive it is the axle, as the point before it may be beyond an edge; at the
+        goal it is the point, which is to arrive there.
+        """
+        if self._ahead == 0.0:
+            return samples.x
+        x, heading = samples.x.copy(), samples.plants["heading"]
+        left = np.linalg.norm(x[:, :2] - guide.goal, axis=1, keepdims=True)
+        e = np.column_stack([np.cos(heading), np.sin(heading)])
+        x[:, :2] -= np.where(left > guide.pull.look_ahead, self._ahead, 0.0) * e
+        return x

@@ -43,7 +43,9 @@ class PlanarCore(FilterCore):
         threads: int = 1,
     ):
         super().__init__(plant, input_set, settings, batch, threads)
-        self._guide = Guide(settings.guidance, self.count, plant.axle is not None)
+        self._guide = Guide(
+            settings.guidance, self.count, 0.0 if plant.axle is None else plant.axle.look_ahead
+        )
         self._constants["has_way"] = self._guide.guides
         self._constants["through"] = self._guide.through
         self._guides_by_row = bool(self._constants["guided"][0]) and self._guide.guides
