@@ -1,5 +1,6 @@
 """What is known of the robot: reduced-order models ẋ = f(x) + g(x)u and input sets U."""
 
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.control_affine import ControlAffine
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.models.plant import (
@@ -14,6 +15,7 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, S
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
 __all__ = [
+    "Axle",
     "Ball",
     "Box",
     "ControlAffine",

@@ -18,6 +18,8 @@ from numba import njit
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_float
 
+SPIN_UP = 0.25
+"""Seconds, in which the turning rate reaches its greatest at the soonest."""
 LEAST_ROOM = 0.1
 """Share of the greatest acceleration by which a limit that was passed leaves U open."""
 
@@ -29,7 +31,8 @@ class Axle(NamedTuple):
         look_ahead: ℓ, how far before the axle the point lies that follows the model [m].
         forward: the greatest speed ahead and back, V [m/s].
         turn: the greatest turning rate, Ω [rad/s].
-        braking: the greatest acceleration along the heading, A, and of the point across it [m/s²].
+        braking: the greatest acceleration along the heading, A [m/s²]; across it the point has no
+            more than that, and no more than turns the axle at Ω within `SPIN_UP`.
     """
 
     look_ahead: float
@@ -55,18 +58,18 @@ class Axle(NamedTuple):
     @property
     def hardest_of_point(self) -> float:
         """The greatest norm of an input [m/s²]."""
-        return float(np.sqrt(2.0) * self.braking)
+        return float(np.hypot(self.braking, across(self)))
 
     def jerk(self, period: float) -> float:
         """Return by how much the mean acceleration over T may miss what its row says [m/s²].
 
         Rows take the turning rate that u changes for the present one in products with u: with
-        ``Δ = min(A T/ℓ, 2 Ω)`` they miss ``A Δ T + V Δ² T/2``.
+        ``Δ = min(A⊥ T/ℓ, 2 Ω)`` they miss ``A Δ T + V Δ² T/2``.
 
         Args:
             period: T [s].
         """
-        change = min(self.braking * period / self.look_ahead, 2.0 * self.turn)
+        change = min(across(self) * period / self.look_ahead, 2.0 * self.turn)
         return (self.braking + 0.5 * self.forward * change) * change * period
 
     def strays(self, period: float) -> float:
@@ -77,6 +80,12 @@ class Axle(NamedTuple):
         """
         fastest = self.forward * self.turn**2 + 2.0 * self.braking * self.turn
         return fastest * period**3 / 6.0
+
+
+@njit(cache=True, error_model="numpy")
+def across(axle: Axle) -> float:
+    """Return the greatest acceleration of the point across the heading, A⊥ [m/s²]."""
+    return min(axle.braking, axle.look_ahead * axle.turn / SPIN_UP)
 
 
 @njit(cache=True, error_model="numpy")
@@ -110,11 +119,11 @@ def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> 
     cos, sin = np.cos(heading), np.sin(heading)
     back, ahead = _room(axle.braking, v, axle.forward, period)
     length = axle.look_ahead
-    right, left = _room(axle.braking, length * turning, length * axle.turn, period)
+    right, left = _room(across(axle), length * turning, length * axle.turn, period)
     for k in range(4):
         along = back if k == 0 or k == 3 else ahead
-        across = right if k < 2 else left
-        out[k, 0], out[k, 1] = cos * along - sin * across, sin * along + cos * across
+        side = right if k < 2 else left
+        out[k, 0], out[k, 1] = cos * along - sin * side, sin * along + cos * side
 
 
 @njit(cache=True, error_model="numpy", inline="always")

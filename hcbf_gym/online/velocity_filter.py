@@ -27,6 +27,7 @@ from hcbf_gym.errors import (
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.models import axle as drives
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
@@ -463,7 +464,8 @@ class VelocityFilter:
             told[0] = min(max(told[0], -self.fastest), self.fastest)
             axes = self._axes(heading)
             change = (told - now @ axes) / self._period
-            return axes @ np.clip(change, -self._axle.braking, self._axle.braking)
+            most = np.array([self._axle.braking, drives.across(self._axle)])
+            return axes @ np.clip(change, -most, most)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
         velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
         missing = (velocity - now) / self._period
