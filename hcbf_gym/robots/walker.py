@@ -2,7 +2,7 @@
 
 >>> cart = Walker.load("cart")
 >>> cart.command.limits  # (v, ω) [m/s, rad/s]
-array([1.2, 5. ])
+array([1.2, 2.5])
 """
 
 from dataclasses import dataclass, fields

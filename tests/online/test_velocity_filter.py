@@ -225,7 +225,7 @@ def test_a_lost_message_forgets_nothing_that_is_under_way():
         before, _ = door.step((1.0, 0.0), *AT_REST, 0.01 * k)  # the robot has not moved yet
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        after, report = door.step((1.0, 0.0), *AT_REST, 0.11)
+        after, report = door.step((1.0, 0.0), *AT_REST, 0.105)
     assert report["status"] != FilterStatus.BACKUP
     assert after[0] > before[0]
     later, _ = door.step((1.0, 0.0), *AT_REST, 2.0)
