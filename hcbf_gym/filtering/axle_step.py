@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from hcbf_gym.arrays import Array, Records
+from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels
 from hcbf_gym.barriers.margins import MARGIN, QUICKENING, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
@@ -61,7 +61,7 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write margins, rows and U of one plant; those of users' own conditions are made later."""
     plant, axle = p.sensed[i], axle_of(c)
     if p.told[i].reason != 0:
-        plant.heading = plant.headed  # as the state, the last that was believed
+        carry_on(axle, plant)
     known = place(c, plant)
     margins.derive(c, p.kind[i], p.parameters[i], known, c.period, w.margin[:, i])
     w.margin[QUICKENING, i] += c.jerk
@@ -84,10 +84,26 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
             )[0]
         n, b = w.a[i, k], w.rows[B, i, k]
         w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
+        if p.kind[i, k] == layout.SPEED_LIMIT or p.kind[i, k] == layout.ZONE:
+            continue  # n is along the heading, and e·u alone changes the speed
         n[0], n[1], w.rows[B, i, k] = axle_rows.of_axle(
             axle, plant.x, plant.heading, c.period, n[0], n[1], b
         )
     _rows_of_point(c, p, w, i)
+
+
+@njit(cache=True)
+def carry_on(axle: Axle, plant: Any) -> None:
+    """Let a plant that is not believed go on turning, as its model goes on."""
+    plant.heading = plant.headed
+    if not plant.known or not plant.elapsed > 0.0:
+        return
+    _, turning = drives.speeds(axle, plant.x, plant.headed)
+    plant.heading += turning * plant.elapsed
+    cos, sin = np.cos(turning * plant.elapsed), np.sin(turning * plant.elapsed)
+    _turn(plant.x[2:], cos, sin)
+    _turn(plant.model[2:], cos, sin)
+    _turn(plant.believed[2:], cos, sin)
 
 
 @njit(cache=True)
@@ -171,11 +187,6 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
 
     A robot that a region runs into has not entered it.
     """
-    some = False
-    for k in range(p.kind.shape[1]):
-        some |= p.priority[i, k] == 1 and moves(p.kind[i, k], p.parameters[i, k])
-    if not some:
-        return
     for k in range(w.priority.shape[1]):
         later = w.priority[i, k] > 1
         if k < p.kind.shape[1] and p.priority[i, k] == 1:
@@ -254,10 +265,10 @@ def face(plants: Records, gain: float) -> None:
 
 
 @njit(cache=True)
-def of_body(c: Any, p: Plants, i: int, h: Array) -> Array:
+def of_body(c: Any, p: Plants, i: int, h: Array, strict: Mask) -> Array:
     """Return h (m,) of the axle: of what binds the point it is no less than the point's less ℓ."""
     out = h.copy()
     for k in range(h.size):
-        if moves(p.kind[i, k], p.parameters[i, k]):
+        if strict[k] and moves(p.kind[i, k], p.parameters[i, k]):
             out[k] -= c.axle[0]
     return out

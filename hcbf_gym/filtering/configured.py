@@ -11,7 +11,14 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import axle_rows, braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, finite_array
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    SafetyWarning,
+    check_options,
+    choose,
+    finite_array,
+)
 from hcbf_gym.filtering import plants
 from hcbf_gym.filtering.settings import (
     ROW_OPTIONS,
@@ -25,6 +32,9 @@ from hcbf_gym.filtering.threads import Threads
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+FAR_OFF = 0.15
+"""What rows may ask of a cart that drives along a wall before that is warned of [m]."""
 
 
 class Configured:
@@ -112,6 +122,9 @@ class Configured:
         if input_set.n_u == 2:
             batch = programs.make_batch(asked.program, input_set=input_set, **options)
             compiled = batch.settings_of(self.count)
+            if plant.axle is not None and compiled.by_level:  # a strict rank for what moves
+                weights = np.insert(compiled.weights, 1, np.inf, axis=1)
+                compiled = compiled._replace(weights=weights)
         own = plant.uncertainty.distance if asked.margin is None else 0.0
         leans = self.uncertainty.cap > 0.0
         numbers = self.uncertainty._asdict()
@@ -123,7 +136,9 @@ class Configured:
         axle, period = plant.axle, plant.period or 0.0
         if axle is not None:
             numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
-            numbers["axle_rows"] = self._axle_settings(held).packed
+            settings = self._axle_settings(held)
+            numbers["axle_rows"] = settings.packed
+            self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
         self._constants, self._program = plants.constants(compiled, numbers)
         if axle is not None:  # its U turns with the heading, and is written at every step
             nothing = np.zeros((self.count, 4, 2))
@@ -177,6 +192,18 @@ class Configured:
             self.alpha1 = self.alpha1.stretched(stretch)
             factor *= stretch
         return factor
+
+    def _warn_of_clearance(self, clearance: float) -> None:
+        """Warn where a differential drive is sampled so slowly that it stays far off walls."""
+        axle, period = self.plant.axle, self.plant.period
+        if axle is not None and clearance > FAR_OFF:
+            warnings.warn(
+                f"safety filter: at a period of {period:g} s a cart that turns at {axle.turn:g} "
+                f"rad/s stays {clearance:.2g} m off walls besides its margin; expected a shorter "
+                "period, or a lower turn or forward speed",
+                CoverageWarning,
+                stacklevel=6,
+            )
 
     def _axle_settings(self, held: bool) -> RowSettings:
         """Return how rows on a differential drive's axle are made."""

@@ -126,11 +126,13 @@ class PlanarCore(FilterCore):
         names = "x", "time", "model", "lag", "covariance", "growth"
         state = [plants[name] for name in names]
         reach = 0.0 if self.plant.axle is None else self.plant.axle.look_ahead
-        kept = self.uncertainty._replace(body=self.uncertainty.body + reach)
-        reserved = scene.reserved(kept, *state, period=self.plant.period or 0.0)
+        reserved = scene.reserved(self.uncertainty, *state, period=self.plant.period or 0.0)
         out[..., MARGIN] = reserved[margins.MARGIN]
         x, time = plants["x"], plants["time"]
         for (i, k), barrier in scene.own.items():
+            if barrier.reads_position:  # which binds the point before an axle
+                reserved[margins.MARGIN, i, k] += reach
+                out[i, k, MARGIN] += reach
             of_row = reserved[: margins.LEANING, i, k].tolist()
             try:
                 with np.errstate(all="ignore"):

@@ -314,7 +314,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         axle_step.turn_memory(plant)
     if told.reason == 0:
         if not c.made:
-            watch(plant, c.radius, c.confidence, c.settles == 0.0)
+            watch(plant, c.radius, c.confidence, c.settles == 0.0 and not c.drives)
         told.reason = plant.alarm
     else:
         plant.follows = 0
@@ -323,6 +323,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if _stops(told.reason, plant.alarm, c.brakes):
         _wish_to_stop(c, own_of(settings, i).vertices, plant, w.u[i])
         _guide_nowhere(c, p, w, i)
+        if c.drives and c.by_level:
+            axle_step.split_ranks(p, w, i)
         return
     for j in range(told.u_nominal.size):
         w.u[i, j] = told.u_nominal[j]
@@ -434,7 +436,9 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
         told.proved = 0 if lacks.any else 1
     if c.drives:
-        h_body = axle_step.of_body(c, p, i, h)
+        for k in range(m):
+            violated |= p.priority[i, k] == 1 and slack[k] > 0.0
+        h_body = axle_step.of_body(c, p, i, h, w.strict[i])
         unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h_body, c.body, True)
     else:
         unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)

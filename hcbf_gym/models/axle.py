@@ -73,13 +73,16 @@ class Axle(NamedTuple):
         return (self.braking + 0.5 * self.forward * change) * change * period
 
     def strays(self, period: float) -> float:
-        """Return how far from ``½ p̈ T²`` of the mean acceleration the axle gets in T, j T³/6 [m].
+        """Return by how much h − m may be less than a row says at the end of a hold [m].
+
+        The way strays from that of a constant mean acceleration by ``j T³/12``, with
+        ``j = V Ω² + 2 A Ω``, and the mean acceleration from the row's by `jerk`.
 
         Args:
             period: T [s].
         """
         fastest = self.forward * self.turn**2 + 2.0 * self.braking * self.turn
-        return fastest * period**3 / 6.0
+        return fastest * period**3 / 12.0 + 0.5 * self.jerk(period) * period**2
 
 
 @njit(cache=True, error_model="numpy")

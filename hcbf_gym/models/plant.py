@@ -35,7 +35,7 @@ class Reason(IntEnum):
     STATE = (
         1,
         "the state is not finite, farther away than anything is, or of another shape than the "
-        "model's",
+        "model's, or a differential drive's heading is missing",
     )
     AGE = 2, "the state is older than the plant's max_age"
     CLOCK = 3, "the time of the state does not go on"
@@ -238,6 +238,11 @@ class Plant:
         choose("on_alarm", self.on_alarm, ON_ALARM)
         if self.axle is not None:
             self.axle.checked()
+            if self.period is None:
+                raise InvalidInputError(
+                    "plant: got an axle without a period, expected Plant(period=…) [s]: its U "
+                    "depends on it"
+                )
             if self.model != DoubleIntegrator():
                 raise InvalidInputError(
                     f"plant: got an axle with {self.model}, expected DoubleIntegrator(): the point "

@@ -218,14 +218,20 @@ class VelocityFilter:
 
     @v_max.setter
     def v_max(self, v_max: float | None) -> None:
-        self._limit: tuple[SpeedLimit, ...] = ()
-        self.fastest = self._begins_at = self._robot.command.fastest
-        if v_max is not None:
-            cap = _cap(v_max, self._reserved, self._robot)
-            self._limit = (SpeedLimit("speed limit", 1, cap),)
-            self._begins_at = float(braking.speed_left(cap, self._reserved))
-            gained = self._period * self._hardest
-            self.fastest = math.sqrt(max(0.0, self._begins_at**2 - gained**2))
+        if v_max is None:
+            self._limit: tuple[SpeedLimit, ...] = ()
+            self.fastest = self._begins_at = self._robot.command.fastest
+            return
+        cap = _cap(v_max, self._reserved, self._robot)
+        left, gained = float(braking.speed_left(cap, self._reserved)), self._period * self._hardest
+        if left <= gained:
+            raise InvalidInputError(
+                f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
+                f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
+                "or leave v_max out"
+            )
+        self._limit = (SpeedLimit("speed limit", 1, cap),)
+        self._begins_at, self.fastest = left, math.sqrt(left**2 - gained**2)
 
     @property
     def program(self) -> Any:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
@@ -174,6 +174,75 @@ def test_what_moves_gives_way_to_what_stands():
     assert said
 
 
+@pytest.mark.parametrize(
+    ("program", "options"),
+    [("eh-cbf-qp", {}), ("eh-cbf-qp", {"gamma0": 0.01}), ("lex-cbf-qp", {"weights": [None, 1.0]})],
+)
+def test_a_strict_region_that_moves_stays_strict_under_every_program(program, options):
+    mover = [Disc("mover", 1, (2.5, 0.0), 0.3, (-0.3, 0.0))]
+    core, cart = filter_of(mover, program=program, **options), Cart((0.0, 0.0), 0.0)
+    begun(core, mover, cart)
+    for _ in range(160):
+        u, report = core.step(np.array([5.0, 0.0]), mover, cart.estimate())
+        assert report["status"] <= FilterStatus.SAFE
+        time = cart.time
+        assert nearest(mover, cart.hold(u)[-1:], time + PERIOD)[0] >= BODY - 1e-9
+
+
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
+def test_after_an_alarm_that_brakes_what_moves_pushes_it_through_no_wall():
+    wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
+    scene = [wall, Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))]
+    plant = Plant(
+        DoubleIntegrator(), scene, lambda *_: None, Box.symmetric(CART.braking), period=PERIOD,
+        uncertainty=Uncertainty(body=BODY), axle=CART,
+    )  # fmt: skip
+    settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "brake", False, {})
+    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    begun(core, scene, cart)
+    for step in range(120):
+        fault = Reason.INPUT if step == 2 else None
+        u, report = core.step(np.zeros(2), scene, cart.estimate()._replace(fault=fault))
+        assert nearest([wall], cart.hold(u))[0] >= BODY - 1e-9
+    assert report["status"] == FilterStatus.BACKUP
+
+
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
+@pytest.mark.parametrize("begins", [(0.5, 1.82), (0.3, -1.0), (-0.4, 1.5)])
+def test_without_a_heading_it_comes_to_rest(begins):
+    core, cart = filter_of(ROOM), Cart((0.0, 0.0), 0.4)
+    begun(core, ROOM, cart)
+    cart.v, cart.turning = begins
+    u, _ = core.step(np.zeros(2), ROOM, cart.estimate())
+    cart.hold(u)
+    for _ in range(80):
+        u, report = core.step(np.zeros(2), ROOM, cart.estimate()._replace(heading=np.nan))
+        cart.hold(u)
+    assert report["status"] == FilterStatus.BACKUP
+    assert abs(cart.v) < 0.01
+    assert abs(cart.turning) < 0.02
+
+
+@pytest.mark.parametrize("braking", [0.5, 1.5])
+def test_a_speed_limit_is_not_passed_by_turning(braking):
+    cart_of = Axle(0.25, 1.2, 2.5, braking)
+    limit = [SpeedLimit("limit", 1, 0.8)]
+    plant = Plant(
+        DoubleIntegrator(), limit, lambda *_: None, Box.symmetric(5.0), period=PERIOD, axle=cart_of
+    )
+    settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
+    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    begun(core, limit, cart)
+    fastest = 0.0
+    for _ in range(200):
+        e, across = cart.axes
+        u, report = core.step(5.0 * e + 5.0 * across, limit, cart.estimate())
+        cart.hold(u)
+        fastest = max(fastest, abs(cart.v))
+        assert report["reason"] == Reason.NONE  # an exact axle raises no alarm
+    assert 0.7 < fastest <= 0.8
+
+
 def test_guidance_turns_a_cart_that_faces_away():
     discs = [Disc("disc", 1, (2.0, 0.3), 0.3)]
     core, cart = filter_of(discs, guidance="geodesic"), Cart((0.0, 0.0), np.pi - 0.05)
@@ -208,4 +277,6 @@ def test_an_axle_needs_its_point_and_the_compiled_program():
     with pytest.raises(InvalidInputError, match="turns with its heading"):
         filter_of(ROOM, solver="daqp")
     with pytest.raises(InvalidInputError, match="axle"):
-        Plant(SingleIntegrator(), [], lambda *_: None, axle=CART)
+        Plant(SingleIntegrator(), [], lambda *_: None, period=PERIOD, axle=CART)
+    with pytest.raises(InvalidInputError, match="axle without a period"):
+        Plant(DoubleIntegrator(), [], lambda *_: None, axle=CART)
