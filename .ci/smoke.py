@@ -35,7 +35,7 @@ def drive() -> None:
     for k in range(300):
         told, report = door.step((1.0, 0.0), (x, 0.0, 0.0), (told[0], 0.0, 0.0), 0.05 * k)
         x += 0.05 * told[0]
-    assert 1.0 < x < 2.3, (x, report)
+    assert 1.0 < x < 2.5, (x, report)  # of its axle, before the edge
 
 
 def walk(name: str, **options: str) -> None:
