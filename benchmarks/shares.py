@@ -57,6 +57,7 @@ def shares() -> list[dict[str, Any]]:
     samples, buffer = core._samples, core._buffer
     refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
+    refused = refused.view(np.float64)
 
     def sense() -> Any:
         return env._readers(env._inner, env._observation, env._info)
@@ -67,13 +68,13 @@ def shares() -> list[dict[str, Any]]:
         samples.time[0] += PERIOD
         scene = core._scene
         step.filter_plants(
-            core._constants,
+            core._words,
             core._program,
-            (scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
-            samples.plants,
+            *(scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
+            samples.words,
             core._no_rows,
             told,
-            buffer.rows,
+            buffer.words[1],
         )
 
     def later() -> None:
@@ -85,7 +86,7 @@ def shares() -> list[dict[str, Any]]:
         "taking the estimate": _time(lambda: samples.take(estimate, None)),
         "taking the barriers": _time(lambda: core._note_news(core._read_barriers(barriers))),
         "crossing into compiled code": _time(lambda: call(refused)) - _time(later),
-        "margins, rows, program, monitor": _time(lambda: call(buffer.plants))
+        "margins, rows, program, monitor": _time(lambda: call(buffer.words[0]))
         - _time(lambda: call(refused)),
         "the report": _time(buffer.report),
     }

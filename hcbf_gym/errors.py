@@ -200,7 +200,7 @@ def as_array(name: str, value: Any) -> NDArray[Any]:
         InvalidInputError: on ragged lists, on objects that do not tell their entries, and on
             arrays of which a mask hides some.
     """
-    if np.ma.is_masked(value):
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array without a mask")
     try:
         return np.asarray(value)

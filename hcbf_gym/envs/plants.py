@@ -18,9 +18,18 @@ def _read(name: str, env: object, *_: object) -> Any:
     return getattr(env, name)
 
 
-_BARRIERS, _ESTIMATE, _GOAL, _JUDGED, _DECLARED = (
-    partial(_read, name) for name in ("barrier_set", "estimate", "goal", "judged", "declared")
-)  # the same ones for every plant: filters compare them
+_GOAL, _JUDGED, _DECLARED = (partial(_read, name) for name in ("goal", "judged", "declared"))
+# the same readers for every plant: filters compare them
+
+
+def _barriers(env: Any, *_: object) -> Any:
+    """Return an environment's barriers; asked for at every step."""
+    return env.barrier_set
+
+
+def _estimate(env: Any, *_: object) -> Any:
+    """Return what an environment knows of its state; asked for at every step."""
+    return env.estimate
 
 
 class PlantModel(NamedTuple):
@@ -59,8 +68,8 @@ def plant_of(
     """
     return Plant(
         model=DoubleIntegrator(),
-        barriers=_BARRIERS,
-        state=_ESTIMATE,
+        barriers=_barriers,
+        state=_estimate,
         input_set=input_set,
         period=CONTROL_DT,
         goal=_GOAL,

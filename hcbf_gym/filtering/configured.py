@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import axle_rows, braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
@@ -139,10 +139,15 @@ class Configured:
             settings = self._axle_settings(held)
             numbers["axle_rows"] = settings.packed
             self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
-        self._constants, self._program = plants.constants(compiled, numbers)
+        self._words, self._program = plants.constants(compiled, numbers)
         if axle is not None:  # its U turns with the heading, and is written at every step
             nothing = np.zeros((self.count, 4, 2))
             self._program = plants.with_vertices(self._constants, self._program, nothing)
+
+    @property
+    def _constants(self) -> Records:
+        """(1,) `plants.CONSTANTS`, which look into `_words`."""
+        return self._words.view(plants.CONSTANTS)
 
     def applied_as(self, dtype: Any) -> None:
         """Note the type of the environment's actions; strict rows reserve what rounding takes."""

@@ -126,18 +126,16 @@ class FilterCore(Configured, ABC):
         self, u_nominal: Array, barriers: Any, estimate: Estimate
     ) -> tuple[Array, dict[str, Any]]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
-        samples, buffer = self._samples, self._buffer
+        buffer = self._buffer
         self._take(barriers, estimate)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
             self._make_room(self._m)
         buffer.renew()
-        buffer.plants["u_nominal"] = u_nominal
+        buffer.u_nominal[...] = u_nominal
         arrays, own = self._made(scene, u_nominal)
-        said = self._filter(
-            self._constants, self._program, arrays, samples.plants, own, buffer.plants, buffer.rows
-        )
+        said = self._filter(arrays, own)
         if said == step.NOT_FINITE:
             bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
             raise InvalidInputError(
@@ -186,38 +184,48 @@ class FilterCore(Configured, ABC):
         """Know what was known before."""
         self._samples.restore(remembered)
 
-    def _filter(self, *arrays: Any) -> int:
-        """Filter what the arrays of `step.filter_plants` hold; return what that says."""
-        compiled: Any = step
+    def _filter(self, scene: SceneArrays, own: Array) -> int:
+        """Filter the plants; return what `step.filter_plants` says."""
+        samples, buffer = self._samples, self._buffer
         if self._solver is None and len(self._parts) == 1:
-            return compiled.filter_plants(*arrays)
+            words, told = samples.words, buffer.words
+            return step.filter_plants(self._words, self._program, *scene, words, own, *told)
         if self._solver is None:
-            return self._filter_parts(*arrays)
-        said, part, work, source = compiled.pose(*arrays)
+            return self._filter_parts(scene, own)
+        plants, told = samples.plants, (buffer.plants, buffer.rows)
+        constants, program = self._constants, self._program
+        said, part, work, source = step.pose(constants, program, scene, plants, own, *told)
         if said != step.DONE:
             return said
-        constants, program, *_, rows = arrays
         answered = solvers.answer(self._solver, work)
-        return step.close(constants, program, answered, (part, work, source), rows)
+        return step.close(constants, program, answered, (part, work, source), buffer.rows)
 
-    def _filter_parts(
-        self, constants: Any, _: Any, scene: Any, sensed: Any, own: Any, told: Any, rows: Any
-    ) -> int:
+    def _filter_parts(self, scene: SceneArrays, own: Array) -> int:
         """Filter parts of the plants at once, as `_filter` does all of them."""
-        compiled: Any = step
+        sensed, told, rows = self._samples.plants, self._buffer.plants, self._buffer.rows
         if not np.isfinite(told["u_nominal"]).all():
             return step.NOT_FINITE
-        *of_plants, atlas = scene
+        kind, parameters, priority, own_margin, atlas = scene
 
         def filter_part(part: tuple[slice, Array]) -> int:
             these, program = part
-            own_constants = constants
+            constants = self._constants
             if constants["input_sets"][0] > 1:
-                own_constants = constants.copy()
-                own_constants["input_sets"] = len(told[these])
-            scenes = *(array[these] for array in of_plants), atlas
-            each = sensed[these], own[these], told[these], rows[these]
-            return compiled.filter_plants(own_constants, program, scenes, *each)
+                constants = constants.copy()
+                constants["input_sets"] = len(told[these])
+            return step.filter_plants(
+                constants.view(np.float64),
+                program,
+                kind[these],
+                parameters[these],
+                priority[these],
+                own_margin[these],
+                atlas,
+                sensed[these].view(np.float64),
+                own[these],
+                told[these].view(np.float64),
+                rows[these].reshape(-1).view(np.float64),
+            )
 
         return max(
             self._threads.run(filter_part, list(zip(self._parts, self._programs, strict=True)))
@@ -260,6 +268,15 @@ class FilterCore(Configured, ABC):
         """
         samples = self._samples
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
+        if barriers is not self._scene or barriers.edits != self._edits:
+            self._take_barriers(barriers)
+        if self._refused:
+            samples.doubt(Reason.BARRIERS)
+        elif self._needs_time and estimate.time is None:
+            samples.doubt(Reason.CLOCK)
+
+    def _take_barriers(self, barriers: Any) -> None:
+        """Note barriers that may be others than the last ones."""
         try:
             scene = self._read_barriers(barriers)
         except UNREADABLE:
@@ -267,10 +284,6 @@ class FilterCore(Configured, ABC):
             self._version, self._edits = np.full(self.count, -1), -1
         else:
             self._note_news(scene)
-        if self._refused:
-            samples.doubt(Reason.BARRIERS)
-        elif self._needs_time and estimate.time is None:
-            samples.doubt(Reason.CLOCK)
 
     def _note_news(self, scene: BarrierSet) -> None:
         """Take a scene for the present one; what is news in it is looked at."""

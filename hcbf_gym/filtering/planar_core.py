@@ -114,7 +114,7 @@ class PlanarCore(FilterCore):
             if np.isfinite(u_nominal).all():
                 self._make_rows(scene)
         if self._guide.guides:
-            self._guide.lead(scene, self._samples, self._buffer.plants["u_nominal"])
+            self._guide.lead(scene, self._samples, self._buffer.u_nominal)
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         return (*numbers, scene.atlas.numbers), own
 

@@ -107,8 +107,8 @@ LEAST_PLANTS = 64
 """Below so many plants a thread takes longer to begin than to filter."""
 
 
-def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Array]:
-    """Return (1,) `CONSTANTS`, and the corners of U with the program's weights behind them.
+def constants(settings: Settings, others: dict[str, Any]) -> tuple[Array, Array]:
+    """Return the numbers of a `CONSTANTS`; and the corners of U, the program's weights behind them.
 
     Args:
         settings: of the program.
@@ -120,7 +120,7 @@ def constants(settings: Settings, others: dict[str, Any]) -> tuple[Records, Arra
     sizes = {"corners": vertices.shape[1], "input_sets": 1, "weights": weights.shape[1]}
     for name, number in (own | sizes | others).items():
         record[name] = number
-    return record, _numbers(vertices, weights)
+    return record.view(np.float64), _numbers(vertices, weights)
 
 
 def solved_outside(radius: float) -> Settings:
@@ -240,21 +240,27 @@ def fits(p: Plants) -> bool:
 def make_work(
     settings: Settings, n: int, m: int, total: int, n_u: int, drives: bool = False
 ) -> Work:
-    """Return room for n plants of n_u inputs with m rows, `total` with guidance."""
+    """Return room for n plants of n_u inputs with m rows, `total` with guidance.
+
+    What lies together is one piece of memory: asking for it takes as long as filling it.
+    """
+    of_inputs, of_rows = np.empty((2, n, n_u)), np.empty((6, n, total))
+    codes = np.empty(n * (total + 2), dtype=np.int64)
+    ends = n * total, n * (total + 1)
     return Work(
-        np.empty((n, n_u)),
+        of_inputs[0],
         np.empty((n, total, n_u)),
-        np.empty((4, n, total)),
-        np.empty((n, total), dtype=np.int64),
+        of_rows[:4],
+        codes[: ends[0]].reshape(n, total),
         np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
         np.empty((n if drives else 0, total, 3)),
         FilterResult(
-            np.empty((n, n_u)),
-            np.empty((n, total)),
-            np.empty((n, total)),
-            np.empty(n, dtype=np.int64),
-            np.empty(n, dtype=np.int64),
+            of_inputs[1],
+            of_rows[4],
+            of_rows[5],
+            codes[ends[0] : ends[1]],
+            codes[ends[1] :],
         ),
         make_workspace(settings.radius, settings.vertices.shape[1], total),
     )

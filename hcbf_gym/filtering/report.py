@@ -56,6 +56,8 @@ ROW = np.dtype(
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()
 _WORD = 8  # bytes of a number or a code
+ROW_WORDS = ROW.itemsize // _WORD
+"""Numbers of a row."""
 
 
 class ReportBuffer:
@@ -68,6 +70,8 @@ class ReportBuffer:
     Attributes:
         plants: (N,) `PLANT`.
         rows: (N, M) `ROW`; M is m, and one more with guidance.
+        u_nominal: (N, n_u) of `plants`.
+        words: the numbers that `plants` and `rows` are made of.
     """
 
     def __init__(self, count: int | None, n_u: int = 2):
@@ -80,7 +84,7 @@ class ReportBuffer:
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""
         told = self.plants
-        words = total * self._count * ROW.itemsize // _WORD
+        words = total * self._count * ROW_WORDS
         self._m, self._total = m, total
         self._divide(np.zeros(self._count * self._dtype.itemsize // _WORD + words))
         self.plants[...] = told
@@ -97,12 +101,14 @@ class ReportBuffer:
         words = self._count * self._dtype.itemsize // _WORD
         self._numbers = memory
         self._codes = memory.view(np.int64)
-        self.plants = memory[:words].view(self._dtype)
-        self.rows: Records = memory[words:].view(ROW).reshape(self._count, self._total)
+        self.words = memory[:words], memory[words:]
+        self.plants = self.words[0].view(self._dtype)
+        self.u_nominal: Array = self.plants["u_nominal"]
+        self.rows: Records = self.words[1].view(ROW).reshape(self._count, self._total)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; its records look into its own memory."""
-        parts = ("plants", "rows", "_codes")
+        parts = ("plants", "rows", "u_nominal", "words", "_codes")
         return {name: value for name, value in vars(self).items() if name not in parts}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -127,7 +133,7 @@ _BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
 
 def _places(dtype: Any, m: int) -> list[tuple[str, int | slice, bool]]:
     """Return where one plant's memory holds each field, and whether that is a code."""
-    start, step = dtype.itemsize // _WORD, ROW.itemsize // _WORD
+    start, step = dtype.itemsize // _WORD, ROW_WORDS
     places: list[tuple[str, int | slice, bool]] = []
     for name, (kind, offset, *_) in dtype.fields.items():
         at = offset // _WORD

@@ -29,6 +29,7 @@ class Samples:
 
     Attributes:
         plants: (N,) `plants.PLANT`.
+        words: the numbers that `plants` is made of.
         states: of them.
         input: (N, n_u) that was applied last.
         time: (N,) of the states [s].
@@ -50,6 +51,7 @@ class Samples:
     def _name_parts(self, plants: Records, own: State | None) -> None:
         """Name parts of the records, which look into their memory, and of states of their own."""
         self.plants, self._own = plants, own
+        self.words = plants.view(np.float64)
         self.states = State(*(plants[name] for name in State._fields)) if own is None else own
         self.input: Array = plants["input"]
         self.time: Array = plants["time"]

@@ -17,10 +17,12 @@ from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
 from hcbf_gym.compilation import borrowed
-from hcbf_gym.filtering import axle_step, map_rows, verdict
+from hcbf_gym.filtering import axle_step, map_rows, report, verdict
 from hcbf_gym.filtering.belief import believe
 from hcbf_gym.filtering.monitor import watch
 from hcbf_gym.filtering.plants import (
+    CONSTANTS,
+    PLANT,
     Plants,
     Work,
     fits,
@@ -28,7 +30,7 @@ from hcbf_gym.filtering.plants import (
     program_of,
     some,
 )
-from hcbf_gym.filtering.report import ROW
+from hcbf_gym.filtering.report import ROW, ROW_WORDS
 from hcbf_gym.filtering.verdict import BACKUP
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import Reason
@@ -49,38 +51,60 @@ RESPONSE = int(Reason.RESPONSE)
 
 @njit(cache=True, nogil=True)
 def filter_plants(
-    constants: Records,
+    constants: Array,
     program: Array,
-    scene: tuple[Integers, Array, Integers, Array, Array],
-    sensed: Records,
+    kind: Integers,
+    parameters: Array,
+    priority: Integers,
+    own_margin: Array,
+    atlas: Array,
+    sensed: Array,
     own: Array,
-    told: Records,
-    rows: Records,
+    told: Array,
+    rows: Array,
 ) -> int:
     """Filter the nominal inputs of N plants of two inputs; `Plants` has the arrays.
 
+    Records come as the numbers that they are made of, and arrays one by one: Python hands those
+    over in half the time.
+
     Args:
-        constants: (1,) `plants.CONSTANTS`.
+        constants: the numbers of a `plants.CONSTANTS`.
         program: the corners of U and the weights, see `plants.constants`.
-        scene: kind, parameters, priority, own margin and atlas.
-        sensed: what is not believed is replaced.
+        kind: of the scenes.
+        parameters: likewise.
+        priority: likewise.
+        own_margin: likewise.
+        atlas: likewise.
+        sensed: the numbers of N `plants.PLANT`; what is not believed is replaced.
         own: where there are such rows, the states have been looked at, too.
-        told: with u*; with own rows, the reasons stand there already.
-        rows: written to.
+        told: the numbers of N `report.PLANT`, with u*; with own rows, the reasons stand there
+            already.
+        rows: the numbers of (N, M) `report.ROW`, written to.
 
     Returns:
         `DONE`; `NOT_FINITE` (u* is not) or `MISSHAPED` (a scene is not of N plants), and nothing is
         written; or `ASKS` where a warning is due.
     """
-    c = borrowed(constants)[0]
+    c = borrowed(constants).view(CONSTANTS)[0]
     numbers = borrowed(program)
+    count, m = kind.shape
+    if count == 0:
+        return MISSHAPED
     plants = Plants(
-        *borrowed(scene), borrowed(sensed), borrowed(own), borrowed(told), borrowed(rows)
+        borrowed(kind),
+        borrowed(parameters),
+        borrowed(priority),
+        borrowed(own_margin),
+        borrowed(atlas),
+        borrowed(sensed).view(PLANT),
+        borrowed(own),
+        borrowed(told).view(report.PLANT),
+        borrowed(rows).view(ROW).reshape(count, rows.size // (count * ROW_WORDS)),
     )
     said = _begin(c, plants)
     if said != DONE:
         return said
-    count, m = plants.kind.shape
     asks = False
     if plants.atlas.size > 1:
         for i in range(count):

@@ -4,7 +4,7 @@ import warnings
 from typing import Any
 
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate, Plant, read
+from hcbf_gym.models.plant import Estimate, Plant
 
 
 class Readers:
@@ -15,7 +15,8 @@ class Readers:
     """
 
     def __init__(self, plant: Plant):
-        self._plant = plant
+        self._barriers: Any = plant.barriers
+        self._moving, self._state = callable(plant.barriers), plant.state
         self._said: set[str] = set()
 
     def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> tuple[Any, Estimate]:
@@ -24,9 +25,11 @@ class Readers:
         state: Any = None
         name = "barriers"
         try:
-            barriers = read(self._plant.barriers, env, observation, info)
+            barriers = self._barriers
+            if self._moving:
+                barriers = barriers(env, observation, info)
             name = "state"
-            state = self._plant.state(env, observation, info)
+            state = self._state(env, observation, info)
         except Exception as error:  # whatever a user's sensor raises, the robot has to stop
             self._say(name, error)
         return barriers, state if isinstance(state, Estimate) else Estimate(state)
