@@ -21,9 +21,9 @@ from rich.console import Console
 from hcbf_gym import certificates, wrappers
 from hcbf_gym.certificates import sequential
 from hcbf_gym.errors import RefusedError
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.attacked import Outcome
-from hcbf_gym.evaluation.certification import certify, check, own
+from hcbf_gym.evaluation.certification import certify, check
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.tables import Table
@@ -132,9 +132,9 @@ def shipped() -> Table:
     return _told(Table("Shipped certificates", ("certificate", "what came out"), rows), good)
 
 
-def late(steps: int = 6) -> own.Made:
+def late(steps: int = 6) -> own_environment.Made:
     """Return the boat of `examples/boat.py` whose rudder answers late, which nobody declares."""
-    env, plant = own.make(BOAT)
+    env, plant = own_environment.make(BOAT)
     original, waiting = env.step, [np.zeros(2)] * steps
 
     def step(action: Any) -> Any:
@@ -142,12 +142,12 @@ def late(steps: int = 6) -> own.Made:
         return original(waiting.pop(0))
 
     env.step = step  # type: ignore[method-assign]
-    return own.Made(env, plant)
+    return own_environment.Made(env, plant)
 
 
-def pushed() -> own.Made:
+def pushed() -> own_environment.Made:
     """Return the boat in a current towards the buoys, which its model leaves out like its drag."""
-    env, plant = own.make(BOAT)
+    env, plant = own_environment.make(BOAT)
     inner: Any = env.unwrapped
     original = env.step
 
@@ -157,7 +157,7 @@ def pushed() -> own.Made:
         return original(np.asarray(action) + 2.0 * towards / np.linalg.norm(towards))
 
     env.step = step  # type: ignore[method-assign]
-    return own.Made(env, plant)
+    return own_environment.Made(env, plant)
 
 
 def eager_humanoid(folder: Path) -> SceneFamily:

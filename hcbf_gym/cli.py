@@ -100,15 +100,17 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
     # one episode, one core: processes share the work, not threads, unless the user says otherwise
     threads = None if "OMP_NUM_THREADS" in os.environ else 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    goes_on = ""
     try:
         module = importlib.import_module(name)
+        goes_on = getattr(module, "GOES_ON", "")
         args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=arguments)
         with threadpool_limits(threads):
             module.main(args)
     except HcbfError as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        print("; ".join(filter(None, ("interrupted", goes_on))), file=sys.stderr)
         sys.exit(130)
 
 

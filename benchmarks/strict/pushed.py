@@ -7,9 +7,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym import wrappers
+from hcbf_gym import policies, wrappers
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, make_policy
+from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import learned
 from hcbf_gym.programs import FilterStatus
@@ -60,7 +60,7 @@ class PushedEpisode:
         observation, info = env.reset(seed=self.seed)
         inner: Any = env.unwrapped
         rng = np.random.default_rng(self.seed)
-        approach, policy = attacks.Nearest(rng), make_policy(self.policy, env)
+        approach, policy = attacks.Nearest(rng), policies.make(self.policy, env)
         around = attacks.observe(env)
         while around.h[0] > NEAR and inner.time < 20.0:
             observation, _, _, _, info = env.step(approach.act(around))

@@ -29,4 +29,5 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of the README."""
-    return {"all": comparison(figures["rows"], scenarios.make(SCENARIO).barriers)}
+    conditions = [(b.name, b.priority) for b in scenarios.make(SCENARIO).barriers]
+    return {"all": comparison(figures["rows"], conditions)}

@@ -18,7 +18,6 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.measures import deadlocked
-from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -38,7 +37,7 @@ class Cell(NamedTuple):
 
     Attributes:
         scene: a family's or a course's name.
-        policy: as `evaluation.rollouts.make_policy` takes it.
+        policy: as `policies.make` takes it.
         guidance: as the filter takes it.
         program: of the filter.
         options: of the program.
@@ -180,7 +179,7 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
     """Walk one scene on the A1; the goal and h are the true trunk's."""
     env: Any = gym.make("HCBF-A1Regions-v0", scenario=cell.scene)
     env = SafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
-    inner, act = env.unwrapped, make_policy(cell.policy, env)
+    inner, act = env.unwrapped, policies.make(cell.policy, env)
     observation, info = env.reset(seed=seed)
     unguided, scene = Unguided(env, cell, 1), inner.scenario
     least, deadlock, change, reached, over = info["min_h"].copy(), [], [], False, False

@@ -18,6 +18,9 @@ PROGRAM_COLORS = {
 }
 """One colour for a program throughout all figures."""
 
+OTHER_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c564b", "#000000")
+"""Of what has no colour of its own, one after the other."""
+
 PATH, REFERENCE, GOAL = "#0072b2", "#404040", "#111111"
 SPEED_ZONE = "#009e73"
 FIXED_BOX, LIGHT_BOX = "#8c6b4d", "#f2cc26"
@@ -27,6 +30,11 @@ FLOOR, FLOOR_TILE, FLOOR_LINE = "#e9e9e4", "#dededa", "#55554f"
 def priority_color(priority: int) -> str:
     """Return the colour of a priority (1, 2, …) as "#rrggbb"."""
     return PRIORITY_COLORS[min(priority, len(PRIORITY_COLORS)) - 1]
+
+
+def program_color(program: str, place: int = 0) -> str:
+    """Return a program's colour; that of a place among others, where it is none of the package."""
+    return PROGRAM_COLORS.get(program, OTHER_COLORS[place % len(OTHER_COLORS)])
 
 
 def paler(color: str, share: float = 0.3) -> str:

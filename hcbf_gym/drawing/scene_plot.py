@@ -1,5 +1,6 @@
 """A scene seen from above, drawn on matplotlib axes: regions, walls, boxes and the reference."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse as EllipsePatch
 from matplotlib.patches import Patch, Polygon
 
-from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
+from hcbf_gym.barriers import Oval, Shape, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.maps.cover import boxes
@@ -18,7 +19,7 @@ from hcbf_gym.scenarios import Scenario
 _FAR = 100.0
 
 
-def outline(barrier: Barrier, t: float = 0.0) -> Patch | None:
+def outline(barrier: Any, t: float = 0.0) -> Patch | None:
     """Return what a built-in region forbids at time t as a patch; None for other barriers."""
     if not isinstance(barrier, Shape):
         return None
@@ -46,12 +47,7 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     """
     if scenario.map is not None:
         draw_map(axes, scenario.map)
-    for barrier in sorted(scenario.barriers, key=lambda b: -b.priority):
-        patch = outline(barrier, t)
-        if patch is not None:
-            color = palette.priority_color(barrier.priority)
-            patch.set(facecolor=palette.paler(color, 0.6), edgecolor=color, lw=1.2, zorder=1)
-            axes.add_patch(patch)
+    draw_barriers(axes, scenario.barriers, t)
     for box in scenario.obstacles:
         cos, sin = np.cos(box.yaw), np.sin(box.yaw)
         half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(box.size[:2]) / 2
@@ -66,6 +62,18 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     low, high = limits(scenario)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
+
+
+def draw_barriers(axes: Axes, barriers: Iterable[Any], t: float = 0.0) -> list[Patch]:
+    """Draw the regions among barriers at time t, the first rank on top, and return the patches."""
+    patches = []
+    for barrier in sorted(barriers, key=lambda b: -b.priority):
+        patch = outline(barrier, t)
+        if patch is not None:
+            color = palette.priority_color(barrier.priority)
+            patch.set(facecolor=palette.paler(color, 0.6), edgecolor=color, lw=1.2, zorder=1)
+            patches.append(axes.add_patch(patch))
+    return patches
 
 
 def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
@@ -101,7 +109,13 @@ def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
     if scenario.map is not None:
         points.extend(scenario.map.grid.corners)
-    for barrier in scenario.barriers:
+    return window(points, scenario.barriers)
+
+
+def window(points: Iterable[Any], barriers: Iterable[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (2,), (2,) of a window that shows points (2,) and bounded regions [m]."""
+    points = list(points)
+    for barrier in barriers:
         patch = outline(barrier)
         if patch is not None and not _is_wall(barrier):
             points.extend(patch.get_extents().corners())
@@ -110,5 +124,5 @@ def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     return low - pad, high + pad
 
 
-def _is_wall(barrier: Barrier) -> bool:
+def _is_wall(barrier: Any) -> bool:
     return isinstance(barrier, Shape) and isinstance(barrier.outline(), Wall)

@@ -9,13 +9,12 @@ import gymnasium as gym
 import numpy as np
 from scipy.stats import chi2
 
-from hcbf_gym import wrappers
+from hcbf_gym import policies, wrappers
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.episode import Act, Sample, in_double, samples
-from hcbf_gym.evaluation.rollouts import make_policy
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -30,7 +29,7 @@ class AttackedEpisode:
     """What to run.
 
     Args:
-        attack: what `attacks.make` takes, or a policy's name ("pd", "ppo", …).
+        attack: what `attacks.make` takes, or a policy as `policies.make` takes it.
         scenario: its name, or a scene as a dict.
         seed: of the environment and the attack.
         env: the id of an environment of this package.
@@ -109,8 +108,8 @@ def policy_of(
     Raises:
         UnknownNameError: if there is neither an attack nor a policy of that name.
     """
-    if parameters is None and name not in attacks.ATTACKS and ":" not in name:
-        return in_double(make_policy(name, env))
+    if parameters is None and not attacks.is_attack(name):
+        return in_double(policies.make(name, env))
     attack = attacks.make(name, seed, parameters)
     return lambda observation, info: attack.act(attacks.observe(env))
 

@@ -1,7 +1,7 @@
 """Policies that try to push the robot into a strict region with the full input.
 
-One of your own is an `Attack`, or any function s → u*, and goes by ``module:name`` wherever the
-name of an attack is asked for; so every process finds it.
+One of your own is an `Attack`, or any function s → u*, and goes by ``module:name`` or
+``file.py:name`` wherever the name of an attack is asked for; so every process finds it.
 
 >>> class Spiral(Attack):
 ...     def act(self, s: Surroundings) -> Array:
@@ -13,7 +13,7 @@ name of an attack is asked for; so every process finds it.
 array([-5.,  0.])
 """
 
-import importlib
+import inspect
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,6 +23,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from hcbf_gym import loading
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
@@ -360,35 +361,35 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
     """Return an attack.
 
     Args:
-        name: one of `ATTACKS` or `ON_ANY_MODEL`; "searched" with parameters; or ``module:name`` of
-            an `Attack`, or of a function s → u*.
+        name: one of `ATTACKS` or `ON_ANY_MODEL`; "searched" with parameters; or ``module:name`` or
+            ``file.py:name`` of an `Attack`, or of a function s → u*.
         seed: decides what is random about it.
         parameters: of `Searched`, or other ones of `Trained`.
 
     Raises:
         UnknownNameError: if there is no such attack.
-        InvalidInputError: if a module does not have what is named, or it is no attack.
+        InvalidInputError: if a module does not have what is named.
     """
     rng = np.random.default_rng([STREAM, seed])
     if parameters is not None:
         return {"searched": Searched, "trained": Trained}[name](rng, parameters)
-    if ":" in name:
-        found = _found(name)
+    if loading.is_function(name):
+        found = loading.function("attack", name)
         if isinstance(found, type) and issubclass(found, Attack):
             return found(rng)
         return Called(found)
     return choose("attack", name, ATTACKS | ON_ANY_MODEL)(rng)
 
 
-def _found(name: str) -> Any:
-    """Return what ``module:name`` names."""
-    module, _, attribute = name.partition(":")
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InvalidInputError(
-            f"attack: got {name!r} ({error}), expected the module and the name of an attack"
-        ) from error
-    if not callable(found):
-        raise InvalidInputError(f"attack: got {name!r}, expected an Attack or a function")
-    return found
+def is_attack(name: str) -> bool:
+    """Return whether `make` takes a name; a function of two arguments is a policy.
+
+    Raises:
+        InvalidInputError: if a function is named that is not there.
+    """
+    if not loading.is_function(name):
+        return name in ATTACKS or name in ON_ANY_MODEL
+    found = loading.function("policy", name)
+    if inspect.isclass(found):
+        return issubclass(found, Attack)
+    return len(inspect.signature(found).parameters) == 1

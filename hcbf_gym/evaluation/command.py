@@ -1,14 +1,20 @@
 """Evaluate policies under safety filters: a table, figures, summary.json and, if asked, videos.
 
 Without arguments it walks the A1 through the paper's course, 20 s each, with no filter, with
-R-CBF-QP and with H-CBF-QP. One that was interrupted goes on where it stopped.
+R-CBF-QP and with H-CBF-QP.
+
+A policy of your own is a function (observation, info) → action as FILE.py:FUNCTION or
+MODULE:FUNCTION, a zip of Stable-Baselines3, an ONNX network, or a torch module (.pt). Zips and .pt
+files hold pickles, which run code when they are read: take them from those whom you trust.
+
+The same command goes on where it was interrupted.
 """
 
 import itertools
 import shutil
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,50 +22,61 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.image import imsave
 from rich.console import Console
+from rich.progress import track
 
-from hcbf_gym import programs, scenarios
-from hcbf_gym.barriers import Barrier
+from hcbf_gym import loading, policies, programs, records, scenarios
+from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.episode import samples
-from hcbf_gym.evaluation.episode_plot import plot_paths, plot_series
-from hcbf_gym.evaluation.output_folder import write_json
-from hcbf_gym.evaluation.rollouts import (
-    SHOWN_OPTIONS,
-    UNFILTERED,
-    Case,
-    Episode,
-    aggregate,
-    evaluate,
-    make_policy,
-    rollout,
-)
-from hcbf_gym.evaluation.statistics import BOUNDED, counted
+from hcbf_gym.evaluation.episode import Sample, samples
+from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.recorded import Episode
+from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggregate, evaluate
+from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.robots.walker import Walker
 
+GOES_ON = "the same command goes on where this one stopped"
+"""What Ctrl-C says besides."""
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
+OWN_STEPS = 500
+"""The most that an episode of an environment of one's own takes, unless it is said."""
 
 
 @dataclass(frozen=True)
 class Args:
     """What to evaluate; several policies and programs make a table of all their pairs."""
 
-    env: Literal["HCBF-A1Regions-v0", "HCBF-Regions-v0", "HCBF-WalkerRegions-v0"] = (
-        "HCBF-A1Regions-v0"
-    )
-    """The A1, the reduced-order model alone, or a robot that takes velocities."""
+    env: str = "HCBF-A1Regions-v0"
+    """HCBF-A1Regions-v0, HCBF-Regions-v0 (the reduced-order model alone), HCBF-WalkerRegions-v0 (a
+    robot that takes velocities), or FILE.py:FUNCTION, which returns (environment, plant)."""
     robot: str = "cart"
     """Of HCBF-WalkerRegions-v0: a contract's path or a name."""
     scenario: str = "paper-simulation"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    map: Path | None = None
+    """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. Seeds draw start and goal."""
+    masks: dict[str, int] = field(default_factory=dict)
+    """Masks over that map and their ranks: --masks keepout.yaml 2 avoid.yaml 3."""
+    slow: dict[str, float] = field(default_factory=dict)
+    """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
+    v_max: float | None = None
+    """Cap on the speed [m/s; default: the scene's]."""
+    body: Literal["point", "footprint"] = "point"
+    """What must stay outside: the robot's centre, or the whole robot."""
     policy: tuple[str, ...] = ("pd",)
-    """pd, pd-ff (the reference's acceleration fed forward), or learned policies."""
+    """pd, pd-ff (the reference's acceleration fed forward), a name of hcbf train's, or policies of
+    your own: file.py:function, module:function, model.zip, policy.onnx, policy.pt, policy.npz."""
     program: tuple[str, ...] = (UNFILTERED, "r-cbf-qp", "h-cbf-qp")
     """none, or names from hcbf_gym.programs.names()."""
+    guidance: Literal["geodesic", "local"] | None = None
+    """Lead around the regions: to the goal, or where none is known."""
     gamma0: float | None = None
     """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
     delta_gamma: float | None = None
@@ -74,33 +91,46 @@ class Args:
     """Episodes of each pair, with the seeds seed, seed + 1, …"""
     seed: int = 0
     """First seed."""
+    steps: int | None = None
+    """The most that an episode takes [default: what the environment does; 500 of your own]."""
     workers: Workers = None
     """Episodes that run at once."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/evaluate")
     """Folder for the table, the figures and summary.json."""
+    overwrite: bool = False
+    """Write over what another run left in that folder."""
+    figures: Literal["png", "pdf", "svg"] = "png"
+    """What the figures are saved as."""
     video: bool = False
-    """Record the first episode of each pair; needs the extra `video` and OpenGL."""
+    """Record the first episode of each pair; needs the extra `video` and, of an environment of this
+    package, OpenGL. One of your own is seen from above."""
     snapshot: float | None = None
     """Save a frame of the first episode of each pair at this time [s]; needs OpenGL."""
+
+    @property
+    def own(self) -> bool:
+        """Whether the environment is the user's own."""
+        return loading.is_function(self.env)
 
 
 def main(args: Args) -> None:
     """Run every pair of policy and program, and write what came out."""
-    if args.episodes < 1:
-        raise InvalidInputError(f"episodes: got {args.episodes}, expected at least 1")
-    if args.video:
-        require("--video", "video", "moviepy")
-    cases = [_case(args, policy, program) for policy in args.policy for program in args.program]
-    for case in cases:  # bad names and options fail here, before anything runs
-        env = case.make()
-        make_policy(case.policy, env)
+    _check(args)
+    scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
+    cases = [
+        _case(args, scene, policy, program) for policy in args.policy for program in args.program
+    ]
+    for case in cases:  # bad names, options and policies fail here, before anything runs
+        env = case.make(seed=args.seed)
+        policies.try_out(case.policy, env, args.seed)
         env.close()
-    seeds = range(args.seed, args.seed + args.episodes)
+    files, seeds = _files(args), range(args.seed, args.seed + args.episodes)
+    open_folder(args.output, _settings(args, files), args.overwrite)
     finished = args.output / "episodes"
     runs = Runs(finished, args.workers, args.backend)
-    episodes = evaluate(cases, seeds, runs, "episodes", _files(args))
+    episodes = evaluate(cases, seeds, runs, "episodes", files)
     summaries: dict[tuple[str, str, int], dict[str, Any]] = {}
     shown: dict[tuple[str, str], Episode] = {}
     for case, seed, episode in episodes:
@@ -111,95 +141,179 @@ def main(args: Args) -> None:
     pairs = [(case.policy, case.program) for case in cases]
     in_order = [summaries[*pair, seed] for pair in pairs for seed in seeds]
     rows = aggregate(in_order)
-    _write(args, cases, in_order, rows, {pair: shown[pair] for pair in pairs})
+    first = {pair: shown[pair] for pair in pairs}
+    write_json(args.output / "summary.json", _summary(args, files, in_order, rows, first))
+    written = _draw(args, cases[0], first)
     shutil.rmtree(finished)
-    console, scene = Console(), scenarios.make(args.scenario)
+    console, names = Console(), _conditions(first)
     for start in range(0, len(rows), COLUMNS):
-        console.print(comparison(rows[start : start + COLUMNS], scene.barriers).rich())
+        console.print(comparison(rows[start : start + COLUMNS], names).rich())
     for case in cases:
         if args.video:
-            _record(case, args)
+            written.append(_record(case, args))
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot)
-    console.print(f"written to {args.output}: summary.json, paths.png, series.png")
+    console.print(f"written to {args.output}: {', '.join(written)}", soft_wrap=True)
+
+
+def _check(args: Args) -> None:
+    """Refuse arguments that do not go together.
+
+    Raises:
+        HcbfError: if there are some.
+    """
+    if args.episodes < 1:
+        raise InvalidInputError(f"episodes: got {args.episodes}, expected at least 1")
+    if args.steps is not None and args.steps < 1:
+        raise InvalidInputError(f"steps: got {args.steps}, expected at least 1")
+    if args.video:
+        require("--video", "video", "moviepy")
+    if args.own:
+        given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
+        if args.body != "point":
+            given.append("body")
+        if given:
+            raise InvalidInputError(
+                f"evaluate: got {', '.join(given)} with {args.env}, whose plant says all that"
+            )
+        for policy in args.policy:
+            if not policies.is_own(policy):
+                raise InvalidInputError(
+                    f"policy: got {policy!r} with {args.env}, whose observations it does not know; "
+                    f"expected one of your own: {policies.FORMS}"
+                )
+    if args.env == "HCBF-Regions-v0" and args.body != "point":
+        raise InvalidInputError(
+            "body: got 'footprint' of the reduced-order model, which is a point; expected another "
+            "environment"
+        )
+
+
+def _settings(args: Args, files: Sequence[Path]) -> dict[str, Any]:
+    """Return what decides a run: arguments, the user's files, versions."""
+    left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
+    given = {name: value for name, value in asdict(args).items() if name not in left_out}
+    decided = {"files": sources_hash(list(files)) if files else "", "versions": chunks.versions()}
+    return records.plain(given) | decided
+
+
+def _summary(
+    args: Args,
+    files: Sequence[Path],
+    summaries: list[dict[str, Any]],
+    rows: list[dict[str, Any]],
+    shown: Mapping[tuple[str, str], Episode],
+) -> dict[str, Any]:
+    """Return what summary.json holds: enough to run it again, and a row for a table."""
+    return {
+        "settings": _settings(args, files),
+        "seeds": [args.seed, args.seed + args.episodes - 1],
+        "interval": INTERVAL,
+        "barriers": [{"name": name, "priority": rank} for name, rank in _conditions(shown)],
+        "episodes": summaries,
+        "aggregate": rows,
+    }
+
+
+def _conditions(shown: Mapping[tuple[str, str], Episode]) -> list[tuple[str, int]]:
+    """Return (name, rank) of the conditions, as the first episode has them."""
+    episode = next(iter(shown.values()))
+    return list(zip(episode.names, episode.priority.tolist(), strict=True))
 
 
 def _files(args: Args) -> list[Path]:
     """Return the files of the user's own that decide the episodes."""
-    files = [file for file in map(Path, (args.scenario, *args.policy)) if file.is_file()]
+    given = (args.scenario, args.map or "", *args.masks, *args.slow)
+    files = [file for file in map(Path, given) if file.is_file()]
+    files += [file for name in args.policy for file in policies.files(name)]
+    if args.own:
+        files += own_environment.files(args.env)
     if args.env == "HCBF-WalkerRegions-v0":
         files += Walker.load(args.robot).files
-    return files
+    return sorted({file.resolve() for file in files})
 
 
-def _case(args: Args, policy: str, program: str) -> Case:
+def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
     options: dict[str, Any] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
         options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
         given = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
         options |= {k: v for k, v in given.items() if v is not None and k in accepted}
-        options["solver"] = args.solver
+        options |= {"solver": args.solver, "guidance": args.guidance}
         if args.margin is not None:
             options["margin"] = args.margin
+    if args.own:
+        steps = OWN_STEPS if args.steps is None else args.steps
+        return Case(args.env, scene, policy, program, options, steps=steps)
     env_options: dict[str, Any] = {}
+    v_max = args.v_max
     if args.env == "HCBF-A1Regions-v0":
-        env_options["feedback"] = args.feedback
+        env_options |= {"feedback": args.feedback, "body": args.body}
     elif args.env == "HCBF-WalkerRegions-v0":
-        env_options["robot"] = args.robot
-    return Case(args.env, args.scenario, policy, program, options, env_options)
+        env_options |= {"robot": args.robot, "body": args.body, "v_max": v_max}
+        v_max = None
+    return Case(args.env, scene, policy, program, options, env_options, v_max, args.steps)
 
 
-def _write(
-    args: Args,
-    cases: list[Case],
-    summaries: list[dict[str, Any]],
-    rows: list[dict[str, Any]],
-    shown: dict[tuple[str, str], Episode],
-) -> None:
-    env = cases[0].make()
+def _draw(args: Args, case: Case, shown: Mapping[tuple[str, str], Episode]) -> list[str]:
+    """Draw the first episodes, and return the figures' names, summary.json before them."""
+    written = ["summary.json"]
+    if args.own:
+        barriers = _own_barriers(args)
+        for (policy, program), episode in shown.items():
+            name = f"episode-{_file_name(policy)}-{program}.{args.figures}"
+            plot_episode(episode, barriers, f"{policy}, {program}").savefig(args.output / name)
+            written.append(name)
+        return written
+    env = case.make(seed=args.seed)
     inner: Any = env.unwrapped
     env.reset(seed=args.seed)
-    barriers = inner.barriers
-    settings = asdict(args) | {"output": str(args.output)}
-    summary = {
-        "settings": settings,
-        "barriers": [{"name": b.name, "priority": b.priority} for b in barriers],
-        "episodes": summaries,
-        "aggregate": rows,
-    }
-    write_json(args.output / "summary.json", summary)
-    plot_paths(inner.scenario, shown).savefig(args.output / "paths.png")
-    plot_series(barriers, shown).savefig(args.output / "series.png")
+    paths, series = f"paths.{args.figures}", f"series.{args.figures}"
+    plot_paths(inner.scenario, shown).savefig(args.output / paths)
+    plot_series(shown).savefig(args.output / series)
     env.close()
+    return [*written, paths, series]
 
 
-def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table:
+def _own_barriers(args: Args) -> Sequence[Any]:
+    """Return the barriers of the user's plant as they are after the first reset."""
+    env, plant = own_environment.make(args.env)
+    observation, info = env.reset(seed=args.seed)
+    barriers = own_environment.barriers_of(plant, env.unwrapped, Sample(observation, info))
+    env.close()
+    return barriers
+
+
+def comparison(rows: list[dict[str, Any]], conditions: Sequence[tuple[str, int]]) -> Table:
     """Return a table with a column for each pair of policy and program.
 
     Args:
         rows: as `aggregate` returns them, all of one environment and scene.
-        barriers: of the scene.
+        conditions: name and rank of the scene's.
     """
     one_policy = len({row["policy"] for row in rows}) == 1
     header = [
         row["program"] if one_policy else f"{row['policy']}, {row['program']}" for row in rows
     ]
     cells: list[tuple[str, ...]] = []
-    for k, barrier in enumerate(barriers):
-        title = f"{barrier.name} (priority {barrier.priority}): min h [m]"
+    for k, (name, rank) in enumerate(conditions):
+        title = f"{name} (priority {rank}): min h [m]"
         cells.append((title, *(f"{row['min_h'][k]:+.3f}" for row in rows)))
         cells.append(("time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)))
     for title, key, form in (
         ("tracking error, RMS [m]", "tracking_rms", ".3f"),
         ("final error [m]", "final_error", ".3f"),
         ("‖u − u*‖, RMS [m/s²]", "intervention_rms", ".2f"),
+        ("return", "return", ".2f"),
         ("episodes that fell", "fell", ".0%"),
         ("episodes that reached the goal", "reached", ".0%"),
+        ("time to the goal [s]", "seconds_to_goal", ".2f"),
         ("time standing though u* wants to move", "deadlock_share", ".0%"),
         ("steps in a strict region", "outside_steps", "d"),
     ):
-        cells.append((title, *(format(row[key], form) for row in rows)))
+        if key in rows[0]:
+            cells.append((title, *(_cell(row, key, form) for row in rows)))
     n = rows[0]["episodes"]
     if n > 1:  # one episode bounds nothing
         entered = (counted(row["entered"], n) for row in rows)
@@ -207,25 +321,56 @@ def comparison(rows: list[dict[str, Any]], barriers: Sequence[Barrier]) -> Table
     for status in ("VIOLATED", "UNSAFE", "BACKUP"):
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))
-    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {rows[0]['episodes']} episode(s) each"
-    return Table(title, ("", *header), cells)
+    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {n} episode(s) each"
+    return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
 
 
-def _record(case: Case, args: Args) -> None:
+def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
+    """Return a figure with its interval, where there is one; a dash where it is not known."""
+    value, interval = row[key], row.get("intervals", {}).get(key)
+    if value is None:
+        return "–"
+    text = format(value, form)
+    if interval is None or row["episodes"] == 1:
+        return text
+    low, high = (format(end, ".1%" if form == ".0%" else form) for end in interval)
+    return f"{format(value, '.1%' if form == '.0%' else form)} [{low}, {high}]"
+
+
+def _record(case: Case, args: Args) -> str:
+    """Film the first episode of a pair, and return the film's name."""
+    name = f"{_file_name(case.policy)}-{case.program}"
+    folder = args.output / "video" / name
+    if args.own:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        film(case.run(args.seed), folder.with_suffix(".mp4"), _own_barriers(args))
+        return f"video/{name}.mp4"
     env = gym.wrappers.RecordVideo(
-        case.make(render_mode="rgb_array"),
-        str(args.output / "video" / f"{case.policy}-{case.program}"),
+        case.make(render_mode="rgb_array", seed=args.seed),
+        str(folder),
         episode_trigger=lambda _: True,
         disable_logger=True,
     )
-    rollout(env, make_policy(case.policy, env), args.seed)
+    walk = samples(env, policies.make(case.policy, env), args.seed)
+    most = 1000 if case.steps is None else case.steps
+    for _ in track(itertools.islice(walk, most + 1), f"filming {name}", total=most + 1):
+        pass
     env.close()
+    return f"video/{name}"
 
 
 def _take_snapshot(case: Case, args: Args, time: float) -> None:
-    env = case.make(render_mode="rgb_array")
-    walk = samples(env, make_policy(case.policy, env), args.seed)
+    env = case.make(render_mode="rgb_array", seed=args.seed)
+    walk: Iterator[Sample] = samples(env, policies.make(case.policy, env), args.seed)
     deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
-    path = args.output / f"snapshot-{case.policy}-{case.program}.png"
+    path = args.output / f"snapshot-{_file_name(case.policy)}-{case.program}.png"
     imsave(path, np.asarray(env.render()))
     env.close()
+
+
+def _file_name(policy: str) -> str:
+    """Return a policy's name as a file's name may have it: of a path the last part."""
+    where, _, function = policy.rpartition(":")
+    if not where:
+        return Path(policy).stem if policies.is_own(policy) else policy
+    return f"{Path(where).stem if where.endswith('.py') else where}-{function}"

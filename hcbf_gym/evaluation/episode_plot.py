@@ -1,80 +1,77 @@
-"""Figures of rollouts: paths seen from above, and barriers, slack and tracking error over time."""
+"""Figures of rollouts: paths seen from above, and barriers, inputs, slack and errors over time."""
 
-from collections.abc import Mapping
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hcbf_gym.barriers import Barrier
-from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
-from hcbf_gym.evaluation.rollouts import Episode
+from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
+from hcbf_gym.drawing.scene_plot import draw_barriers, draw_scene, legend_below, window
+from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.scenarios import Scenario
 
 _STYLES = ("-", "--", ":", "-.")
 
+Shown = Mapping[tuple[str, str], Episode]
+"""(policy, program) → an episode; either may be any label."""
+
+
+class Picture(Figure):
+    """A figure that needs no display, and that notebooks show as a picture."""
+
+    def _repr_png_(self) -> bytes:
+        picture = io.BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
+
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of the given size [inch] that needs no display."""
-    figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+    figure = Picture(figsize=(width, height), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def plot_paths(scenario: Scenario, episodes: Mapping[tuple[str, str], Episode]) -> Figure:
+def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
     """Return the paths in the scene, seen from above.
 
     Args:
         scenario: the scene that all episodes share.
-        episodes: (policy, program) → an episode; programs differ in colour, policies in style.
+        episodes: programs differ in colour, policies in style.
     """
     figure = new_figure(6.4, 5.4)
     axes = figure.add_subplot()
     draw_scene(axes, scenario)
-    policies = list(dict.fromkeys(policy for policy, _ in episodes))
-    for (policy, program), episode in episodes.items():
-        axes.plot(
-            *episode.position.T,
-            _STYLES[policies.index(policy) % len(_STYLES)],
-            color=PROGRAM_COLORS[program],
-            lw=1.8,
-            zorder=4,
-            label=_label(policy, program, policies),
-        )
+    for (_, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
+        axes.plot(*episode.position.T, lw=1.8, zorder=4, **style)
     legend_below(figure, axes)
     axes.set_title(scenario.name, fontsize=10)
     return figure
 
 
-def plot_series(
-    barriers: tuple[Barrier, ...], episodes: Mapping[tuple[str, str], Episode]
-) -> Figure:
+def plot_series(episodes: Shown) -> Figure:
     """Return h_k, the summed slack and the tracking error over time.
 
     Args:
-        barriers: those of the environment, in the order of h.
-        episodes: (policy, program) → an episode.
+        episodes: of one scene.
     """
-    rows = len(barriers) + 2
+    first = next(iter(episodes.values()))
+    rows = len(first.names) + 2
     figure = new_figure(7.2, 1.5 * rows)
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
-    policies = list(dict.fromkeys(policy for policy, _ in episodes))
-    for (policy, program), episode in episodes.items():
-        style = {
-            "color": PROGRAM_COLORS[program],
-            "ls": _STYLES[policies.index(policy) % len(_STYLES)],
-            "lw": 1.3,
-            "label": _label(policy, program, policies),
-        }
-        for k in range(len(barriers)):
-            panels[k].plot(episode.time, episode.h[:, k], **style)
-        panels[-2].plot(episode.time[1:], episode.slack.sum(axis=1), **style)
-        panels[-1].plot(episode.time, episode.tracking_error, **style)
-    for panel, barrier in zip(panels, barriers, strict=False):
-        unit = "m" if barrier.reads_position else "m/s"
-        panel.axhline(0.0, color=priority_color(barrier.priority), lw=0.8)
-        panel.set_ylabel(f"{barrier.name}\n[{unit}]", fontsize=8)
+    for (_, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
+        for k in range(len(first.names)):
+            panels[k].plot(episode.time, episode.h[:, k], lw=1.3, **style)
+        panels[-2].plot(episode.time[1:], episode.slack.sum(axis=1), lw=1.3, **style)
+        if episode.tracking_error is not None:
+            panels[-1].plot(episode.time, episode.tracking_error, lw=1.3, **style)
+    for panel, name, rank in zip(panels, first.names, first.priority.tolist(), strict=False):
+        panel.axhline(0.0, color=priority_color(rank), lw=0.8)
+        panel.set_ylabel(f"h of\n{name}", fontsize=8)
     panels[-2].set_ylabel("slack of rows\n[m/s²]", fontsize=8)
     panels[-1].set_ylabel("tracking error\n[m]", fontsize=8)
     panels[-1].set_xlabel("t [s]")
@@ -82,5 +79,82 @@ def plot_series(
     return figure
 
 
-def _label(policy: str, program: str, policies: list[str]) -> str:
-    return program if len(policies) == 1 else f"{policy}, {program}"
+def plot_episode(
+    episode: Episode,
+    barriers: Sequence[Any] = (),
+    title: str = "",
+    labels: Mapping[str, str] | None = None,
+    inputs: Sequence[str] | None = None,
+) -> Figure:
+    """Return one episode: the path from above, h over time by rank, and u* beside u.
+
+    ``figure.savefig("episode.pdf")`` and ``.svg`` save it so that it can be scaled.
+
+    Args:
+        episode: as `recorded.rollout` returns it, of any environment.
+        barriers: whose regions are drawn, as they are at the first instant.
+        title: above all.
+        labels: name of a condition → what the figure calls it.
+        inputs: what it calls each of the n_u inputs, with the unit.
+    """
+    ranks = sorted(set(episode.priority.tolist()))
+    n_u = episode.u.shape[1]
+    rows = len(ranks) + n_u
+    seen = bool(np.isfinite(episode.position).all())
+    figure = new_figure(10.5 if seen else 6.5, max(4.0, 1.6 * rows))
+    grid = figure.add_gridspec(rows, 2 if seen else 1)
+    if seen:
+        _draw_path(figure.add_subplot(grid[:, 0]), episode, barriers)
+    panels = [figure.add_subplot(grid[row, -1]) for row in range(rows)]
+    for panel, rank in zip(panels, ranks, strict=False):
+        members = np.flatnonzero(episode.priority == rank)
+        for place, k in enumerate(members.tolist()):
+            name = (labels or {}).get(episode.names[k], episode.names[k])
+            color = OTHER_COLORS[place % len(OTHER_COLORS)]
+            panel.plot(episode.time, episode.h[:, k], color=color, lw=1.2, label=name)
+        panel.axhline(0.0, color=priority_color(rank), lw=1.0)
+        panel.set_ylabel(f"h, rank {rank}", fontsize=8)
+        panel.legend(fontsize=6, ncols=max(1, -(-len(members) // 4)), loc="upper right")
+    for j, panel in enumerate(panels[len(ranks) :]):
+        panel.step(episode.time[:-1], episode.u_nominal[:, j], where="post", color=REFERENCE,
+                   ls="--", lw=1.0, label="u* (policy)")  # fmt: skip
+        panel.step(episode.time[:-1], episode.u[:, j], where="post", color=PATH, lw=1.2,
+                   label="u (applied)")  # fmt: skip
+        panel.set_ylabel(f"u, entry {j + 1}" if inputs is None else inputs[j], fontsize=8)
+        panel.legend(fontsize=6, loc="upper right")
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
+        panel.sharex(panels[-1])
+    panels[-1].set_xlabel("t [s]")
+    figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Any]) -> None:
+    """Draw where an episode went among the regions, start and end marked."""
+    draw_barriers(axes, barriers, float(episode.time[0]))
+    axes.plot(*episode.position.T, color=PATH, lw=1.8, zorder=4)
+    axes.plot(*episode.position[0], "o", color="k", ms=4, zorder=5)
+    axes.plot(*episode.position[-1], "s", color=PATH, ms=5, zorder=5)
+    frame(axes, episode, barriers)
+
+
+def frame(axes: Axes, episode: Episode, barriers: Sequence[Any]) -> None:
+    """Set limits and labels of axes that show an episode from above."""
+    low, high = window(episode.position, barriers)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+
+
+def _styles(episodes: Shown) -> list[dict[str, Any]]:
+    """Return colour, style and label of each episode's lines."""
+    policies = list(dict.fromkeys(policy for policy, _ in episodes))
+    programs = list(dict.fromkeys(program for _, program in episodes))
+    return [
+        {
+            "color": program_color(program, programs.index(program)),
+            "ls": _STYLES[policies.index(policy) % len(_STYLES)],
+            "label": program if len(policies) == 1 else f"{policy}, {program}",
+        }
+        for policy, program in episodes
+    ]

@@ -11,12 +11,16 @@ from hcbf_gym.records import whole
 _SETTINGS = "settings.json"
 
 
-def open_folder(folder: Path, settings: Mapping[str, object]) -> None:
+def open_folder(
+    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
+) -> None:
     """Make a folder for one study, or open the one that already holds it.
 
     Args:
         folder: where its results go.
         settings: what decides them; JSON types only.
+        overwrite: take the folder of another study, and write over what it left; None where nobody
+            can ask for that.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
@@ -27,13 +31,15 @@ def open_folder(folder: Path, settings: Mapping[str, object]) -> None:
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
     if path.exists():
         differing = _differences(path, json.loads(text))
-        if differing:
+        if not differing:
+            return
+        if not overwrite:
+            flag = "" if overwrite is None else ", or --overwrite"
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
-                "expected an empty folder, a new one, or the same study"
+                f"expected an empty folder, a new one, or the same study{flag}"
             )
-        return
-    if folder.exists() and any(folder.iterdir()):
+    elif folder.exists() and any(folder.iterdir()):
         raise InvalidInputError(
             f"output: {folder} holds other files, expected an empty folder, a new one, or one "
             "that this study began"

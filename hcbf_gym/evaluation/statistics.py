@@ -1,7 +1,9 @@
-"""What a count of entries says of the next episode, with how much confidence."""
+"""What counts and means of episodes say of the next one, with how much confidence."""
+
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import beta, binomtest, t
 
 from hcbf_gym.errors import InvalidInputError, finite_float
 
@@ -47,6 +49,53 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
     if entered == episodes:
         return 1.0
     return float(beta.ppf(confidence, entered + 1, episodes - entered))
+
+
+INTERVAL = 0.95
+"""Confidence of the intervals that tables give of shares and means."""
+
+Interval = list[float] | None
+"""[low, high]; None where too little was seen for one."""
+
+
+def mean(values: Sequence[float | None]) -> float | None:
+    """Return the mean; None of nothing, and where one is not known."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known and len(known) == len(values) else None
+
+
+def share_interval(outcomes: Sequence[bool | None]) -> Interval:
+    """Return the exact interval (Clopper and Pearson) of the chance of an outcome.
+
+    Args:
+        outcomes: of each episode; None where it is not known.
+
+    Examples:
+        >>> [round(end, 3) for end in share_interval([True] * 19 + [False])]
+        [0.751, 0.999]
+    """
+    if not outcomes or None in outcomes:
+        return None
+    found = binomtest(sum(map(bool, outcomes)), len(outcomes)).proportion_ci(INTERVAL, "exact")
+    return [float(found.low), float(found.high)]
+
+
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Return Student's interval of a mean; None of fewer than two values.
+
+    Args:
+        values: one of each episode.
+
+    Examples:
+        >>> [round(end, 3) for end in mean_interval([1.0, 2.0, 3.0])]
+        [-0.484, 4.484]
+    """
+    n = len(values)
+    if n < 2:
+        return None
+    half = float(t.ppf(0.5 + 0.5 * INTERVAL, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
+    middle = float(np.mean(values))
+    return [middle - half, middle + half]
 
 
 def counted(entered: int, episodes: int) -> str:

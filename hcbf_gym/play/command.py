@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.play.page import FIRST_PORT, HERE, Page, check_port
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
@@ -94,20 +94,12 @@ def main(args: Args) -> None:
 
 
 def scene(args: Args) -> str | dict[str, Any]:
-    """Return the scene that was asked for; of a map, masks lie where the shell sees them.
+    """Return the scene that was asked for.
 
     Raises:
         InvalidInputError: if there are masks and no map.
     """
-    zones = {
-        name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in args.slow.items()
-    }
-    masks = {str(Path(name).resolve()): entry for name, entry in (args.masks | zones).items()}
-    if args.map is None:
-        if masks:
-            raise InvalidInputError("masks: got some without a map, expected --map, too")
-        return args.scenario
-    return {"map": {"file": str(args.map), "masks": masks}}
+    return scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
 
 
 def compile_all(session: Session) -> None:

@@ -1,6 +1,17 @@
 """Nominal policies: what the robot would do if nothing were dangerous."""
 
 from hcbf_gym.policies.learned import LearnedPolicy, load
+from hcbf_gym.policies.named import FORMS, files, is_own, make, try_out
 from hcbf_gym.policies.pd import PDTracker, Policy
 
-__all__ = ["LearnedPolicy", "PDTracker", "Policy", "load"]
+__all__ = [
+    "FORMS",
+    "LearnedPolicy",
+    "PDTracker",
+    "Policy",
+    "files",
+    "is_own",
+    "load",
+    "make",
+    "try_out",
+]

@@ -97,8 +97,8 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
     if path.suffix != ".npz":
         if str(name) not in names():
             raise UnknownNameError(
-                f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()} "
-                "or an .npz file"
+                f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()}, an .npz "
+                "file, or file.py:function, module:function, model.zip, policy.onnx or policy.pt"
             )
         path = _baseline(str(name))
     policy, shape = read(path), _observed(env)

@@ -71,7 +71,7 @@ class Walker:
     Attributes:
         name: what tables and messages call it.
         mjcf: the robot's file.
-        policy: an ONNX file or ``module:function``.
+        policy: an ONNX file, ``module:function`` or ``file.py:function``.
         period: how long the controller holds an action [s].
         observation: what the controller sees.
         action: what its output does.

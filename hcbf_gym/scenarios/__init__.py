@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ __all__ = [
     "load",
     "make",
     "names",
+    "on_map",
 ]
 
 _NAMED: dict[str, Callable[[], Scenario]] = {
@@ -62,6 +64,31 @@ def is_random(scenario: ScenarioLike) -> bool:
     if isinstance(scenario, Mapping):
         return set(scenario) == {"map"}
     return isinstance(scenario, str) and (scenario in RANDOM or scenario in PLANS)
+
+
+def on_map(
+    file: Path | None, masks: Mapping[str, int], slow: Mapping[str, float], otherwise: str
+) -> str | dict[str, Any]:
+    """Return the scene that a command line asks for: random ways through a map, or one by name.
+
+    Args:
+        file: of the map, YAML beside a PGM or PNG; None for none.
+        masks: mask → rank of what it covers. It is looked for in the current folder, then beside
+            the map.
+        slow: mask of a zone → speed limit there [m/s], as rank 2; likewise.
+        otherwise: the scene where there is no map.
+
+    Raises:
+        InvalidInputError: if there are masks and no map.
+    """
+    zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in slow.items()}
+    entries: dict[str, Any] = {**masks, **zones}
+    if file is None:
+        if entries:
+            raise InvalidInputError("masks: got some without a map, expected --map, too")
+        return otherwise
+    here = {name: str(Path(name).resolve()) if Path(name).exists() else name for name in entries}
+    return {"map": {"file": str(file), "masks": {here[k]: entry for k, entry in entries.items()}}}
 
 
 def draw(scenario: ScenarioLike, rng: np.random.Generator) -> Layout | Route:

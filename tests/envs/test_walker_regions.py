@@ -298,7 +298,7 @@ def test_a_controller_that_gives_nan_ends_the_episode_with_the_last_inputs(tmp_p
 
 @pytest.mark.parametrize("robot", LEARNED)
 def test_a_network_that_gives_nan_leaves_the_last_joint_targets(robot, monkeypatch):
-    from hcbf_gym.robots.walker_policy import Network
+    from hcbf_gym.loading import Network
 
     env = gym.make(ENV, robot=robot, scenario="random")
     env.reset(seed=0)

@@ -14,7 +14,7 @@ from hcbf_gym import certificates
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.certification import (
     calibration,
     certify,
@@ -22,7 +22,6 @@ from hcbf_gym.evaluation.certification import (
     command,
     exact_path,
     families,
-    own,
     page,
 )
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
@@ -138,8 +137,7 @@ def test_policies_are_drawn_by_their_shares():
 def test_a_function_that_is_no_plant_is_refused(source, message, monkeypatch):
     monkeypatch.setattr(json, "dumps", lambda: 3)
     with pytest.raises(InvalidInputError, match=message):
-        own.make(source)
-    own._function.cache_clear()
+        own_environment.make(source)
 
 
 FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.4, seed=3)
@@ -296,7 +294,7 @@ def test_a_number_that_says_nothing_is_not_certified(what, tmp_path):
 
 def covers_its_own_barriers_alone(certificate):
     """A boat that its certificate speaks of is covered, and not with a list of other barriers."""
-    env, plant = own.make(BOAT)
+    env, plant = own_environment.make(BOAT)
     others = [Disc("other", 1, (3.0, 0.0), 0.5)]
     for of, covered in ((plant, 1), (replace(plant, barriers=others), 0)):
         with warnings.catch_warnings():

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hcbf_gym import loading
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
@@ -253,12 +254,10 @@ def test_a_network_of_another_shape_is_refused(tmp_path, robot):
 
 
 def test_a_missing_extra_is_named_before_work_begins(tmp_path, monkeypatch):
-    from hcbf_gym.robots import walker_policy
-
     def missing(what, extra, *modules):
         raise RobotModelError(f"{what}: {extra} {modules}")
 
-    monkeypatch.setattr(walker_policy, "require", missing)
+    monkeypatch.setattr(loading, "require", missing)
     (tmp_path / "net.onnx").write_bytes(b"")
     with pytest.raises(RobotModelError, match="walkers"):
         Walker.load(written(tmp_path, changed(policy="net.onnx")))

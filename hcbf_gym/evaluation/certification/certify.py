@@ -17,8 +17,7 @@ from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.certificates.sequential import Tally
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation import chunks
-from hcbf_gym.evaluation.attacked import AttackedEpisode
+from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.certification import calibration, families, own
 from hcbf_gym.evaluation.certification.families import Family, Seen, run_searched, run_seed
 from hcbf_gym.evaluation.chunks import Runs
@@ -40,9 +39,9 @@ def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
     """
     episode = family.episode(0)
     if isinstance(episode, own.OwnEpisode):
-        env, plant = own.make(episode.source)
+        env, plant = own_environment.make(episode.source)
     else:
-        env = _env_of(episode)
+        env = env_of(family)
         plant = env.unwrapped.plant  # type: ignore[attr-defined]
     try:
         return plant, certificates.declared(plant, env.unwrapped, None, {})
@@ -50,7 +49,11 @@ def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
         env.close()
 
 
-def _env_of(episode: AttackedEpisode) -> gym.Env:
+def env_of(family: Family) -> gym.Env:
+    """Return the environment of a family's first episode, without a filter."""
+    episode = family.episode(0)
+    if isinstance(episode, own.OwnEpisode):
+        return own_environment.make(episode.source).env
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)  # not covered: it is to be certified
         return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))

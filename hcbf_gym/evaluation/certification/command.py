@@ -17,11 +17,11 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from hcbf_gym import records
+from hcbf_gym import policies, records
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation import attacks, chunks
 from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneFamily
@@ -38,6 +38,9 @@ LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
 SPEED_LEFT = 2.5
 """And of what the row of its speed limit reserves before calibration: an environment asks for 2."""
+
+GOES_ON = "the same command goes on where this one stopped"
+"""What Ctrl-C says besides."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,9 @@ class Args:
     scenes: tuple[str, ...] = ()
     """Families of random scenes; all that are covered if not given."""
     policies: tuple[str, ...] = ()
-    """Attacks and policies, each as likely; all that can act in these scenes if not given."""
+    """Attacks and policies, each as likely; all that can act in these scenes if not given. Your own
+    too: file.py:function, module:function, model.zip, policy.onnx, policy.pt; a zip and a .pt hold
+    pickles, which run code."""
     v_max: tuple[float, float] | None = None
     """Least and greatest cap on the speed of a walker [m/s]; if not given, half of what it can do,
     or as much as its speed row needs, to all of it."""
@@ -108,6 +113,7 @@ def main(args: Args) -> None:
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
         "calibration": args.calibration, "versions": chunks.versions(),
     }  # fmt: skip
+    _try_policies(family, args.seed)
     open_folder(folder, records.plain(settings))
     runs = replace(runs, folder=folder / "chunks")
     frozen = certify.Frozen(
@@ -185,6 +191,20 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
         return family
     able = families.policies_in(family.env, family.options, args.scenes)
     return replace(family, policies=able)
+
+
+def _try_policies(family: Family, seed: int) -> None:
+    """Refuse policies of the user's own that do not act in a family's episodes.
+
+    Raises:
+        HcbfError: as `policies.try_out` does.
+    """
+    for name, _ in getattr(family, "policies", ()):
+        own = name.removesuffix(families.GUIDED)
+        if policies.is_own(own) and not attacks.is_attack(own):
+            env = certify.env_of(family)
+            policies.try_out(own, env, seed)
+            env.close()
 
 
 def _caps(walker: Walker) -> tuple[float, float]:

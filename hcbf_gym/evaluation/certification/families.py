@@ -9,8 +9,9 @@ from typing import Any, NamedTuple, Protocol
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym import records, scenarios
+from hcbf_gym import policies, records, scenarios
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
+from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.evaluation.certification import own
@@ -224,7 +225,8 @@ class SceneFamily:
     @property
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
-        return Walker.load(self.options["robot"]).files if "robot" in self.options else []
+        robot = Walker.load(self.options["robot"]).files if "robot" in self.options else []
+        return robot + _files_of(self.policies)
 
 
 def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:
@@ -252,7 +254,7 @@ class OwnFamily:
 
     Args:
         source: ``module:function`` or ``file.py:function`` that returns (environment, plant).
-        policies: of `attacks.ON_ANY_MODEL`, with the weight of each.
+        policies: of `attacks.ON_ANY_MODEL`, or the user's own, with the weight of each.
         steps: the most that an episode takes.
         program: of the filter.
     """
@@ -265,7 +267,8 @@ class OwnFamily:
     def __post_init__(self) -> None:
         object.__setattr__(self, "policies", _shares("policies", self.policies))
         for name, _ in self.policies:
-            choose("policy", name, ON_ANY_MODEL)
+            if not policies.is_own(name):
+                choose("policy", name, ON_ANY_MODEL)
 
     def episode(self, seed: int) -> own.OwnEpisode:
         """Return the episode that a seed decides."""
@@ -291,7 +294,7 @@ class OwnFamily:
     @property
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
-        return own.files(self.source)
+        return own_environment.files(self.source) + _files_of(self.policies)
 
 
 KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture": A1Mixture}
@@ -323,6 +326,11 @@ def _shares(what: str, given: Sequence[Sequence[Any]]) -> Shares:
     if total <= 0.0:
         raise InvalidInputError(f"{what}: got {given!r}, expected names with positive weights")
     return tuple((name, weight / total) for name, weight in pairs)
+
+
+def _files_of(shares: Shares) -> list[Path]:
+    """Return the files of the policies that are the user's own."""
+    return [file for name, _ in shares for file in policies.files(name.removesuffix(GUIDED))]
 
 
 def _drawn(rng: np.random.Generator, shares: Shares) -> str:

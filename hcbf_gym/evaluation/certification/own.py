@@ -1,29 +1,21 @@
 """Attacked episodes of a user's own environment, whatever its model is."""
 
-import importlib
-import importlib.util
-import inspect
 import itertools
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-from hcbf_gym import wrappers
+from hcbf_gym import policies, wrappers
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
-from hcbf_gym.evaluation.episode import Sample, samples
+from hcbf_gym.evaluation.episode import Act, Sample, samples
+from hcbf_gym.evaluation.own_environment import least_reported, make, reading
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty, read
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models.plant import Plant, Uncertainty
 
 CORNERS = 64
 """The most corners of U of which an attacker predicts the outcome."""
@@ -33,25 +25,14 @@ HELD = 0.04
 """How long an attacker keeps to what it has decided [s]: predicting takes time."""
 
 
-class Made(NamedTuple):
-    """What a user's function returned.
-
-    Attributes:
-        env: the environment.
-        plant: what a filter must know of it.
-    """
-
-    env: gym.Env
-    plant: Plant
-
-
 @dataclass(frozen=True)
 class OwnEpisode:
     """What to run.
 
     Args:
         source: as `make` takes it.
-        attack: one of `attacks.ON_ANY_MODEL`, or "searched" with parameters.
+        attack: one of `attacks.ON_ANY_MODEL`, "searched" with parameters, or a policy as
+            `policies.make` takes it.
         seed: of the environment and the attack.
         steps: the most that it takes.
         filter_options: arguments of `SafetyFilter`.
@@ -78,16 +59,11 @@ class OwnEpisode:
         env, plant = make(self.source)
         if self.uncertainty is not None:
             plant = reserving(plant, self.uncertainty)
-        attack = attacks.make(self.attack, self.seed, self.parameters)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})
         filtered = wrappers.SafetyFilter(env, plant=plant, **options)
         input_set = plant.input_set or filtered.input_set
         view = Foresight(self.source, plant, env.unwrapped, input_set)
-
-        def act(observation: Any, info: dict[str, Any]) -> Any:
-            u = attack.act(view)
-            return u if plant.to_action is None else plant.to_action(u)
-
+        act = self._act(plant, view, filtered)
         try:
             observed = itertools.islice(samples(filtered, act, self.seed), self.steps + 1)
             outcome = judge(observed, view.look, plant.model, input_set)
@@ -95,6 +71,18 @@ class OwnEpisode:
             filtered.close()
         vacuity.check_jumps(self.source, view.path, view.expected)
         return replace(outcome, first_h=view.first_h)
+
+    def _act(self, plant: Plant, view: "Foresight", filtered: wrappers.SafetyFilter) -> Act:
+        """Return what acts in the filtered environment."""
+        if self.parameters is None and not attacks.is_attack(self.attack):
+            return policies.make(self.attack, filtered)
+        attack = attacks.make(self.attack, self.seed, self.parameters)
+
+        def act(observation: Any, info: dict[str, Any]) -> Any:
+            u = attack.act(view)
+            return u if plant.to_action is None else plant.to_action(u)
+
+        return act
 
 
 class Foresight:
@@ -194,96 +182,15 @@ def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
         sample: the newest.
         counted: the time where the plant tells none [s].
     """
-    observation, info = sample.observation, sample.info
-    estimate = plant.state(env, observation, info)
-    if not isinstance(estimate, Estimate):
-        estimate = Estimate(estimate)
-    x = np.asarray(estimate.x, dtype=np.float64)
-    time = counted if estimate.time is None else float(estimate.time)
-    barriers = read(plant.barriers, env, observation, info)
-    every: vacuity.Strict
-    if isinstance(plant.model, DoubleIntegrator):
-        scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
-        rank, reads = scene.priority[0], scene.keeps_margin[0] > 0.0  # or not strict
-        every = scene.along
-    else:
-        rank = np.array([b.priority for b in barriers], dtype=np.int64)
-        reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
-        every = lambda x, t: np.array([  # noqa: E731
-            [float(b.h(*one)) for b in barriers] for one in zip(x, t, strict=True)
-        ])  # fmt: skip
-    if not ((rank == 1) & reads).any():
+    said = reading(plant, env, sample, counted)
+    rank = np.array([condition.rank for condition in said.conditions], dtype=np.int64)
+    if not ((rank == 1) & said.reads_position).any():
         raise InvalidInputError(
             f"certify: got {len(rank)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
-    h = every(x[None], np.array([time]))[0]
-    if "min_h" in info:
-        h = np.minimum(h, _checked(info["min_h"], len(rank)))
+    h = said.h
+    if "min_h" in sample.info:
+        h = np.minimum(h, least_reported(sample.info["min_h"], len(rank)))
     h = np.where(np.isfinite(h), h, -np.inf)
-    return truth(x, time, h, rank, reads, every)
-
-
-def _checked(reported: object, count: int) -> Array:
-    """Return (count,) an environment's own min_h; NaN counts as entered.
-
-    Raises:
-        InvalidInputError: if it is not one real number for each barrier.
-    """
-    given = as_array("min_h", reported)
-    if given.dtype.kind not in "fiu" or given.shape != (count,):
-        raise InvalidInputError(
-            f"certify: got min_h {reported!r} in the infos, expected {count} numbers, one for each "
-            "barrier in its order"
-        )
-    return given.astype(np.float64)
-
-
-def make(source: str) -> Made:
-    """Return a new environment and its plant.
-
-    Args:
-        source: ``module:function`` or ``file.py:function``.
-
-    Raises:
-        InvalidInputError: if there is no such function, or it returns anything else.
-    """
-    made = _function(source)()
-    if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], Plant)):
-        raise InvalidInputError(
-            f"{source}: got {made!r}, expected a function that returns (environment, plant)"
-        )
-    return Made(*made)
-
-
-def files(source: str) -> list[Path]:
-    """Return the file in which a user's function is written."""
-    file = inspect.getsourcefile(_function(source))
-    return [] if file is None else [Path(file)]
-
-
-@cache
-def _function(source: str) -> Callable[[], Any]:
-    where, _, name = source.rpartition(":")
-    try:
-        module = _from_file(where) if where.endswith(".py") else importlib.import_module(where)
-        found = getattr(module, name)
-    except (ImportError, AttributeError, ValueError, OSError) as error:
-        raise InvalidInputError(
-            f"plant: got {source!r} ({error}), expected module:function or file.py:function"
-        ) from error
-    if not callable(found):
-        raise InvalidInputError(f"plant: got {source!r}, expected a function")
-    return found
-
-
-def _from_file(where: str) -> Any:
-    """Return the module that a file holds, under a name of its own."""
-    name = f"hcbf_certified_{Path(where).stem}"
-    spec = importlib.util.spec_from_file_location(name, where)
-    if spec is None or spec.loader is None or not Path(where).is_file():
-        raise ImportError(f"no file {where}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+    return truth(said.x, said.time, h, rank, said.reads_position, said.along)

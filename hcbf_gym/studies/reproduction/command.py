@@ -21,6 +21,9 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.studies.reproduction import FIGURES
 
+GOES_ON = "the same command goes on where this one stopped"
+"""What Ctrl-C says besides."""
+
 
 @dataclass(frozen=True)
 class Args:

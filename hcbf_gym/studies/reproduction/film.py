@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
+from hcbf_gym import policies
 from hcbf_gym.drawing.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import in_double, samples
-from hcbf_gym.evaluation.rollouts import Job, make_policy
+from hcbf_gym.evaluation.rollouts import Job
 
 
 def film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
@@ -26,7 +27,7 @@ def film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:
     steps = [round(time / CONTROL_DT) for time in times]
     frames = []
     try:
-        walk = samples(env, in_double(make_policy(job.case.policy, env)), job.seed)
+        walk = samples(env, in_double(policies.make(job.case.policy, env)), job.seed)
         for step, sample in enumerate(itertools.islice(walk, max(steps) + 1)):
             if step in steps and not sample.over:
                 frames.append(env.render())

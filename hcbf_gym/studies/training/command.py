@@ -16,6 +16,9 @@ from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.studies.training import TrainingConfig, train
 from hcbf_gym.studies.training.curves import plot_curves
 
+GOES_ON = "the same command with --resume goes on from the last checkpoint"
+"""What Ctrl-C says besides."""
+
 
 @dataclass(frozen=True)
 class Args:

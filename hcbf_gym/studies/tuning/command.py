@@ -23,6 +23,9 @@ from hcbf_gym.evaluation.workers import Backend, Workers
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
 
+GOES_ON = "the same command goes on where this one stopped"
+"""What Ctrl-C says besides."""
+
 
 @dataclass(frozen=True)
 class Args:

@@ -1,0 +1,121 @@
+"""An environment and a plant of the user's own: made by their function, read as a filter reads."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym import loading
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers.set import BarrierSet, Condition, each
+from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.evaluation.episode import Sample
+from hcbf_gym.evaluation.vacuity import Strict
+from hcbf_gym.models.plant import Estimate, Plant, read
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+
+class Made(NamedTuple):
+    """What a user's function returned.
+
+    Attributes:
+        env: the environment.
+        plant: what a filter must know of it.
+    """
+
+    env: gym.Env
+    plant: Plant
+
+
+def make(source: str) -> Made:
+    """Return a new environment and its plant.
+
+    Args:
+        source: ``module:function`` or ``file.py:function``.
+
+    Raises:
+        InvalidInputError: if there is no such function, or it returns anything else.
+    """
+    made = loading.function("environment", source)()
+    if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], Plant)):
+        raise InvalidInputError(
+            f"{source}: got {made!r}, expected a function that returns (environment, plant)"
+        )
+    return Made(*made)
+
+
+def files(source: str) -> list[Path]:
+    """Return the files in which a user's function and its neighbours are written."""
+    return loading.files(source)
+
+
+def barriers_of(plant: Plant, env: Any, sample: Sample) -> list[Any]:
+    """Return the barriers of a plant at a sample, one after the other, as pictures show them."""
+    barriers = read(plant.barriers, env, sample.observation, sample.info)
+    return list(each(barriers.entries[0] if isinstance(barriers, BarrierSet) else barriers))
+
+
+class Reading(NamedTuple):
+    """A plant and its m ranked conditions at one sample, as its readers say.
+
+    Attributes:
+        x: (n,) the state.
+        time: [s].
+        conditions: name and rank of each.
+        reads_position: (m,) which of the strict ones read the position.
+        h: (m,) their values.
+        along: (x (j, n), t (j,)) → (j, m) their values elsewhere.
+    """
+
+    x: Array
+    time: float
+    conditions: Sequence[Condition]
+    reads_position: Mask
+    h: Array
+    along: Strict
+
+
+def reading(plant: Plant, env: Any, sample: Sample, counted: float) -> Reading:
+    """Return what a plant's readers say of a sample.
+
+    Args:
+        plant: whose readers are asked.
+        env: unwrapped.
+        sample: the newest.
+        counted: the time where the plant tells none [s].
+    """
+    observation, info = sample.observation, sample.info
+    estimate = plant.state(env, observation, info)
+    if not isinstance(estimate, Estimate):
+        estimate = Estimate(estimate)
+    x = np.asarray(estimate.x, dtype=np.float64)
+    time = counted if estimate.time is None else float(estimate.time)
+    barriers = read(plant.barriers, env, observation, info)
+    along: Strict
+    if isinstance(plant.model, DoubleIntegrator) and plant.model.n == 4:
+        scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
+        conditions, reads, along = scene.conditions(), scene.keeps_margin[0] > 0.0, scene.along
+    else:
+        conditions = [Condition(b.name, b.priority) for b in barriers]
+        reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
+        along = lambda x, t: np.array([  # noqa: E731
+            [float(b.h(*one)) for b in barriers] for one in zip(x, t, strict=True)
+        ])  # fmt: skip
+    return Reading(x, time, conditions, reads, along(x[None], np.array([time]))[0], along)
+
+
+def least_reported(reported: object, count: int) -> Array:
+    """Return (count,) an environment's own min_h; NaN counts as entered.
+
+    Raises:
+        InvalidInputError: if it is not one real number for each barrier.
+    """
+    given = as_array("min_h", reported)
+    if given.dtype.kind not in "fiu" or given.shape != (count,):
+        raise InvalidInputError(
+            f"environment: got min_h {reported!r} in the infos, expected {count} numbers, one for "
+            "each barrier in its order"
+        )
+    return given.astype(np.float64)

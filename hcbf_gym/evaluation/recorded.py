@@ -1,0 +1,260 @@
+"""One episode as it was: what a table counts of it, and what a picture shows."""
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers.set import Condition
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.episode import Sample, samples
+from hcbf_gym.evaluation.measures import deadlocked
+from hcbf_gym.evaluation.own_environment import least_reported, reading
+from hcbf_gym.models.plant import Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
+from hcbf_gym.policies import Policy
+from hcbf_gym.programs import FilterStatus
+
+Positions = Callable[[Array], Any]
+"""x (n,) → (2,) where the robot is seen from above [m]."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What one rollout recorded, k + 1 states and k steps, and how it ended.
+
+    Attributes:
+        time: (k + 1,) [s].
+        state: (k + 1, n) of the reduced-order model.
+        position: (k + 1, 2) [m]; NaN where nothing says where x and y are.
+        h: (k + 1, m) barrier values at the control times.
+        min_h: (k + 1, m) their least values since the control time before, as far as reported.
+        tracking_error: (k + 1,) ‖p_ref − p‖ [m]; None of an environment without a reference.
+        reward: (k,).
+        u_nominal: (k, n_u) what the policy asked for.
+        u: (k, n_u) what was applied.
+        psi: (k, m) what the filter's rows keep from falling below zero; NaN without a filter.
+        slack: (k, m) violation of the filter's rows; zeros without a filter.
+        delta: (k, m) the program's own relaxation; zeros without a filter.
+        status: (k,) `FilterStatus`; NOMINAL without a filter.
+        deadlock: (k,) whether the robot stood though u* asked it to move.
+        obstacle_force: (k, n) largest contact force with each box during the step [N].
+        names: of the m barriers.
+        priority: (m,) of the barriers; 1 is strict.
+        fell: whether the robot fell.
+        reached: whether the goal was reached: for "track", within the scenario's goal radius at
+            its own end; None where the environment says nothing of it.
+    """
+
+    time: Array
+    state: Array
+    position: Array
+    h: Array
+    min_h: Array
+    tracking_error: Array | None
+    reward: Array
+    u_nominal: Array
+    u: Array
+    psi: Array
+    slack: Array
+    delta: Array
+    status: Integers
+    deadlock: Mask
+    obstacle_force: Array
+    names: tuple[str, ...]
+    priority: Integers
+    fell: bool
+    reached: bool | None
+
+    @property
+    def intervention(self) -> Array:
+        """(k,) ‖u − u*‖."""
+        return np.linalg.norm(self.u - self.u_nominal, axis=1)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the episode as plain numbers and lists.
+
+        `status_counts` is what the filter said; `outside_steps` counts the steps during which the
+        true state was in a strict region.
+        """
+        error, time = self.tracking_error, self.time
+        outside = (self.min_h[1:, self.priority == 1] < 0.0).any(axis=1)
+        inside = (np.diff(time)[:, None] * (self.h[1:] < 0.0)).sum(axis=0)
+        return {
+            "min_h": self.min_h.min(axis=0).tolist(),
+            "violation_seconds": inside.tolist(),
+            "violation_depth": np.maximum(-self.min_h, 0.0).max(axis=0).tolist(),
+            "tracking_rms": None if error is None else float(np.sqrt(np.mean(error[1:] ** 2))),
+            "final_error": None if error is None else float(error[-1]),
+            "return": float(self.reward.sum()),
+            "seconds": float(time[-1] - time[0]),
+            "fell": self.fell,
+            "reached": self.reached,
+            "intervention_rms": float(np.sqrt(np.mean(self.intervention**2))),
+            "status_counts": {
+                status.name: int((self.status == status).sum()) for status in FilterStatus
+            },
+            "outside_steps": int(outside.sum()),
+            "deadlock_share": float(np.mean(self.deadlock)),
+            "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),
+        }
+
+
+class _Look(NamedTuple):
+    """What is recorded of one sample."""
+
+    time: float
+    x: Array
+    h: Array
+    min_h: Array
+    conditions: tuple[Condition, ...]
+
+
+def rollout(
+    env: gym.Env,
+    policy: Policy,
+    seed: int,
+    plant: Plant | None = None,
+    steps: int | None = None,
+    positions: Positions | None = None,
+) -> Episode:
+    """Run one episode to its end, in an environment of this package or in one of your own.
+
+    Args:
+        env: filtered or not.
+        policy: (observation, info) → the environment's action.
+        seed: of the environment.
+        plant: of an environment of your own; None takes its filter's.
+        steps: the most that the episode takes; None for as many as the environment does.
+        positions: x (n,) → (2,) where the robot is [m]; None takes the first two entries of the
+            planar models' states, which are that.
+
+    Raises:
+        InvalidInputError: if no plant says what the state and the barriers of the environment are,
+            or no step was taken.
+    """
+    inner: Any = env.unwrapped
+    own = not hasattr(inner, "barrier_set")
+    if own and plant is None:
+        plant = _plant_of(env)
+    observed: list[tuple[_Look, Sample]] = []
+    for sample in _limited(env, policy, seed, steps):
+        look = _look_own(plant, env, sample, observed) if own and plant else _look(inner, sample)
+        observed.append((look, sample))
+    looks, infos = [look for look, _ in observed], [sample.info for _, sample in observed]
+    taken = [sample for _, sample in observed[1:]]
+    if not taken:
+        raise InvalidInputError("rollout: got an episode without a step, expected one at least")
+    x, m = np.array([look.x for look in looks]), len(looks[0].h)
+    last = infos[-1]
+    records = [
+        sample.info.get("safety_filter") or _unfiltered(sample, plant, m) for sample in taken
+    ]
+    error = None if own else np.array([info["tracking_error"] for info in infos])
+    u_nominal = np.array([record["u_nominal"] for record in records])
+    fell = bool(last.get("fallen", 0.0))
+    if own:
+        said = last.get("is_success", last.get("success"))
+        reached = None if said is None else bool(said)
+        stood = np.array([bool(record["deadlock"]) for record in records])
+    else:
+        radius = inner.scenario.goal_radius
+        assert error is not None
+        reached = taken[-1].over and not fell and bool(error[-1] <= radius)
+        stood = deadlocked(x[1:, 2:], u_nominal, error[1:], radius)
+    forces = [info.get("obstacle_force", ()) for info in infos[1:]]
+    return Episode(
+        time=np.array([look.time for look in looks]),
+        state=x,
+        position=np.array([_seen_at(one, plant, positions, own) for one in x]),
+        h=np.array([look.h for look in looks]),
+        min_h=np.array([look.min_h for look in looks]),
+        tracking_error=error,
+        reward=np.array([float(sample.reward) for sample in taken]),
+        u_nominal=u_nominal,
+        u=np.array([record["u_safe"] for record in records]),
+        psi=np.array([record["psi"] for record in records]),
+        slack=np.array([record["slack"] for record in records]),
+        delta=np.array([record["delta"] for record in records]),
+        status=np.array([record["status"] for record in records], dtype=np.int64),
+        deadlock=stood,
+        obstacle_force=np.array(forces, dtype=np.float64),
+        names=tuple(condition.name for condition in looks[0].conditions),
+        priority=np.array([condition.rank for condition in looks[0].conditions], dtype=np.int64),
+        fell=fell,
+        reached=reached,
+    )
+
+
+def _limited(env: gym.Env, policy: Policy, seed: int, steps: int | None) -> Iterator[Sample]:
+    walk = samples(env, policy, seed)
+    return walk if steps is None else itertools.islice(walk, steps + 1)
+
+
+def _plant_of(env: gym.Env) -> Plant:
+    """Return the plant of the filter around an environment of the user's own.
+
+    Raises:
+        InvalidInputError: if there is none.
+    """
+    around: Any = env
+    while around is not env.unwrapped:
+        if isinstance(getattr(around, "plant", None), Plant):
+            return around.plant
+        around = around.env
+    if isinstance(getattr(around, "plant", None), Plant):
+        return around.plant
+    raise InvalidInputError(
+        f"rollout: got {env}, of which no filter says what its state and its barriers are; "
+        "expected plant=Plant(…)"
+    )
+
+
+def _look(inner: Any, sample: Sample) -> _Look:
+    """Return what an environment of this package shows."""
+    conditions = tuple(Condition(b.name, b.priority) for b in inner.barriers)
+    h, min_h = sample.info["h"], sample.info["min_h"]
+    return _Look(inner.time, inner.rom_state, h, min_h, conditions)
+
+
+def _look_own(plant: Plant, env: gym.Env, sample: Sample, before: list[Any]) -> _Look:
+    """Return what the plant of a user's environment says."""
+    said = reading(plant, env.unwrapped, sample, len(before) * (plant.period or CONTROL_DT))
+    if before and len(said.h) != len(before[0][0].h):
+        raise InvalidInputError(
+            f"rollout: got {len(said.h)} barriers after {len(before[0][0].h)}, expected their "
+            "number to stay"
+        )
+    min_h = said.h
+    if "min_h" in sample.info:
+        min_h = np.minimum(said.h, least_reported(sample.info["min_h"], len(said.h)))
+    return _Look(said.time, said.x, said.h, min_h, tuple(said.conditions))
+
+
+def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, Any]:
+    """Return what a filter would report that changes nothing."""
+    read = None if plant is None else plant.from_action
+    u = np.asarray(sample.action if read is None else read(sample.action), dtype=np.float64)
+    none = {"slack": np.zeros(m), "delta": np.zeros(m), "psi": np.full(m, np.nan)}
+    return none | {
+        "u_nominal": u, "u_safe": u, "status": FilterStatus.NOMINAL, "deadlock": 0.0
+    }  # fmt: skip
+
+
+def _seen_at(x: Array, plant: Plant | None, positions: Positions | None, own: bool) -> Array:
+    """Return (2,) where a state is seen from above [m]; NaN where nothing says so."""
+    if positions is not None:
+        return np.asarray(positions(x), dtype=np.float64)
+    model = None if plant is None else plant.model
+    planar = (
+        isinstance(model, Unicycle | KinematicBicycle)
+        or (isinstance(model, DoubleIntegrator) and model.n == 4)
+        or (isinstance(model, SingleIntegrator) and model.n == 2)
+    )
+    return x[:2] if planar or not own else np.full(2, np.nan)

@@ -1,0 +1,172 @@
+"""What a user names on a command line or in a contract: functions of their own, and networks."""
+
+import functools
+import importlib
+import importlib.util
+import inspect
+import sys
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import compilation
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import InvalidInputError, require
+
+EXTRA = "walkers"
+"""Brings what runs an ONNX network."""
+
+
+def is_function(name: str) -> bool:
+    """Return whether a name is of the form ``module:function`` or ``file.py:function``."""
+    return ":" in name
+
+
+def function(what: str, name: str) -> Callable[..., Any]:
+    """Return the function or class that a name stands for.
+
+    A file's folder, or for a module the current folder, is searched for what it imports, so that
+    its neighbours are found.
+
+    Args:
+        what: is named, for messages.
+        name: ``module:function`` or ``file.py:function``.
+
+    Raises:
+        InvalidInputError: if there is none, or its module raises an error.
+    """
+    where, _, attribute = name.rpartition(":")
+    expected = "expected module:function or file.py:function"
+    if not where or not attribute:
+        raise InvalidInputError(f"{what}: got {name!r}, {expected}")
+    try:
+        found = getattr(_module(where), attribute)
+    except Exception as error:  # whatever a user's module raises while it is imported
+        said = f"{type(error).__name__}: {error}"
+        raise InvalidInputError(f"{what}: got {name!r} ({said}), {expected}") from error
+    if not callable(found):
+        raise InvalidInputError(f"{what}: got {name!r}, which is {found!r}, expected a function")
+    return found
+
+
+def files(name: str) -> list[Path]:
+    """Return the file in which a named function stands, with what it imports of no package."""
+    where = name.rpartition(":")[0]
+    if where.endswith(".py"):
+        first = Path(where).resolve()
+    else:
+        try:
+            origin = inspect.getsourcefile(_module(where))
+        except (ImportError, TypeError):  # none, or built in
+            return []
+        if origin is None:
+            return []
+        first = Path(origin)
+    reached = compilation.reached([first])
+    return sorted(file for file in reached if not file.is_relative_to(compilation.PACKAGE))
+
+
+def _module(where: str) -> ModuleType:
+    """Return the module of a name or of a file."""
+    if not where.endswith(".py"):
+        here = str(Path.cwd())
+        if here not in sys.path:
+            sys.path.append(here)
+        return importlib.import_module(where)
+    file = Path(where).resolve()
+    if not file.is_file():
+        raise ImportError(f"no file {where}")
+    return _of_file(file, file.stat().st_mtime_ns)
+
+
+@functools.cache
+def _of_file(file: Path, changed: int) -> ModuleType:
+    """Return the module that a file holds as it is, under a name of its own."""
+    if str(file.parent) not in sys.path:
+        sys.path.insert(0, str(file.parent))  # as Python does for a script
+    name = f"hcbf_own_{file.stem}_{zlib.crc32(str(file).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+class Network:
+    """An ONNX network without memory, run by onnxruntime on one core.
+
+    Args:
+        path: of the file.
+        sizes: n of the observation and k of the action.
+
+    Raises:
+        MissingDependencyError: if onnxruntime is missing.
+        InvalidInputError: if there is no such file, onnxruntime refuses it, or shapes differ.
+    """
+
+    def __init__(self, path: Path, sizes: tuple[int, int]):
+        require(f"policy {path.name}", EXTRA, "onnxruntime")
+        if not path.is_file():
+            raise InvalidInputError(f"policy: got {str(path)!r}, expected an existing ONNX file")
+        session = _session(path, path.stat().st_mtime_ns)
+        inputs, outputs = session.get_inputs(), session.get_outputs()
+        if len(inputs) != 1:
+            raise InvalidInputError(
+                f"policy: got the inputs {[i.name for i in inputs]} in {path.name}, expected one: "
+                "the observation"
+            )
+        n, k = sizes
+        if not (_fits(inputs[0].shape, n) and inputs[0].type == "tensor(float)"):
+            raise InvalidInputError(
+                f"policy: got the input {inputs[0].shape} of {inputs[0].type} in {path.name}, "
+                f"expected [1, {n}] of tensor(float), the size of the observation"
+            )
+        if not _fits(outputs[0].shape, k):
+            raise InvalidInputError(
+                f"policy: got the output {outputs[0].shape} in {path.name}, expected [1, {k}], the "
+                "size of the action"
+            )
+        self._input = np.zeros((1, n), dtype=np.float32)
+        self._feed, self._wanted = {inputs[0].name: self._input}, [outputs[0].name]
+        self._run = session.run
+
+    def __call__(self, observation: Array) -> Array:
+        """Return (k,) the network's output."""
+        self._input[0] = observation
+        return self._run(self._wanted, self._feed)[0][0]
+
+
+def _fits(shape: Sequence[object], size: int) -> bool:
+    """Return whether a network's shape is (1, size); names stand for any size."""
+    return (
+        len(shape) == 2
+        and shape[0] in (1, None, *filter(_is_name, shape[:1]))
+        and shape[1] in (size, None, *filter(_is_name, shape[1:]))
+    )
+
+
+def _is_name(size: object) -> bool:
+    return isinstance(size, str)
+
+
+@functools.cache
+def _session(path: Path, changed: int) -> Any:
+    """Return onnxruntime's session of a file as it is; one serves all environments."""
+    onnxruntime: Any = importlib.import_module("onnxruntime")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime has a family of its own
+        raise InvalidInputError(f"policy: onnxruntime refuses {path.name}: {error}") from error

@@ -1,0 +1,179 @@
+"""Policies and environments of one's own in the evaluation: the same numbers as by hand."""
+
+import json
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import cli, compilation, wrappers
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation import episode_plot, own_environment
+from hcbf_gym.evaluation.recorded import rollout
+from hcbf_gym.evaluation.rollouts import Case
+
+ROOT = Path(__file__).parents[2]
+ROM = "HCBF-Regions-v0"
+BOAT = f"{ROOT / 'examples' / 'boat.py'}:certify"
+
+OWN = """
+import numpy as np
+
+def act(observation, info):
+    return 2.0 * observation[:2] + 3.0 * observation[2:4]
+
+def ahead(observation, info):
+    return np.array([2.0, 0.5])
+
+def gives_nan(observation, info):
+    return np.full(2, np.nan)
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    return str(tmp_path / "own.py")
+
+
+def evaluated(output, *arguments):
+    cli.main(["evaluate", "--workers", "1", "--output", str(output), *map(str, arguments)])
+    return json.loads((output / "summary.json").read_text(encoding="utf-8"))
+
+
+def by_hand(env, policy, seed, steps):
+    """Return return, least h and intervention of an episode, counted in a plain loop."""
+    observation, info = env.reset(seed=seed)
+    total, changes = 0.0, []
+    for _ in range(steps):
+        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
+        total += reward
+        changes.append(float(info["safety_filter"]["intervention"]))
+        if terminated or truncated:
+            break
+    return total, float(np.sqrt(np.mean(np.square(changes))))
+
+
+def test_a_function_gives_the_numbers_that_a_loop_by_hand_gives(own, tmp_path):
+    policy = f"{own}:act"
+    arguments = ["--env", ROM, "--scenario", "random", "--program", "lex-cbf-qp", "--episodes", 2]
+    found = evaluated(tmp_path / "out", *arguments, "--policy", policy, "--guidance", "geodesic")
+    env = gym.make(ROM, scenario="random")
+    env = wrappers.SafetyFilter(env, "lex-cbf-qp", guidance="geodesic")
+    for seed, episode in enumerate(found["episodes"]):
+        hand = by_hand(
+            env, lambda o, i: 2.0 * o[:2] + 3.0 * o[2:4], seed=seed, steps=1000
+        )  # fmt: skip
+        assert (episode["return"], episode["intervention_rms"]) == pytest.approx(hand, rel=1e-12)
+    (row,) = found["aggregate"]
+    assert row["reached"] == 1.0
+    low, high = row["intervals"]["reached"]
+    assert 0.0 < low < high == 1.0
+    assert row["intervals"]["return"][0] < row["return"] < row["intervals"]["return"][1]
+    assert 0.9 < row["entered_at_most"] < 1.0  # two episodes say little
+    assert found["settings"]["policy"] == [policy]
+    assert found["settings"]["versions"]["numpy"] == np.__version__
+
+
+def test_an_environment_of_ones_own_gives_the_numbers_that_a_loop_by_hand_gives(own, tmp_path):
+    arguments = ["--env", BOAT, "--policy", f"{own}:ahead", "--program", "none", "lex-cbf-qp"]
+    found = evaluated(tmp_path / "out", *arguments, "--steps", 60, "--seed", 3, "--figures", "svg")
+    none, filtered = found["episodes"]
+    env, plant = own_environment.make(BOAT)
+    env = wrappers.SafetyFilter(env, "lex-cbf-qp", plant=plant)
+    hand = by_hand(env, lambda o, i: np.array([2.0, 0.5]), seed=3, steps=60)
+    assert (filtered["return"], filtered["intervention_rms"]) == hand
+    assert none["intervention_rms"] == 0.0
+    assert none["seconds"] == filtered["seconds"] == pytest.approx(3.0)
+    assert found["barriers"][-1] == {"name": "speed", "priority": 1}
+    assert none["min_h"][-1] < 0.0 < filtered["min_h"][-1] + 0.05
+    assert found["aggregate"][0]["reached"] is None
+    figures = sorted((tmp_path / "out").glob("*.svg"))
+    assert len(figures) == 2
+    assert all(b"<svg" in figure.read_bytes() for figure in figures)
+
+
+def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
+    episode = Case(BOAT, None, f"{own}:ahead", "lex-cbf-qp", {}, steps=40).run(0)
+    env, _ = own_environment.make(BOAT)
+    env.reset(seed=0)
+    for x, h in zip(episode.state, episode.h, strict=True):
+        np.testing.assert_allclose(h, [b.h(x) for b in env.unwrapped.buoys], atol=1e-12)
+    assert (episode.min_h <= episode.h + 1e-12).all()
+    np.testing.assert_array_equal(episode.position, episode.state[:, :2])
+    assert np.isfinite(episode.psi).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--policy", "OWN:gives_nan"], "expected finite numbers"),
+        (["--policy", "OWN:act", "OWN:nothing"], "AttributeError"),
+        (["--env", BOAT, "--v-max", "1.0"], "whose plant says all that"),
+        (["--env", BOAT, "--policy", "pd"], "expected one of your own"),
+        (["--env", ROM, "--body", "footprint"], "which is a point"),
+        (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
+        (["--env", ROM, "--masks", "keepout.yaml", "2"], "--map"),
+    ],
+)
+def test_bad_input_is_refused_before_the_first_episode(own, tmp_path, arguments, message):
+    given = [one.replace("OWN", own) for one in arguments]
+    given = given if "--env" in given else ["--env", ROM, *given]
+    with pytest.raises(SystemExit, match=message):
+        evaluated(tmp_path / "out", *given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_path):
+    first = ["--env", ROM, "--program", "none", "--steps", 5, "--policy", f"{own}:act"]
+    evaluated(tmp_path / "out", *first)
+    before = (tmp_path / "out" / "summary.json").read_bytes()
+    evaluated(tmp_path / "out", *first)  # the same run may go on
+    with pytest.raises(SystemExit, match=r"another study.*seed.*--overwrite"):
+        evaluated(tmp_path / "out", *first, "--seed", 1)
+    assert (tmp_path / "out" / "summary.json").read_bytes() == before
+    with open(own, "a", encoding="utf-8") as file:
+        file.write("\n# another policy\n")
+    compilation._digest.cache_clear()  # a process of its own would read the file anew
+    with pytest.raises(SystemExit, match="files"):
+        evaluated(tmp_path / "out", *first)
+    found = evaluated(tmp_path / "out", *first, "--seed", 1, "--overwrite")
+    assert found["seeds"] == [1, 1]
+
+
+def test_a_cap_on_the_speed_is_one_in_random_scenes_too(own, tmp_path):
+    arguments = ["--env", ROM, "--scenario", "random", "--program", "lex-cbf-qp", "--steps", 150]
+    scenes = []
+    for cap in (None, 0.4):
+        case = Case(ROM, "random", f"{own}:act", "lex-cbf-qp", {}, v_max=cap, steps=100)
+        episode = case.run(7)
+        scenes.append(episode.position[0])
+        assert (np.hypot(*episode.state[:, 2:].T).max() <= 0.4) == (cap is not None)
+    np.testing.assert_array_equal(*scenes)
+    found = evaluated(tmp_path / "out", *arguments, "--v-max", 0.4)
+    assert found["settings"]["v_max"] == 0.4
+
+
+def test_a_rollout_without_a_plant_is_refused():
+    env, _ = own_environment.make(BOAT)
+    with pytest.raises(InvalidInputError, match="plant=Plant"):
+        rollout(env, lambda o, i: np.zeros(2), 0)
+
+
+def test_own_labels_and_programs_are_drawn(own):
+    episode = Case(ROM, "paper-simulation", "pd", "none", steps=20).run(0)
+    scene = gym.make(ROM, scenario="paper-simulation").unwrapped.scenario
+    labelled = {("mine", "my program"): episode, ("mine", "none"): episode}
+    for figure in (episode_plot.plot_paths(scene, labelled), episode_plot.plot_series(labelled)):
+        assert figure._repr_png_()[:4] == b"\x89PNG"
+    figure = episode_plot.plot_episode(
+        episode, scene.barriers, "t", {"h4 region 2": "the pond"}, ("ax [m/s²]", "ay [m/s²]")
+    )
+    texts = [text.get_text() for axes in figure.axes for text in _texts(axes)]
+    assert {"the pond", "ax [m/s²]", "h, rank 2"} <= set(texts)
+
+
+def _texts(axes):
+    legend = axes.get_legend()
+    return [axes.yaxis.label, *(legend.get_texts() if legend else ())]
