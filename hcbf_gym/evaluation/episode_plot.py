@@ -67,8 +67,7 @@ def plot_series(episodes: Shown) -> Figure:
         for k in range(len(first.names)):
             panels[k].plot(episode.time, episode.h[:, k], lw=1.3, **style)
         panels[-2].plot(episode.time[1:], episode.slack.sum(axis=1), lw=1.3, **style)
-        if episode.tracking_error is not None:
-            panels[-1].plot(episode.time, episode.tracking_error, lw=1.3, **style)
+        panels[-1].plot(episode.time, episode.tracking_error, lw=1.3, **style)
     for panel, name, rank in zip(panels, first.names, first.priority.tolist(), strict=False):
         panel.axhline(0.0, color=priority_color(rank), lw=0.8)
         panel.set_ylabel(f"h of\n{name}", fontsize=8)

@@ -35,7 +35,7 @@ class Episode:
         position: (k + 1, 2) [m]; NaN where nothing says where x and y are.
         h: (k + 1, m) barrier values at the control times.
         min_h: (k + 1, m) their least values since the control time before, as far as reported.
-        tracking_error: (k + 1,) ‖p_ref − p‖ [m]; None of an environment without a reference.
+        tracking_error: (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference.
         reward: (k,).
         u_nominal: (k, n_u) what the policy asked for.
         u: (k, n_u) what was applied.
@@ -57,7 +57,7 @@ class Episode:
     position: Array
     h: Array
     min_h: Array
-    tracking_error: Array | None
+    tracking_error: Array
     reward: Array
     u_nominal: Array
     u: Array
@@ -90,8 +90,8 @@ class Episode:
             "min_h": self.min_h.min(axis=0).tolist(),
             "violation_seconds": inside.tolist(),
             "violation_depth": np.maximum(-self.min_h, 0.0).max(axis=0).tolist(),
-            "tracking_rms": None if error is None else float(np.sqrt(np.mean(error[1:] ** 2))),
-            "final_error": None if error is None else float(error[-1]),
+            "tracking_rms": _known(np.sqrt(np.mean(error[1:] ** 2))),
+            "final_error": _known(error[-1]),
             "return": float(self.reward.sum()),
             "seconds": float(time[-1] - time[0]),
             "fell": self.fell,
@@ -104,6 +104,11 @@ class Episode:
             "deadlock_share": float(np.mean(self.deadlock)),
             "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),
         }
+
+
+def _known(value: float) -> float | None:
+    """Return a number; None for NaN, which JSON has not."""
+    return None if np.isnan(value) else float(value)
 
 
 class _Look(NamedTuple):
@@ -156,7 +161,7 @@ def rollout(
     records = [
         sample.info.get("safety_filter") or _unfiltered(sample, plant, m) for sample in taken
     ]
-    error = None if own else np.array([info["tracking_error"] for info in infos])
+    error = np.array([info.get("tracking_error", np.nan) for info in infos])
     u_nominal = np.array([record["u_nominal"] for record in records])
     fell = bool(last.get("fallen", 0.0))
     if own:
@@ -165,7 +170,6 @@ def rollout(
         stood = np.array([bool(record["deadlock"]) for record in records])
     else:
         radius = inner.scenario.goal_radius
-        assert error is not None
         reached = taken[-1].over and not fell and bool(error[-1] <= radius)
         stood = deadlocked(x[1:, 2:], u_nominal, error[1:], radius)
     forces = [info.get("obstacle_force", ()) for info in infos[1:]]

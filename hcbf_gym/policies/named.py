@@ -43,7 +43,7 @@ def make(name: str, env: gym.Env) -> Policy:
     if name in ("pd", "pd-ff"):
         return PDTracker.for_env(env, feed_forward=name == "pd-ff")
     if loading.is_function(name):
-        found = loading.function("policy", name)
+        found: Any = loading.function("policy", name)
         return found() if inspect.isclass(found) else found
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
@@ -165,18 +165,13 @@ def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
     sb3: Any = importlib.import_module("stable_baselines3")
     saving: Any = importlib.import_module("stable_baselines3.common.save_util")
     expected = "expected what model.save of Stable-Baselines3's PPO, A2C, SAC, TD3 or DDPG wrote"
+    kinds = (sb3.PPO, sb3.SAC, sb3.TD3)  # A2C has the policies of PPO, DDPG those of TD3
     try:
-        data, _, _ = saving.load_from_zip_file(path, device="cpu")
-        kind = data["policy_class"]
-        kinds = (sb3.PPO, sb3.SAC, sb3.TD3)  # A2C has the policies of PPO, DDPG those of TD3
-        algorithm = next(
-            one for one in kinds if issubclass(kind, tuple(one.policy_aliases.values()))
-        )
-        model = algorithm.load(path, device="cpu")
-    except StopIteration:
-        raise InvalidInputError(
-            f"policy: got {kind.__name__} in {str(path)!r}, {expected}"
-        ) from None
+        kind = saving.load_from_zip_file(path, device="cpu")[0]["policy_class"]
+        fitting = [one for one in kinds if issubclass(kind, tuple(one.policy_aliases.values()))]
+        if not fitting:
+            raise TypeError(f"holds a {kind.__name__}")
+        model = fitting[0].load(path, device="cpu")
     except Exception as error:  # whatever unzipping and unpickling raise
         said = str(error).strip().partition("\n")[0]
         raise InvalidInputError(

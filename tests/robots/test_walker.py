@@ -245,7 +245,7 @@ def test_a_network_of_another_shape_is_refused(tmp_path, robot):
     contract = plain(robot)
     path = tmp_path / "bent.json"
     path.write_text(json.dumps(contract | {"observation": contract["observation"][1:]}))
-    with pytest.raises(RobotModelError, match="the sizes of the observation's terms"):
+    with pytest.raises(RobotModelError, match="the size of the observation"):
         Walker.load(path)
     action = contract["action"] | {"home": contract["action"]["home"][:11]}
     path.write_text(json.dumps(contract | {"action": action}))

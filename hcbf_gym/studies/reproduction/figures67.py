@@ -129,7 +129,7 @@ def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
         name: {
             "episodes": len(group),
             "touched_the_box": sum(_touches(episode) > 0 for episode in group),
-            "reached": sum(episode.reached for episode in group),
+            "reached": sum(bool(episode.reached) for episode in group),
             "fell": sum(episode.fell for episode in group),
             "least_h3": min(float(episode.min_h[:, _H3].min()) for episode in group),
             "least_h4": [float(episode.min_h[:, _H4].min()) for episode in group],
