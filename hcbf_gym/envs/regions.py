@@ -73,7 +73,9 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
 
     ## Infos
     `h` (m,) at the step's end, `min_h` (m,) the least over its ten substeps, `violation` (m,)
-    max(0, −h), `cost` their sum, `tracking_error` ‖p_ref − p‖ [m], `is_success` (1 where the robot
+    max(0, −h), `cost` 1 where a condition of rank 1 was below zero in the step, else 0, `costs`
+    (R,) how deep it was in each rank [m], 0 where a rank is absent; R is the last rank of the
+    scene at construction. `tracking_error` ‖p_ref − p‖ [m], `is_success` (1 where the robot
     stands within `goal_radius` of the goal and the reference has ended), and the reward's terms. A
     speed limit that the scenario sets comes after its own barriers. A reset reports the same, with
     `is_success` and the terms zero.

@@ -13,6 +13,7 @@ from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
     SUBSTEPS,
+    Ranked,
     barriers_of,
     observe,
     reference_table,
@@ -76,6 +77,7 @@ class RegionsBatch:
         corners = scenes[0].input_set.vertices()
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self.barrier_set = BarrierSet([barriers_of(s, s.v_max) for s in scenes])
+        self._ranks = int(self.barrier_set.priority.max(initial=1))
         self.x = np.zeros((len(scenes), 4))
         self.steps = np.zeros(len(scenes), dtype=np.int64)
         self._v_max = np.array([np.inf if s.v_max is None else s.v_max for s in scenes])
@@ -130,6 +132,11 @@ class RegionsBatch:
         tables, of, last = self._references
         return tables[of, last, :2]
 
+    @property
+    def _ranked(self) -> Ranked:
+        """What costs are counted by, with as many ranks as at the construction."""
+        return Ranked.of(self.barrier_set, self._ranks)
+
     def look(self) -> tuple[Array, Array, Array]:
         """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
         h, sensed = self.barrier_set.sense(self.x, self.time)
@@ -139,7 +146,7 @@ class RegionsBatch:
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
         """Return the observation (N, 8 + 4 m) and the infos of a reset."""
         observation, h, error = self.look()
-        return observation, reset_info(self.task, h, error)
+        return observation, reset_info(self.task, h, self._ranked, error)
 
     def step(self, action: Array, restarting: Mask | None = None) -> BatchStep:
         """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
@@ -171,7 +178,9 @@ class RegionsBatch:
             min_h[restarting] = h[restarting]
             for term in terms.values():
                 term[restarting] = 0.0
-        return BatchStep(observation, terms, reached, step_info(h, min_h, error, success))
+        return BatchStep(
+            observation, terms, reached, step_info(h, min_h, self._ranked, error, success)
+        )
 
     def _look_at_own(self, x: Array, u: Array, min_h: Array) -> None:
         """Write the least values of users' own barriers on the way from x (N, 4), in Python."""

@@ -73,6 +73,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
         self._family = scenes.family({})
+        self._ranks = max(barrier.priority for barrier in own.conditions)
         self._take_scene(own)
         warn_of(known.declared["environment"], known.nearest.judged)
 
@@ -162,8 +163,10 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         h = self.barrier_set.along(motion.path, motion.times)
         self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
         self._estimate, self._fallen = self.drive.estimate(0.0), self.simulation.fallen
-        info = task.first(task.reset_info(self.scenario.task, h, np.array([self._distance])))
-        return self._observe(), info | self._info_of(motion)
+        ranked = task.Ranked.of(self.barrier_set, self._ranks)
+        distance = np.array([self._distance])
+        info = task.first(task.reset_info(self.scenario.task, h, ranked, distance))
+        return self._observe(), self._with_body(info | self._info_of(motion))
 
     def change_scene(self, scenario: Scenario) -> None:
         """Move, resize or rank regions anew in the midst of an episode.
@@ -197,7 +200,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
             scene, motion, self._estimate, reference, u, (before, distance), success
         )
         info = counted.info
-        info |= self._info_of(motion)
+        info = self._with_body(info | self._info_of(motion))
         if self.render_mode == "human":
             self.render()
         ended = self._stopped() or (success and self.scenario.task == "reach")
@@ -247,7 +250,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self.scenario = scenario
         self.barrier_set = BarrierSet([self.barriers])
         self._references = task.reference_table(scenario)
-        self._tally = StepTally(scenario, self.barrier_set.kind.shape[1])
+        self._tally = StepTally(scenario, self.barrier_set.kind.shape[1], self._ranks)
 
     def _take_scene(self, scenario: Scenario) -> None:
         self._set_scene(scenario)
@@ -265,6 +268,15 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         x, reference = self._estimate.x[None], self._reference()[None]
         _, sensed = self.barrier_set.sense(x, np.array([self.time]))
         return task.observe(x, reference, sensed, len(self.scenario.conditions))[0]
+
+    def _with_body(self, info: Info) -> Info:
+        """Return the infos with the costs of the whole robot, where it must stay outside."""
+        if "min_body_h" in info:
+            least = np.minimum(info["min_h"], info["min_body_h"])
+            ranked = task.Ranked.of(self.barrier_set, self._ranks)
+            cost, costs = task.costs_of(least[None], ranked)
+            info["cost"], info["costs"] = cost[0], costs[0]
+        return info
 
     def _stopped(self) -> bool:
         """Return whether the robot cannot go on."""

@@ -18,13 +18,13 @@ from hcbf_gym.envs.task import (
     GOAL_REWARD,
     REWARD_TERMS,
     effort_cost,
+    write_costs,
     write_observation,
-    write_violation,
 )
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario
 
-Task = tuple[Array, float, float, bool, bool]
+Task = tuple[Array, float, float, bool, bool, int]
 
 _NUMBERS = ("cost", "tracking_error", "is_success")
 _HEAD = 7  # of the memory: these, as many reward terms as there may be, and the reward
@@ -51,16 +51,19 @@ class StepTally:
     Args:
         scenario: the scene; a policy sees its m barriers.
         total: of the barriers, the environment's own included.
+        ranks: R, how many ranks the environment tells apart.
     """
 
-    def __init__(self, scenario: Scenario, total: int):
+    def __init__(self, scenario: Scenario, total: int, ranks: int):
         self._reaches = scenario.task == "reach"
         ends = [_HEAD + k * total for k in range(4)]
-        self._memory = np.zeros(ends[-1] + 8 + 4 * len(scenario.conditions))
-        self._seen = slice(ends[-1], len(self._memory))
+        seen = ends[-1] + ranks
+        self._memory = np.zeros(seen + 8 + 4 * len(scenario.conditions))
+        self._seen, self._costs = slice(seen, len(self._memory)), slice(ends[-1], seen)
         rows = zip(("h", "min_h", "violation"), ends[:-1], ends[1:], strict=True)
         self._parts: list[tuple[str, slice | int]] = [
             *((name, slice(start, end)) for name, start, end in rows),
+            ("costs", self._costs),
             *((name, k) for k, name in enumerate((*_NUMBERS, *REWARD_TERMS[scenario.task]))),
         ]
 
@@ -85,13 +88,15 @@ class StepTally:
             distances: ‖p_ref − p‖ before the step and after it [m].
             success: whether the robot stands at the goal and the reference has ended.
         """
-        x, task = known.x, (u, *distances, success, self._reaches)
+        ranks = self._costs.stop - self._costs.start
+        x, task = known.x, (u, *distances, success, self._reaches, ranks)
         if scene.own:
             h = scene.along(motion.path, motion.times)
             _, sensed = scene.sense(x[None], np.array([known.time]))
-            _count(h, sensed[0], x, reference, task, self._memory)
+            ranked = scene.kind[0], scene.priority[0]
+            _count(h, sensed[0], ranked, x, reference, task, self._memory)
         else:
-            barriers = scene.kind, scene.parameters, scene.atlas.numbers
+            barriers = scene.kind, scene.parameters, scene.atlas.numbers, scene.priority
             _look(barriers, motion.path, motion.times, x, known.time, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
@@ -100,7 +105,7 @@ class StepTally:
 
 @njit(cache=True)
 def _look(
-    barriers: tuple[Integers, Array, Array],
+    barriers: tuple[Integers, Array, Array, Integers],
     path: Array,
     times: Array,
     x: Array,
@@ -110,29 +115,38 @@ def _look(
     memory: Array,
 ) -> None:
     """Look at barriers that are all built in, and count."""
-    kind, parameters, atlas = borrowed(barriers)
+    kind, parameters, atlas, priority = borrowed(barriers)
     h, last = np.empty((len(path), kind.shape[1])), np.empty(kind.shape)
     sensed = np.empty((*kind.shape, 4))
     kernels.values(kind, parameters, atlas, path, times, h)
     kernels.sense(kind, parameters, atlas, x.reshape(1, 4), np.full(1, time), last, sensed)
-    _count(h, sensed[0], x, reference, task, memory)
+    _count(h, sensed[0], (kind[0], priority[0]), x, reference, task, memory)
 
 
 @njit(cache=True)
-def _count(h: Array, sensed: Array, x: Array, reference: Array, task: Task, memory: Array) -> None:
+def _count(
+    h: Array,
+    sensed: Array,
+    ranked: tuple[Integers, Integers],
+    x: Array,
+    reference: Array,
+    task: Task,
+    memory: Array,
+) -> None:
     """Write what `StepTally` holds.
 
     Args:
         h: (k, M) barrier values on the way; the last are those at the end.
         sensed: (M, 4) what `BarrierSet.sense` returns at the end.
+        ranked: (M,) kinds and (M,) priorities of the barriers.
         x: (4,) position [m] and velocity [m/s] on which the loop is closed.
         reference: as `StepTally.count` takes it.
-        task: u, the distances, the success, and whether the task is to reach the goal.
+        task: u, the distances, the success, whether the task is to reach the goal, and R.
         memory: written to.
     """
     h, sensed, x = borrowed(h), borrowed(sensed), borrowed(x)
     reference, memory = borrowed(reference), borrowed(memory)
-    u, before, after, success, reaches = task
+    u, before, after, success, reaches, ranks = task
     ticks, total = h.shape
     at_end = memory[_HEAD : _HEAD + total]
     least = memory[_HEAD + total : _HEAD + 2 * total]
@@ -141,8 +155,11 @@ def _count(h: Array, sensed: Array, x: Array, reference: Array, task: Task, memo
     for i in range(1, ticks):
         for k in range(total):
             least[k] = np.minimum(least[k], h[i, k])
-    cost = write_violation(at_end, memory[_HEAD + 2 * total : _HEAD + 3 * total])
-    write_observation(x, reference, sensed, memory[_HEAD + 3 * total :])
+    violation, seen = _HEAD + 2 * total, _HEAD + 3 * total
+    for k in range(total):
+        memory[violation + k] = max(0.0, -at_end[k])
+    cost = write_costs(least, ranked[0], ranked[1], memory[seen : seen + ranks])
+    write_observation(x, reference, sensed, memory[seen + ranks :])
     memory[0], memory[1], memory[2] = cost, after, success
     effort = effort_cost(u[0], u[1])
     if reaches:

@@ -1,11 +1,15 @@
 """What both environments share: time steps, observation, reward and the infos of a step."""
 
+from typing import NamedTuple
+
 import numpy as np
 from gymnasium import spaces
 from numba import njit
 
-from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
+from hcbf_gym.barriers.layout import SPEED_LIMIT, ZONES
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.input_sets import InputSet
@@ -135,56 +139,87 @@ def effort_cost(ux: float, uy: float) -> float:
     return -EFFORT_WEIGHT * (ux**2 + uy**2)
 
 
-def step_info(h: Array, min_h: Array, tracking_error: Array, success: Mask) -> dict[str, Array]:
+class Ranked(NamedTuple):
+    """What costs are counted by, of N scenes.
+
+    Attributes:
+        kind: (N, m) of the conditions, see `barriers.layout`.
+        priority: (N, m) of the conditions; 1 is strict.
+        ranks: R, how many ranks an environment tells apart.
+    """
+
+    kind: Integers
+    priority: Integers
+    ranks: int
+
+    @classmethod
+    def of(cls, scenes: BarrierSet, ranks: int | None = None) -> "Ranked":
+        """Return what costs in these scenes are counted by; R is their last rank if not given."""
+        last = int(scenes.priority.max(initial=1)) if ranks is None else ranks
+        return cls(scenes.kind, scenes.priority, last)
+
+
+def step_info(
+    h: Array, min_h: Array, ranked: Ranked, tracking_error: Array, success: Mask
+) -> dict[str, Array]:
     """Return the infos that every step carries, each with a leading axis N.
 
     Args:
         h: (N, m) barrier values at the step's end.
         min_h: (N, m) their least values over its physics steps.
+        ranked: what costs are counted by.
         tracking_error: (N,) ‖p_ref − p‖ [m].
         success: (N,) whether the robot stands at the goal and the reference has ended.
     """
-    violation, cost = _violation(h)
+    cost, costs = costs_of(min_h, ranked)
     return {
         "h": h,
         "min_h": min_h,
-        "violation": violation,
+        "violation": np.maximum(0.0, -h),
         "cost": cost,
+        "costs": costs,
         "tracking_error": tracking_error,
         "is_success": success.astype(np.float64),
     }
 
 
 @njit(cache=True)
-def _violation(h: Array) -> tuple[Array, Array]:
-    """Return max(0, −h) (N, m) and its sum over the barriers (N,)."""
-    violation, cost = np.empty(h.shape), np.empty(h.shape[0])
-    for i in range(h.shape[0]):
-        cost[i] = write_violation(h[i], violation[i])
-    return violation, cost
+def costs_of(least: Array, ranked: Ranked) -> tuple[Array, Array]:
+    """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step."""
+    cost, costs = np.empty(least.shape[0]), np.zeros((least.shape[0], ranked.ranks))
+    for i in range(least.shape[0]):
+        cost[i] = write_costs(least[i], ranked.kind[i], ranked.priority[i], costs[i])
+    return cost, costs
 
 
 @njit(cache=True, inline="always")
-def write_violation(h: Array, violation: Array) -> float:
-    """Write max(0, −h) (m,) of one robot, and return its sum over the barriers."""
+def write_costs(least: Array, kind: Integers, priority: Integers, costs: Array) -> float:
+    """Write by rank (R,) how deep one robot was [m], and return 1 if rank 1 was entered, else 0.
+
+    A speed limit is a condition of rank 1 and has no metres. A rank beyond R counts with R.
+    """
     cost = 0.0
-    for k in range(len(h)):
-        violation[k] = 0.0
-        if h[k] < 0.0:
-            violation[k] = -h[k]
-            cost -= h[k]
+    costs[:] = 0.0
+    for k in range(len(least)):
+        if least[k] < 0.0:
+            if priority[k] == 1:
+                cost = 1.0
+            if kind[k] != SPEED_LIMIT and kind[k] != ZONES:
+                rank = min(priority[k], len(costs)) - 1
+                costs[rank] = max(costs[rank], -least[k])
     return cost
 
 
-def reset_info(task: str, h: Array, tracking_error: Array) -> dict[str, Array]:
+def reset_info(task: str, h: Array, ranked: Ranked, tracking_error: Array) -> dict[str, Array]:
     """Return the infos of a reset: those of a step that moved nothing and earned nothing.
 
     Args:
         task: "track" or "reach".
         h: (N, m) barrier values.
+        ranked: what costs are counted by.
         tracking_error: (N,) ‖p_ref − p‖ [m].
     """
-    info = step_info(h, h.copy(), tracking_error, np.zeros(len(h), dtype=np.bool_))
+    info = step_info(h, h.copy(), ranked, tracking_error, np.zeros(len(h), dtype=np.bool_))
     return info | {term: np.zeros(len(h)) for term in REWARD_TERMS[task]}
 
 

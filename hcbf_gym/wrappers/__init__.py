@@ -2,14 +2,17 @@
 
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.intervention import InterventionPenalty, VectorInterventionPenalty
+from hcbf_gym.wrappers.ranked import RankedObservation, VectorRankedObservation
 from hcbf_gym.wrappers.safety_filter import SafetyFilter
 from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 __all__ = [
     "HoldAction",
     "InterventionPenalty",
+    "RankedObservation",
     "SafetyFilter",
     "VectorHoldAction",
     "VectorInterventionPenalty",
+    "VectorRankedObservation",
     "VectorSafetyFilter",
 ]

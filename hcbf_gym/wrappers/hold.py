@@ -11,7 +11,7 @@ from hcbf_gym.arrays import Mask
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.errors import InvalidInputError
 
-SUMMED = ("cost", "fallbacks")
+SUMMED = ("cost", "costs", "fallbacks")
 """Infos that a held decision sums over its steps, beside the reward's terms."""
 LEAST = ("min_h",)
 GREATEST = ("status", "reason", "slack", "model_error", "obstacle_force")
@@ -21,8 +21,8 @@ AVERAGED = ("u_safe", "intervention", "deadlock")
 class HoldAction(gym.Wrapper, RecordConstructorArgs):
     """Holds each action for several steps of the environment, or until the episode ends.
 
-    Rewards, their terms in the infos and `cost` are summed; `min_h` is the least; of the filter's
-    report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`,
+    Rewards, their terms in the infos, `cost` and `costs` are summed; `min_h` is the least; of the
+    filter's report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`,
     `intervention` and `deadlock` the mean, `fallbacks` the sum. All else is what the last step
     says. Put it outside the filter, which then looks at every step.
 

@@ -133,7 +133,11 @@ def test_infos_are_consistent_and_the_reward_is_the_sum_of_its_terms(env_id, sce
             sum(value for key, value in info.items() if key.startswith("reward_"))
         )
         np.testing.assert_array_equal(info["violation"], np.maximum(0.0, -info["h"]))
-        assert info["cost"] == pytest.approx(info["violation"].sum())
+        ranks = np.array([barrier.priority for barrier in inner.barriers])
+        assert info["cost"] == float((info["min_h"][ranks == 1] < 0.0).any())
+        deep = np.where([b.reads_position for b in inner.barriers], -info["min_h"], 0.0)
+        for rank, depth in enumerate(info["costs"], start=1):
+            assert depth == max(0.0, *deep[ranks == rank])
         assert (info["min_h"] <= info["h"] + 1e-12).all()
         assert len(info["h"]) == len(inner.barriers)
         record = info["safety_filter"]
