@@ -37,6 +37,19 @@ def test_an_agent_learns_under_the_filter_and_walks_the_a1(capsys):
     assert "least h" in capsys.readouterr().out
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_torchrls_collector_runs_on_a_filtered_batch():
+    pytest.importorskip("torchrl", reason="needs torchrl: pip install torchrl")
+    collector = load("torchrl_collector")
+    (data,) = collector.collect(n=4, frames=4 * 12, batches=1, max_episode_steps=20)
+    reward, done = data["next", "reward"], data["next", "done"]
+    assert done[:, 3].all()  # 20 steps are four decisions
+    assert not done[:, 4].any()
+    assert data["next", "costs"].shape == (4, 12, 3)
+    assert (data["next", "cost"] == 0.0).all()  # rank 1 is not entered
+    assert reward.isfinite().all()
+
+
 @needs("torch")
 def test_ppo_in_one_file_goes_the_guided_way():
     reports = list(load("cleanrl_ppo").train(4 * 8 * 64, "geodesic", n=8))
