@@ -1,5 +1,6 @@
 """Wrappers around the environments; `wrappers.sb3`, which needs the extra `rl`, by its own name."""
 
+from hcbf_gym.wrappers.filter_log import FilterLog
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 from hcbf_gym.wrappers.intervention import InterventionPenalty, VectorInterventionPenalty
 from hcbf_gym.wrappers.ranked import RankedObservation, VectorRankedObservation
@@ -7,6 +8,7 @@ from hcbf_gym.wrappers.safety_filter import SafetyFilter
 from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 __all__ = [
+    "FilterLog",
     "HoldAction",
     "InterventionPenalty",
     "RankedObservation",

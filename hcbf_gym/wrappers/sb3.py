@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
+from hcbf_gym.wrappers.filter_log import FilterLog
 
 try:
+    from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise MissingDependencyError(
@@ -124,6 +126,39 @@ class Sb3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Return False for each index: episodes are recorded by the adapter itself."""
         return [False for _ in self._get_indices(indices)]
+
+
+class FilterCallback(BaseCallback):
+    """Logs what the filter did between two updates, for TensorBoard or whatever SB3 logs to.
+
+    ``filter/status_…`` is the share of each status, ``filter/least_h_rank_…`` the least h of each
+    rank, ``filter/intervention`` the mean of ‖u − u*‖, over all environments, which must be
+    filtered.
+
+    Examples:
+        >>> from stable_baselines3 import PPO  # doctest: +SKIP
+        >>> model = PPO("MlpPolicy", robots, tensorboard_log="logs")  # doctest: +SKIP
+        >>> model.learn(100_000, callback=FilterCallback())  # doctest: +SKIP
+    """
+
+    def _on_training_start(self) -> None:
+        try:
+            conditions = self.training_env.get_attr("conditions", [0])[0]
+        except AttributeError as error:
+            raise InvalidInputError(
+                "filter callback: got environments without a filter, expected SafetyFilter or "
+                "VectorSafetyFilter around them"
+            ) from error
+        self._log = FilterLog(conditions)
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            self._log.add(info["safety_filter"])
+        return True
+
+    def _on_rollout_end(self) -> None:
+        for name, value in self._log.scalars().items():
+            self.logger.record(name, value)
 
 
 def _split(infos: dict[str, Any]) -> list[dict[str, Any]]:

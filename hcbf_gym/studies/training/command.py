@@ -33,7 +33,7 @@ class Args:
     resume: bool = False
     """Go on from each run's checkpoint, if there is one."""
     tensorboard: bool = False
-    """Log to the run's subfolder `tensorboard`."""
+    """Log to the run's subfolder `tensorboard`, what the filter did included."""
 
 
 def main(args: Args) -> None:

@@ -6,13 +6,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import torch
-from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.policies.learned import LearnedPolicy, read
 from hcbf_gym.studies.training import checkpoint
 from hcbf_gym.studies.training.callbacks import LearnFromFiltered, Reports
 from hcbf_gym.studies.training.config import TrainingConfig, make_env, make_model
+from hcbf_gym.wrappers.sb3 import FilterCallback
 
 _PACKAGES = ("hcbf-gym", "gymnasium", "numpy", "stable-baselines3", "torch")
 
@@ -51,7 +52,11 @@ def train(
     else:
         model, curve = checkpoint.resume(found, config, log)
     about = asdict(config) | {"versions": {name: _version(name) for name in _PACKAGES}}
-    callbacks = [LearnFromFiltered()] if config.learn_from == "filtered" else []
+    callbacks: list[BaseCallback] = []
+    if config.learn_from == "filtered":
+        callbacks.append(LearnFromFiltered())
+    if tensorboard and config.filter != "off":
+        callbacks.append(FilterCallback())
     reports = Reports(config, folder, curve, about, show)
     remaining = config.total_steps - model.num_timesteps
     if remaining > 0:
