@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from hcbf_gym import scenarios
+from hcbf_gym import policies, scenarios
 from hcbf_gym.barriers import Disc
 from hcbf_gym.play.page import FIRST_PORT, HERE, Page, check_port
 from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import Settings
+from hcbf_gym.play.settings import HUMAN, Settings
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
@@ -43,7 +43,8 @@ class Args:
     slow: dict[str, float] = field(default_factory=dict)
     """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
     policy: str = "pd"
-    """pd, human, or a learned policy."""
+    """pd, human, a learned policy, or one of your own: file.py:function, module:function,
+    model.zip, policy.onnx, policy.pt. A zip and a .pt hold pickles, which run code."""
     program: str = "lex-cbf-qp"
     """none, or a name from hcbf_gym.programs.names()."""
     guidance: bool = True
@@ -73,6 +74,9 @@ def main(args: Args) -> None:
         seed=args.seed,
     )
     session = Session(settings, scene(args))
+    if settings.policy != HUMAN:
+        policies.try_out(settings.policy, session.environment)
+        session.restart()
     compile_all(session)
     page = Page(session, args.port)
     stop = threading.Event()

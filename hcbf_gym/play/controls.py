@@ -81,7 +81,10 @@ class Controls:
     def agree(self, snapshot: Snapshot) -> None:
         """Show what is chosen and how the scene is."""
         settings, scene = snapshot.settings, snapshot.scenario
+        if settings.policy not in self._policy.options:  # one of the user's own
+            self._policy.options = (*self._policy.options, settings.policy)
         self._policy.value, self._program.value = settings.policy, settings.program
+        self._goes_on.value = settings.goes_on
         self._model.value, self._guidance.value = settings.model, settings.guidance
         self._gamma0.value, self._delta_gamma.value = settings.gamma0, settings.delta_gamma
         self._body.value = settings.body
@@ -166,6 +169,8 @@ class Controls:
             pace = gui.add_slider("pace", min=0.1, max=2.0, step=0.1, initial_value=1.0)
             self._on_value(pace, session.set_pace)
             self._follow = gui.add_checkbox("follow the robot", True)
+            goes_on = gui.add_checkbox("go on after the goal", True)
+            self._goes_on = self._on_choice(goes_on, "goes_on")
             seed = gui.add_number("seed", 0, min=0, max=10**6, step=1)
             self._seed = self._on_choice(seed, "seed")
 
@@ -194,7 +199,7 @@ class Controls:
             command.on_trigger(self._if_steering(self._nudge(east, north)))
         halt = gui.add_command("stick: stop", hotkey="X")
         halt.on_trigger(self._if_steering(lambda _: self._set_stick(0.0, 0.0)))
-        gui.add_markdown("*human*: sliders, keys W A S D X, or drag the handle on the robot.")
+        gui.add_markdown("Keys W A S D X or the sliders take over; as *human*, drag the handle.")
         gui.add_markdown("A click on the floor is the goal, where the scene has one.")
         force = gui.add_vector2("push [N]", (60.0, 0.0), min=(-500, -500), max=(500, 500), step=10)
         push = gui.add_button("push the trunk", icon=viser.Icon.HAND_FINGER)

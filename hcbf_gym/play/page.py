@@ -28,7 +28,11 @@ NEAREST = 0.1
 """What is nearer to the camera is not drawn [m]; ten times viser's own, so that a depth buffer can
 tell regions apart that lie a millimetre above each other."""
 OFF_CENTRE = 1.0
-"""How far the robot gets from the point looked at before the camera follows [m]."""
+"""How far the robot gets from its place in the view before the camera follows [m]."""
+PANEL = 400
+"""What the panel hides at the right of a window [pixels]."""
+NARROW = 576
+"""Up to this width viser puts the panel below the scene [pixels]."""
 
 
 class Page:
@@ -72,7 +76,9 @@ class Page:
         self._server.gui.add_html(readings.STYLE)
         self._words = self._server.gui.add_html("")
         self.controls = Controls(self._server, session, self.steering)
-        self._server.on_client_disconnect(lambda client: self.controls.left(client.client_id))
+        self._aside: dict[int, Array] = {}
+        self._server.on_client_connect(self._greet)
+        self._server.on_client_disconnect(self._part)
         self._plots = Plots(self._server, self.controls.plots)
         self._stage = Stage(self._server)
         x, y = session.latest.position.tolist()
@@ -127,11 +133,25 @@ class Page:
                 self._plots.show(snapshot)
         self._count += 1
 
+    def _greet(self, client: viser.ClientHandle) -> None:
+        """Show a new browser the robot in the middle of what the panel leaves free."""
+        camera = client.camera
+        if not np.allclose(camera.look_at, self._server.initial_camera.look_at, atol=1e-3):
+            return  # who brings a view of their own keeps it
+        aside = beside_the_panel(camera)
+        self._aside[client.client_id] = aside
+        camera.position = camera.position + aside
+
+    def _part(self, client: viser.ClientHandle) -> None:
+        self._aside.pop(client.client_id, None)
+        self.controls.left(client.client_id)
+
     def _follow(self, position: Array) -> None:
-        """Bring the robot back to the middle of every browser's view where it has left it."""
+        """Bring the robot back to its place in every browser's view where it has left it."""
         for client in self._server.get_clients().values():
             camera = client.camera
             shift = np.array([*(position - camera.look_at[:2]), 0.0])
+            shift += self._aside.get(client.client_id, 0.0)
             if np.linalg.norm(shift) > OFF_CENTRE:
                 camera.position = camera.position + shift  # what is looked at comes along
 
@@ -147,6 +167,21 @@ class Page:
         holder = self.steering.holder
         who = "nobody steers yet" if holder is None else f"browser {holder} steers"
         return f"{who}, {watching} connected"
+
+
+def beside_the_panel(camera: viser.CameraHandle) -> Array:
+    """Return how far a camera moves so that what it looks at is in the middle of the free part [m].
+
+    Args:
+        camera: of a browser; on a narrow screen the panel lies below, and nothing moves.
+    """
+    width, height = camera.image_width, camera.image_height
+    if width <= NARROW:
+        return np.zeros(3)
+    ahead = camera.look_at - camera.position
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    metres = 2.0 * np.linalg.norm(ahead) * np.tan(0.5 * camera.fov) / height  # of a pixel
+    return 0.5 * PANEL * metres * right / np.linalg.norm(right)
 
 
 def check_port(port: int | None) -> None:

@@ -22,6 +22,17 @@ _STATUS_COLORS = {
 }
 
 
+_TITLES = {
+    "intervention": "the filter changes the input by",
+    "speed margin": "below the speed limit by",
+    "margin": "distance reserved",
+    "model error": "the robot moves",
+    "reachable": "the way",
+    "position": "at",
+}
+"""What a reading is called where it needs words."""
+
+
 def html(snapshot: Snapshot, steering: str) -> str:
     """Return what the page says about a tick.
 
@@ -37,16 +48,14 @@ def html(snapshot: Snapshot, steering: str) -> str:
         f"{_cell(f'slack-{rank}', f'{snapshot.slack.get(rank, 0.0):.2f} m/s²')}</tr>"
         for rank, h in snapshot.h.items()
     )
-    derived = {}
-    if snapshot.settings.margin is None and "margin" in snapshot.details:
-        derived["margin"] = f"{snapshot.details['margin']:.2f} m, derived"
+    limit = snapshot.speed_margin
     rest = {
         "intervention": f"{snapshot.intervention:.2f} m/s²",
-        "speed margin": "–" if snapshot.speed_margin is None else f"{snapshot.speed_margin:+.2f}",
-        **{name: f"{value:.2f}" for name, value in snapshot.details.items()} | derived,
+        "speed margin": "no limit" if limit is None else f"{limit:+.2f} m/s",
+        **snapshot.details,
         "position": f"{snapshot.position[0]:.2f}, {snapshot.position[1]:.2f} m",
     }
-    others = " · ".join(f"{name} {_span(name, text)}" for name, text in rest.items())
+    others = " · ".join(f"{_TITLES[name]} {_span(name, text)}" for name, text in rest.items())
     settings = snapshot.settings
     state = "running" if snapshot.running else "paused"
     return (
@@ -55,7 +64,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         f"{_span('sentence', snapshot.sentence)}</div>"
         f'<div style="color:#777">{_span("conflict", snapshot.conflict)}</div>'
         '<table style="width:100%;text-align:right"><tr style="color:#777">'
-        "<td></td><td>h now</td><td>least h</td><td>slack</td></tr>"
+        "<td></td><td>distance now</td><td>least</td><td>gives way by</td></tr>"
         f"{ranks}</table>"
         f'<div class="hcbf-details" style="color:#777">{others}</div>'
         f"<div>{_span('policy', settings.policy)} under {_span('program', settings.program)} in "

@@ -39,7 +39,7 @@ class Snapshot(NamedTuple):
         status: a `FilterStatus`'s name, or "UNFILTERED".
         sentence: what is going on, in plain words.
         conflict: which rows conflict, or nothing.
-        details: what else `info["safety_filter"]` says, as numbers.
+        details: what else `info["safety_filter"]` says, in words.
         settings: what was chosen.
         scenario: the scene.
         revision: counts what changed settings or scene, or was refused.
@@ -63,12 +63,28 @@ class Snapshot(NamedTuple):
     status: str
     sentence: str
     conflict: str
-    details: dict[str, float]
+    details: dict[str, str]
     settings: Settings
     scenario: Scenario
     revision: int
     message: str
     messages: int
+
+
+def details(report: Mapping[str, Any], kept: float, derived: bool) -> dict[str, str]:
+    """Return what else a filter says, in words.
+
+    Args:
+        report: of the filter.
+        kept: the largest margin of a condition on the position [m].
+        derived: whether it follows from what is uncertain.
+    """
+    through = int(report["reachable"])
+    return {
+        "margin": f"{kept:.2f} m, {'derived' if derived else 'chosen'}",
+        "model error": f"{float(report['model_error']):.2f} m/s² beside its model",
+        "reachable": f"leads through rank {through}" if through else "enters nothing",
+    }
 
 
 def by_rank(values: Array, priority: Integers, pick: Any) -> dict[int, float]:

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import scenarios
@@ -23,7 +24,7 @@ from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, finite_f
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing, report
 from hcbf_gym.play.report import Snapshot
-from hcbf_gym.play.settings import Arrangement, Human, Settings, arrange
+from hcbf_gym.play.settings import HUMAN, Arrangement, Human, Settings, arrange
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
@@ -36,6 +37,10 @@ HARDEST_PUSH = 500.0
 """[N]."""
 BEHIND = 0.1
 """What a slow machine catches up at most [s of the clock]; beyond it, time runs slower."""
+REST = 50
+"""Ticks that a robot stays at its goal before it goes on."""
+LATE = 5.0
+"""How long after the end of a course it begins anew, though the robot is not there [s]."""
 CONFLICT_EVERY = 10
 """Ticks from one conflict report to the next."""
 
@@ -61,9 +66,14 @@ class Session:
         self._attended = True
         self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
         self._ticks, self._revision, self._messages, self._message = 0, 0, 0, ""
-        self._push_left, self._conflict = 0, ""
+        self._push_left, self._conflict, self._rest = 0, "", 0
         self._start(settings, self._draw(scenario, settings.seed))
         self.latest = self._record()
+
+    @property
+    def environment(self) -> gym.Env:
+        """The environment that steps, in its filter if there is one."""
+        return self._now.env
 
     def post(self, command: Callable[..., None], *arguments: Any, **named: Any) -> None:
         """Leave a command for the next tick; safe from every thread."""
@@ -122,7 +132,10 @@ class Session:
 
     def restart(self) -> None:
         """Begin the scene again as it is now, with the same seed."""
-        self._start(self.settings, self.scenario)
+        scene = self.scenario
+        if isinstance(scene.reference, PointReference):  # it may be on its way back
+            scene = replace(scene, reference=PointReference(self._goal))
+        self._start(self.settings, scene)
 
     def attend(self, watched: bool) -> None:
         """Let time pass only while somebody watches; who comes first finds the robot under way."""
@@ -154,11 +167,16 @@ class Session:
             )
         x, y = finite_array("goal", goal, (2,)).tolist()
         self._edit(replace(self.scenario, reference=PointReference((x, y))))
+        self._goal = (x, y)
         self._say(f"The goal is at {x:.2f}, {y:.2f} m.")
 
     def steer(self, velocity: Sequence[float]) -> None:
-        """Hold the stick: the velocity (2,) that a human at it wants [m/s]."""
-        self._human.velocity = finite_array("stick", velocity, (2,))
+        """Hold the stick: the velocity (2,) that a human at it wants [m/s], who leads from now."""
+        wanted = finite_array("stick", velocity, (2,))
+        if wanted.any() and self.settings.policy != HUMAN:
+            self.change(policy=HUMAN)
+            self._say("You steer: W A S D and X, or choose another policy to let it go.")
+        self._human.velocity = wanted
         self._human.target = None
 
     def lead_to(self, target: Sequence[float] | None) -> None:
@@ -211,7 +229,9 @@ class Session:
         self._names = [barrier.name for barrier in arrangement.inner.barriers]
         self._regions = np.array([barrier.reads_position for barrier in arrangement.inner.barriers])
         self._action = np.zeros(2)
-        self._push_left, self._conflict = 0, ""
+        self._push_left, self._conflict, self._rest = 0, "", 0
+        goal = scenario.goal.tolist()
+        self._goal = (goal[0], goal[1])
         self._revision += 1
         self._forget_least()
 
@@ -257,6 +277,7 @@ class Session:
         if self._info.get("fallen", 0.0):
             self._running = False
             self._say("The robot fell. Restart to go on.")
+        self._arrive(policy is None)
         said = self._info.get("safety_filter")
         if said is None or not said["slack"].any():
             self._conflict = ""
@@ -265,6 +286,42 @@ class Session:
             self._conflict = report.conflict(
                 inner, x, t, said["margin"][:m], said["slack"][:m], self._names
             )
+
+    def _arrive(self, steered: bool) -> None:
+        """Say that the robot is at its goal, and after a rest let it go on.
+
+        Args:
+            steered: whether a person leads it, who goes on by themselves.
+        """
+        if not self._info["is_success"]:
+            self._rest = 0
+            reference = self.scenario.reference
+            late = self._now.inner.time > reference.duration + LATE
+            if late and not (steered or isinstance(reference, PointReference)):
+                self.restart()
+                self._say("The course had ended; here it begins again.")
+            return
+        self._rest += 1
+        if self._rest == 1:
+            self._say(f"Arrived after {self._now.inner.time:.1f} s.")
+        if self._rest == REST and not steered and self.settings.goes_on:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Go back to the start or to the goal again; begin a course anew, or where no way leads."""
+        scene = self.scenario
+        if not isinstance(scene.reference, PointReference):
+            self.restart()
+            return
+        back = np.allclose(scene.goal, self._goal)
+        to = scene.start if back else self._goal
+        try:
+            self._edit(replace(scene, reference=PointReference(to)))
+        except HcbfError:
+            self.restart()
+            return
+        self._rest = 0
+        self._say(f"Arrived; now {'back to the start' if back else 'to the goal again'}.")
 
     def _forget_least(self) -> None:
         self._least = self._heights().copy()
@@ -290,17 +347,14 @@ class Session:
         status = report.UNFILTERED
         gap = 0.0
         reason = int(Reason.NONE)
-        details = {}
+        details: dict[str, str] = {}
         if said is not None:
             slack = report.by_rank(said["slack"][:m], priority, np.max)
             status = FilterStatus(int(said["status"])).name
             gap = float(said["intervention"])
             reason = int(said["reason"])
-            details = {
-                "margin": float(said["margin"][regions].max(initial=0.0)),
-                "model error": float(said["model_error"]),
-                "reachable": float(said["reachable"]),
-            }
+            kept = float(said["margin"][:m][regions].max(initial=0.0))
+            details = report.details(said, kept, self.settings.margin is None)
         by_rank_h = ranked(h[regions], pick=np.min)
         x = inner.truth
         duration = inner.scenario.reference.duration

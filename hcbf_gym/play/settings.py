@@ -35,13 +35,14 @@ class Settings:
         model: "a1" or "reduced".
         body: "point", the trunk's centre, or "footprint", the whole A1; the reduced-order model is
             a point.
-        policy: "pd", "human" or a learned one.
+        policy: "human", or as `policies.make` takes it.
         program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
         guidance: whether a geodesic field leads to the goal; not where a human leads.
         margin: what rows on the position reserve [m]; None derives it.
         gamma0: γ₀, where the program has weights.
         delta_gamma: Δγ, where the program has weights.
         seed: of random scenes and of the episode.
+        goes_on: whether a robot that has arrived goes back, and there again.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -57,11 +58,13 @@ class Settings:
     gamma0: float = 5.0
     delta_gamma: float = 1.3
     seed: int = 0
+    goes_on: bool = True
 
     def __post_init__(self) -> None:
         choose("model", self.model, MODELS)
         choose("body", self.body, dict.fromkeys(BODIES))
-        choose("policy", self.policy, dict.fromkeys(policy_names()))
+        if not policies.is_own(self.policy):
+            choose("policy", self.policy, dict.fromkeys(policy_names()))
         choose("program", self.program, dict.fromkeys(program_names()))
         finite_float("gamma0", self.gamma0, minimum=0.0)
         finite_float("delta_gamma", self.delta_gamma, minimum=0.0)
@@ -127,7 +130,7 @@ def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrang
         inner: the environment that stays; None makes another.
 
     Raises:
-        InvalidInputError: if the policy was trained for other scenes.
+        InvalidInputError: if the policy does not fit the scene.
     """
     if inner is None:
         more: dict[str, Any] = {"body": settings.body} if settings.model == "a1" else {}
@@ -139,10 +142,8 @@ def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrang
             **more,
         ).unwrapped
     policy: Policy | None = None
-    if settings.policy == PD:
-        policy = policies.PDTracker.for_env(inner)
-    elif settings.policy != HUMAN:
-        policy = policies.load(settings.policy, inner)
+    if settings.policy != HUMAN:
+        policy = policies.make(settings.policy, inner)
     if settings.program == NO_FILTER:
         return Arrangement(inner, inner, policy)
     weights: dict[str, Any] = {"gamma0": settings.gamma0, "delta_gamma": settings.delta_gamma}

@@ -44,7 +44,8 @@ def make(name: str, env: gym.Env) -> Policy:
         return PDTracker.for_env(env, feed_forward=name == "pd-ff")
     if loading.is_function(name):
         found: Any = loading.function("policy", name)
-        return found() if inspect.isclass(found) else found
+        made: Any = found() if inspect.isclass(found) else found
+        return made
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
         return learned.load(name, env)

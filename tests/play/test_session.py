@@ -156,7 +156,7 @@ def test_a_policy_for_other_scenes_is_refused_with_its_reason(session):
 
 
 def test_a_region_on_the_goal_of_a_guided_robot_is_refused_and_the_way_stays(session):
-    do(session, session.change, guidance=True)
+    do(session, session.change, guidance=True, goes_on=False)
     said = do(session, session.move, "strict", (4.0, 0.0))
     assert "goal" in said.message
     assert said.scenario == GATE
@@ -192,7 +192,8 @@ def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
 
 
 def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(session):
-    ticks(session, 50)
+    do(session, session.change, goes_on=False)
+    ticks(session, 49)
     said = do(session, session.go_to, (0.5, -2.0))
     assert said.time == pytest.approx(1.02)
     assert "0.50, -2.00" in said.message
@@ -206,6 +207,7 @@ def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(sessi
 
 def test_time_passes_while_somebody_watches_and_who_comes_first_sees_a_robot_under_way(session):
     do(session, session.attend, False)
+    do(session, session.change, goes_on=False)
     assert ticks(session, 5).time == pytest.approx(0.0)
     do(session, session.attend, True)
     under_way = ticks(session, 50).time
@@ -223,6 +225,52 @@ def test_regions_that_overlap_lie_at_heights_of_their_own_a_higher_rank_above():
     ranks = [region.priority for region, _ in placed]
     assert min(np.diff(heights)) > 5e-4
     assert ranks == sorted(ranks, reverse=True)
+
+
+def test_a_robot_that_arrives_says_so_and_goes_on(session):
+    messages = []
+    for _ in range(3000):
+        messages.append(ticks(session, 1).message)
+        if "to the goal again" in messages[-1]:
+            break
+    told = list(dict.fromkeys(messages))
+    assert told[0] == ""
+    assert told[1].startswith("Arrived after ")
+    assert told[2] == "Arrived; now back to the start."
+    assert told[-1] == "Arrived; now to the goal again."
+    assert np.allclose(session.latest.position, GATE.start, atol=0.3)
+    do(session, session.restart)
+    assert np.allclose(session.latest.scenario.goal, GATE.goal)
+
+
+def test_a_course_begins_anew_when_it_has_ended(session):
+    do(session, session.choose_scene, "paper-simulation")
+    before = ticks(session, 1000).time
+    after = ticks(session, 300).time
+    assert after < before
+
+
+def test_the_first_key_takes_the_controls(session):
+    assert session.latest.settings.policy == "pd"
+    assert do(session, session.steer, (0.0, 0.0)).settings.policy == "pd"
+    said = do(session, session.steer, (0.0, 0.5))
+    assert said.settings.policy == "human"
+    assert "You steer" in said.message
+    assert ticks(session, 50).velocity[1] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_policy_of_ones_own_drives(session, tmp_path):
+    (tmp_path / "own.py").write_text("def act(o, i):\n    return [1.0, 0.0]\n", encoding="utf-8")
+    said = do(session, session.change, policy=f"{tmp_path / 'own.py'}:act")
+    assert said.settings.policy.endswith("own.py:act")
+    before = said.position[0]
+    assert ticks(session, 30).position[0] > before
+
+
+def test_readings_are_in_words(session):
+    details = ticks(session, 5).details
+    assert details["margin"].endswith("derived")
+    assert details["reachable"] == "enters nothing"
 
 
 def test_guidance_leaves_the_way_to_a_human(session):
