@@ -104,10 +104,10 @@ def require(what: str, extra: str, *modules: str) -> None:
 
 
 def install(extra: str) -> str:
-    """Return the lines that install an extra of this package, in a checkout and elsewhere."""
+    """Return the lines that install an extra of this package, which is on no index of packages."""
     return (
         f"pip install -c constraints.txt -e '.[{extra}]' in a checkout, "
-        f"pip install 'hcbf-gym[{extra}]' elsewhere"
+        f"pip install 'PATH/TO/CHECKOUT[{extra}]' elsewhere"
     )
 
 

@@ -5,6 +5,7 @@ import importlib
 import json
 import re
 import shlex
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from benchmarks import publishing
 from benchmarks.__main__ import PICTURES
 from benchmarks.pictures import gallery
 from benchmarks.registry import SUITES
-from hcbf_gym import scenarios
+from hcbf_gym import cli, scenarios
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.errors import MissingDependencyError
 from hcbf_gym.wrappers import SafetyFilter
@@ -56,13 +57,23 @@ def test_the_readme_is_short():
 
 
 @pytest.mark.physics
-def test_the_readmes_code_runs_and_does_what_it_says(fresh):
+def test_the_readmes_code_runs_and_does_what_it_says(fresh, capsys):
     names: dict = {}
     (loop,) = blocks("README.md", "python")
     exec(loop, names)
     assert names["info"]["is_success"]
     assert names["info"]["safety_filter"]["covered"] == 1
     assert names["info"]["min_h"][:2].min() > 0.0  # the two walls
+    assert re.fullmatch(r"arrived: True least h: \[.*\]\n", capsys.readouterr().out)
+
+
+def test_the_readmes_figure_is_that_of_the_certificate():
+    said = re.search(r"rank 1 in (\d+) of (\d+) fresh episodes: at most (\d+) %, with ([\d.]+) %",
+                     read(ROOT / "README.md"))  # fmt: skip
+    assert said
+    cart = json.loads(read(ROOT / "hcbf_gym/certificates/shipped/cart.json"))
+    figures = [cart["entered"], cart["episodes"], 100 * cart["bound"], 100 * cart["confidence"]]
+    assert list(map(float, said.groups())) == pytest.approx(figures)
 
 
 def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
@@ -95,6 +106,103 @@ def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
         exec(block, names)
 
 
+HOW_TOS = ["my_map", "my_policy", "my_film", "my_curves"]
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=needs(*imported("".join(blocks(f"docs/{name}.md", "python")))))
+        for name in HOW_TOS
+    ],
+)
+def test_a_how_to_does_what_it_shows_from_top_to_bottom(name, tmp_path, monkeypatch):
+    """Its Python and its commands run in their order; of the playground all but the page."""
+    monkeypatch.chdir(tmp_path)
+    text, names = read(ROOT / "docs" / f"{name}.md"), {}
+    for language, block in re.findall(r"```(python|bash)\n(.*?)```", text, flags=re.DOTALL):
+        if language == "python":
+            exec(block, names)
+            continue
+        for line in block.replace("\\\n", " ").splitlines():
+            program, *rest = shlex.split(line, comments=True) or [""]
+            assert program == "hcbf", line
+            if rest[0] in UNTIL:
+                begin(COMMANDS[rest[0]].module, rest[1:], monkeypatch)
+            else:
+                cli.main([*rest, *(["--workers", "1", "--overwrite"] * (rest[0] == "evaluate"))])
+
+
+def test_a_how_to_fits_a_screen():
+    for name in HOW_TOS:
+        assert len(read(ROOT / "docs" / f"{name}.md").splitlines()) <= 90
+
+
+class BegunError(Exception):
+    """A command has checked all that it was given, and begins."""
+
+
+UNTIL = {
+    "play": ("Page",),
+    "certify": ("_margins", "check.check"),
+    "train": ("train",),
+    "tune": ("TuningStudy",),
+    "reproduce": ("reproduce",),
+}
+"""command → what it calls first when all that it was given is checked."""
+
+
+def begin(name, words, monkeypatch):
+    """Start a command as a page shows it; end it where its work would begin."""
+
+    def begun(*args, **options):
+        raise BegunError
+
+    module = importlib.import_module(name)
+    command = next(key for key, one in COMMANDS.items() if one.module == name)
+    args = tyro.cli(module.Args, args=words)
+    with monkeypatch.context() as patched:
+        for place in UNTIL.get(command, ("evaluate",)):
+            owner, _, what = place.rpartition(".")
+            patched.setattr(getattr(module, owner) if owner else module, what, begun)
+        with pytest.raises(BegunError):
+            module.main(args)
+
+
+STARTED = {
+    f"hcbf_gym.{part}.command"
+    for part in ("evaluation", "play", "evaluation.certification", "studies.training",
+                 "studies.tuning", "studies.reproduction")
+}  # fmt: skip
+HELP = (
+    ("hcbf_gym.play.command", ["--map", "depot.yaml", "--masks", "keepout.yaml", "2", "avoid.yaml",
+                               "3"]),
+    ("hcbf_gym.play.command", ["--model", "reduced", "--map", "depot.yaml", "--slow",
+                               "school.yaml", "0.4"]),
+    ("hcbf_gym.evaluation.command", ["--env", "HCBF-Regions-v0", "--map", "depot.yaml", "--slow",
+                                     "school.yaml", "0.4", "--masks", "keepout.yaml", "2"]),
+)  # fmt: skip
+"""What --help shows as an example, in a command."""
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A folder with the files that pages name."""
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(blocks("docs/my_map.md", "python")[0], names)
+    for mask in ("zones", "zone", "avoid", "school"):
+        for ending in ("yaml", "pgm"):
+            content = Path(f"keepout.{ending}").read_bytes()
+            Path(f"{mask}.{ending}").write_bytes(content.replace(b"keepout", mask.encode()))
+    Path("scene.json").write_text(blocks("docs/environments.md", "json")[0], encoding="utf-8")
+    exec(blocks("docs/my_policy.md", "python")[0], names)
+    Path("examples").symlink_to(ROOT / "examples")
+    shutil.copy(ROOT / "hcbf_gym/certificates/shipped/cart.json", "FILE")
+    return tmp_path
+
+
 def shown_commands(page):
     """Yield what every command that a page shows runs: a module, and the words that it is given."""
     text = read(page)
@@ -113,6 +221,31 @@ def shown_commands(page):
                     yield COMMANDS[called[1]].module, rest
             case ["hcbf", name, *rest]:
                 yield COMMANDS[name].module, rest
+
+
+ON_PAGES = sorted({
+    (name, tuple(words))
+    for page in pages_with("hcbf |python scripts/")
+    for name, words in shown_commands(page)
+    if name in STARTED and "--help" not in words and not {"ray", "base.json"} & {*words}
+    and (words or "certif" not in name)  # which needs a plant
+})  # fmt: skip
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        pytest.param(name, words, id=" ".join((name, *words)),
+                     marks=needs("stable_baselines3") if "training" in name else ())
+        for name, words in [*ON_PAGES, *((name, tuple(words)) for name, words in HELP)]
+    ],
+)  # fmt: skip
+def test_every_command_that_is_shown_begins(name, words, workplace, monkeypatch):
+    """All that a command is given on a page goes together, up to where its work begins."""
+    if "model.zip" in words:
+        pytest.skip("the page makes the model first: the test of how-tos runs it")
+    begin(name, list(words), monkeypatch)
 
 
 @pytest.mark.parametrize("page", pages_with("hcbf |python scripts/"), ids=named)
@@ -164,6 +297,31 @@ def test_the_site_lists_every_page():
         listed = re.findall(r"'([\w/]+\.md)'", str(tomllib.load(file)["project"]["nav"]))
     pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
     assert sorted(listed) == sorted(pages)
+
+
+PUBLIC = (
+    "barriers", "certificates", "envs", "estimation", "guidance", "maps", "models", "online",
+    "policies", "programs", "robots", "scenarios", "wrappers",
+)  # fmt: skip
+
+
+def test_every_public_name_stands_once_in_the_reference_as_it_is_imported():
+    pages = sorted((ROOT / "docs" / "api").glob("*.md"))
+    shown = [name for page in pages for name in re.findall(r"^::: (\S+)$", read(page), re.M)]
+    assert sorted(shown) == sorted(set(shown))
+    wanted = {
+        f"hcbf_gym.{room}.{name}"
+        for room in PUBLIC
+        for name in importlib.import_module(f"hcbf_gym.{room}").__all__
+    }
+    online = {name for name in wanted if name.startswith("hcbf_gym.online.")}
+    wanted = wanted - online | {name.replace("online.", "") for name in online}
+    twice = {"hcbf_gym.programs.CbfRows"}  # of barriers
+    assert wanted - twice <= {*shown}
+    for name in shown:  # what is listed is there
+        where, _, what = name.rpartition(".")
+        found = getattr(importlib.import_module(where), what, None)
+        assert found is not None or importlib.import_module(name), name
 
 
 def test_every_loop_is_shown_and_all_together_are_small():

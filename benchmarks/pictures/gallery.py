@@ -89,6 +89,8 @@ class Args:
 
     loops: tuple[str, ...] = field(default_factory=lambda: tuple(LOOPS))
     """Their names; of robots that are not the project's own only when asked for."""
+    size: tuple[int, int] = SIZE
+    """Of a picture [pixels]."""
     output: Path = Path("docs/images/gallery")
     """Folder for the files."""
 
@@ -98,18 +100,19 @@ def main(args: Args) -> None:
     chosen = {name: choose("loop", name, LOOPS | FOREIGN) for name in args.loops}
     args.output.mkdir(parents=True, exist_ok=True)
     for name, loop in chosen.items():
-        pictures, least = film(loop)
+        pictures, least = film(loop, args.size)
         path = args.output / f"{name}.webp"
         save(path, pictures)
         size = path.stat().st_size / 1024
         print(f"{name}: {len(pictures)} pictures, least h of rank 1 {least:+.3f} m, {size:.0f} KiB")
 
 
-def film(loop: Loop) -> tuple[list[Image.Image], float]:
+def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], float]:
     """Return the pictures of a loop, and the least h of its strict regions and walls [m].
 
     Args:
         loop: what to film.
+        size: of a picture [pixels].
     """
     options: Any = {"scenario": loop.scenario, "render_mode": "rgb_array"} | dict(loop.env_options)
     env: gym.Env = gym.make(loop.env, **options)
@@ -127,7 +130,7 @@ def film(loop: Loop) -> tuple[list[Image.Image], float]:
             least = min(least, _height(info, strict, "min_"))
             if step % STEPS == 0:
                 now = _height(info, strict)
-                pictures.append(_captioned(np.asarray(env.render()), inner.time, now))
+                pictures.append(_captioned(np.asarray(env.render()), size, inner.time, now))
             if sample.over:
                 break
     finally:
@@ -160,13 +163,15 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
     return float(np.asarray(heights)[strict].min())
 
 
-def _captioned(frame: NDArray[np.uint8], time: float, h: float) -> Image.Image:
-    """Return a frame made smaller, over a line that says how near rank 1 is."""
-    picture = Image.new("RGB", (SIZE[0], SIZE[1] + _STRIP), "white")
-    picture.paste(Image.fromarray(frame).resize(SIZE, Image.Resampling.LANCZOS))
+def _captioned(
+    frame: NDArray[np.uint8], size: tuple[int, int], time: float, h: float
+) -> Image.Image:
+    """Return a frame of a size [pixels], over a line that says how near rank 1 is."""
+    picture = Image.new("RGB", (size[0], size[1] + _STRIP), "white")
+    picture.paste(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=14)
     text = f"distance to rank 1: {h:+.2f} m"
-    draw.text((6, SIZE[1] + 3), text, font=font, fill="#b2182b" if h < 0.0 else "#222222")
+    draw.text((6, size[1] + 3), text, font=font, fill="#b2182b" if h < 0.0 else "#222222")
     clock = f"{time:4.1f} s, {SPEED:.0f} x"
-    draw.text((SIZE[0] - 6, SIZE[1] + 3), clock, font=font, fill="#222222", anchor="ra")
+    draw.text((size[0] - 6, size[1] + 3), clock, font=font, fill="#222222", anchor="ra")
     return picture

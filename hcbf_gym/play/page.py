@@ -135,8 +135,9 @@ class Page:
 
     def _greet(self, client: viser.ClientHandle) -> None:
         """Show a new browser the robot in the middle of what the panel leaves free."""
-        camera = client.camera
-        if not np.allclose(camera.look_at, self._server.initial_camera.look_at, atol=1e-3):
+        camera, first = client.camera, self._server.initial_camera
+        views = (camera.position, first.position), (camera.look_at, first.look_at)
+        if not all(np.allclose(*pair, atol=1e-3) for pair in views):
             return  # who brings a view of their own keeps it
         aside = beside_the_panel(camera)
         self._aside[client.client_id] = aside
