@@ -30,10 +30,11 @@ class Args:
 
     port: int | None = None
     """The port; by default the first free one from 8080 on."""
-    model: Literal["a1", "reduced"] = "a1"
-    """The A1 with full physics, or the reduced-order model alone."""
+    model: str = "a1"
+    """The A1 with full physics, the reduced-order model alone (reduced), or a robot that takes
+    velocities: cart, holonomic-cart, or a contract's path."""
     body: Literal["point", "footprint"] = "point"
-    """What must stay outside: the trunk's centre, or the whole A1."""
+    """What must stay outside: the robot's centre, or the whole robot."""
     scenario: str = "random"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     map: Path | None = None

@@ -11,7 +11,7 @@ from hcbf_gym.errors import HcbfError
 from hcbf_gym.play import editing
 from hcbf_gym.play.report import Snapshot
 from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import BODIES, MODELS, policy_names, program_names
+from hcbf_gym.play.settings import BODIES, model_names, policy_names, program_names
 from hcbf_gym.play.steering import Steering
 from hcbf_gym.scenarios import Scenario
 
@@ -83,6 +83,8 @@ class Controls:
         settings, scene = snapshot.settings, snapshot.scenario
         if settings.policy not in self._policy.options:  # one of the user's own
             self._policy.options = (*self._policy.options, settings.policy)
+        if settings.model not in self._model.options:  # a contract's path
+            self._model.options = (*self._model.options, settings.model)
         self._policy.value, self._program.value = settings.policy, settings.program
         self._goes_on.value = settings.goes_on
         self._model.value, self._guidance.value = settings.model, settings.guidance
@@ -246,7 +248,7 @@ class Controls:
 
     def _scene(self, gui: viser.GuiApi) -> None:
         session = self._session
-        self._model = self._on_choice(gui.add_dropdown("robot", tuple(MODELS)), "model")
+        self._model = self._on_choice(gui.add_dropdown("robot", model_names()), "model")
         self._body = self._on_choice(gui.add_dropdown("what stays outside", tuple(BODIES)), "body")
         scene = gui.add_dropdown("scene", scenarios.names())
         self._scene_name: Any = self._on_value(scene, session.choose_scene)

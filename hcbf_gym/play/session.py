@@ -192,7 +192,7 @@ class Session:
         pushed = finite_array("push", force, (2,))
         if not hasattr(self._now.inner, "simulation"):
             raise InvalidInputError(
-                "push: got the reduced-order model, expected the A1, which has a body"
+                "push: got the reduced-order model, expected a robot, which has a body"
             )
         if np.linalg.norm(pushed) > HARDEST_PUSH:
             raise InvalidInputError(f"push: got {pushed} N, expected at most {HARDEST_PUSH:g} N")

@@ -10,11 +10,13 @@ from hcbf_gym import policies, programs
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import choose, finite_float
 from hcbf_gym.policies import Policy, learned
+from hcbf_gym.robots.walker import NAMES
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
 
-MODELS = {"a1": "HCBF-A1Regions-v0", "reduced": "HCBF-Regions-v0"}
-"""The robot: the whole A1 in MuJoCo, or its reduced-order model alone."""
+REDUCED = "reduced"
+MODELS = {"a1": "HCBF-A1Regions-v0", REDUCED: "HCBF-Regions-v0"}
+"""The robot: the whole A1 in MuJoCo, or its reduced-order model alone; others by contract."""
 
 BODIES = ("point", "footprint")
 """What must stay outside: the trunk's centre, or the whole A1."""
@@ -32,9 +34,9 @@ class Settings:
     """What a person chooses.
 
     Args:
-        model: "a1" or "reduced".
-        body: "point", the trunk's centre, or "footprint", the whole A1; the reduced-order model is
-            a point.
+        model: "a1", "reduced", or a robot that takes velocities: a name or a contract's path.
+        body: "point", the robot's centre, or "footprint", the whole robot; the reduced-order model
+            is a point.
         policy: "human", or as `policies.make` takes it.
         program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
         guidance: whether a geodesic field leads to the goal; not where a human leads.
@@ -61,7 +63,8 @@ class Settings:
     goes_on: bool = True
 
     def __post_init__(self) -> None:
-        choose("model", self.model, MODELS)
+        if not self.model.endswith(".json"):
+            choose("model", self.model, dict.fromkeys(model_names()))
         choose("body", self.body, dict.fromkeys(BODIES))
         if not policies.is_own(self.policy):
             choose("policy", self.policy, dict.fromkeys(policy_names()))
@@ -71,6 +74,11 @@ class Settings:
         finite_float("seed", self.seed, minimum=0.0)
         if self.margin is not None:
             finite_float("margin", self.margin, minimum=0.0)
+
+
+def model_names() -> list[str]:
+    """Return what may move; a contract's path may, too."""
+    return [*MODELS, *NAMES]
 
 
 def policy_names() -> list[str]:
@@ -133,9 +141,11 @@ def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrang
         InvalidInputError: if the policy does not fit the scene.
     """
     if inner is None:
-        more: dict[str, Any] = {"body": settings.body} if settings.model == "a1" else {}
+        more: dict[str, Any] = {} if settings.model == REDUCED else {"body": settings.body}
+        if settings.model not in MODELS:
+            more["robot"] = settings.model
         inner = gym.make(
-            MODELS[settings.model],
+            MODELS.get(settings.model, "HCBF-WalkerRegions-v0"),
             scenario=scenario,
             max_episode_steps=-1,
             disable_env_checker=True,

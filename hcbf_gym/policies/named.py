@@ -28,8 +28,9 @@ def make(name: str, env: gym.Env) -> Policy:
     A function is called as (observation, info) → action; of a class without arguments every
     episode gets an instance of its own, which is called so. A zip is what ``model.save`` of
     Stable-Baselines3 wrote, whose actions are stretched from the range that it learned in to the
-    environment's; an ONNX file or a torch module maps an observation to an action. Zips and torch
-    files hold pickles, which run code: take them from those whom you trust.
+    environment's; an ONNX file or a torch module maps an observation to an action, which is cut to
+    the environment's range. Zips and torch files hold pickles, which run code: take them from those
+    whom you trust.
 
     Args:
         name: "pd", "pd-ff", what `learned.load` takes, or one of `FORMS`.
@@ -127,7 +128,8 @@ class _Spaces(NamedTuple):
 
 def _of_onnx(path: Path, fits: _Spaces) -> Policy:
     network = loading.Network(path, (fits.observation[0], fits.action.shape[0]))
-    return lambda observation, info: network(observation)
+    low, high = fits.action.low, fits.action.high
+    return lambda observation, info: np.clip(network(observation), low, high)
 
 
 def _of_torch(path: Path, fits: _Spaces) -> Policy:
@@ -155,7 +157,7 @@ def _of_torch(path: Path, fits: _Spaces) -> Policy:
     def act(observation: Array, info: Info) -> NDArray[Any]:
         with torch.no_grad():
             seen = torch.as_tensor(np.asarray(observation), dtype=dtype)
-            return module(seen[None])[0].numpy()
+            return np.clip(module(seen[None])[0].numpy(), fits.action.low, fits.action.high)
 
     return act
 

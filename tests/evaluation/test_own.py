@@ -177,3 +177,37 @@ def test_own_labels_and_programs_are_drawn(own):
 def _texts(axes):
     legend = axes.get_legend()
     return [axes.yaxis.label, *(legend.get_texts() if legend else ())]
+
+
+def certified(output, plant, policy, *arguments):
+    words = [
+        "certify",
+        plant,
+        "--policies",
+        policy,
+        "nearest",
+        "slam",
+        "--bound",
+        "0.4",
+        "--calibration",
+        "0",
+    ]
+    words += ["--workers", "1", "--steps", "40", "--output", str(output), *arguments]
+    cli.main(words)
+    (file,) = (path for path in output.glob("*.json") if path.name != "settings.json")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("plant", ["regions", BOAT])
+def test_a_certificate_is_of_a_policy_of_ones_own(own, tmp_path, plant):
+    name = "act" if plant == "regions" else "ahead"
+    found = certified(tmp_path / "out", plant, f"{own}:{name}")
+    policies = {stratum["policy"] for stratum in found["strata"]}
+    assert policies == {f"{own}:{name}", "nearest", "slam"}
+    assert found["entered"] == 0
+
+
+def test_a_policy_that_cannot_act_is_refused_before_it_is_certified(own, tmp_path):
+    with pytest.raises(SystemExit, match="expected finite numbers"):
+        certified(tmp_path / "out", "regions", f"{own}:gives_nan")
+    assert not (tmp_path / "out").exists()

@@ -7,6 +7,7 @@ import pytest
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
+from hcbf_gym.errors import HcbfError
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing
 from hcbf_gym.play.drawing import stacked
@@ -265,6 +266,22 @@ def test_a_policy_of_ones_own_drives(session, tmp_path):
     assert said.settings.policy.endswith("own.py:act")
     before = said.position[0]
     assert ticks(session, 30).position[0] > before
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("robot", ["cart", "holonomic-cart"])
+def test_a_cart_is_steered_as_the_stick_points(robot):
+    session = Session(Settings(model=robot, policy="human"), GATE)
+    do(session, session.steer, (-0.3, 0.4))
+    said = ticks(session, 200)
+    assert said.body is not None
+    np.testing.assert_allclose(said.velocity, (-0.3, 0.4), atol=0.12)
+    assert said.least[1] >= 0.0
+
+
+def test_a_robot_that_nobody_knows_is_refused_with_those_that_there_are():
+    with pytest.raises(HcbfError, match=r"cart.*reduced"):
+        Session(Settings(model="submarine"), GATE)
 
 
 def test_readings_are_in_words(session):
