@@ -18,7 +18,7 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.measures import deadlocked
-from hcbf_gym.evaluation.statistics import BOUNDED, at_most
+from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
@@ -325,14 +325,15 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         return "geodesic, through=2" if kind == THROUGH else kind or "none"
 
     enters = f"enters 1 / 2 / 3 (1 {BOUNDED})"
-    header = ("scenes", "policy", "guidance", "episodes", "arrives", enters, "falls",
+    arriving = f"arrives [%, {INTERVAL:.0%} interval]"
+    header = ("scenes", "policy", "guidance", "episodes", arriving, enters, "falls",
               "deadlock", "later", "Δu [m/s²]")  # fmt: skip
 
     def arrives(title: str, rows: list[dict[str, Any]]) -> Table:
         cells = [
             (
                 row["scene"], row["policy"], name(row["guidance"]), str(row["episodes"]),
-                percent(row["reached"]), ranks(row), percent(row["fell"]),
+                shown_share(row["reached"], row["episodes"]), ranks(row), percent(row["fell"]),
                 percent(row["deadlock"]),
                 "" if row["later"] is None else percent(row["later"]),
                 "" if row["change"] is None else f"{row['change']:.3f}",

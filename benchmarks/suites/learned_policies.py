@@ -17,7 +17,7 @@ from hcbf_gym import policies, wrappers
 from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case
-from hcbf_gym.evaluation.statistics import BOUNDED, at_most
+from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker, Policy, learned
 from hcbf_gym.scenarios.random_scenes import PRIORITIES
@@ -89,7 +89,10 @@ def _entered(row: dict[str, Any]) -> str:
 
 
 _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
-    ("success [%]", lambda row: f"{100.0 * row['success']:.1f}"),
+    (
+        f"success [%, {INTERVAL:.0%} interval]",
+        lambda row: shown_share(row["success"], row["episodes"]),
+    ),
     ("return", lambda row: f"{row['return']:.1f}"),
     (f"entered [%] (1 {BOUNDED})", lambda row: _entered(row)),
     ("time inside [s]", lambda row: _three(row["seconds_inside"])),

@@ -80,6 +80,18 @@ def share_interval(outcomes: Sequence[bool | None]) -> Interval:
     return [float(found.low), float(found.high)]
 
 
+def shown_share(share: float, n: int) -> str:
+    """Return a share of n outcomes with its interval in percent, as tables show it.
+
+    Examples:
+        >>> shown_share(0.76, 200)
+        '76.0 [69.5, 81.7]'
+    """
+    count = round(share * n)
+    low, high = binomtest(count, n).proportion_ci(INTERVAL, "exact")
+    return f"{100.0 * share:.1f} [{100.0 * low:.1f}, {100.0 * high:.1f}]"
+
+
 def mean_interval(values: Sequence[float]) -> Interval:
     """Return Student's interval of a mean; None of fewer than two values.
 

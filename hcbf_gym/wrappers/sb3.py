@@ -133,12 +133,7 @@ class FilterCallback(BaseCallback):
 
     ``filter/status_…`` is the share of each status, ``filter/least_h_rank_…`` the least h of each
     rank, ``filter/intervention`` the mean of ‖u − u*‖, over all environments, which must be
-    filtered.
-
-    Examples:
-        >>> from stable_baselines3 import PPO  # doctest: +SKIP
-        >>> model = PPO("MlpPolicy", robots, tensorboard_log="logs")  # doctest: +SKIP
-        >>> model.learn(100_000, callback=FilterCallback())  # doctest: +SKIP
+    filtered: ``model.learn(100_000, callback=FilterCallback())``.
     """
 
     def _on_training_start(self) -> None:

@@ -211,5 +211,5 @@ def test_a_model_in_numpy_is_refused_under_a_function_of_degree_2():
 
 def test_a_missing_jax_is_named_before_work_starts(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
-    with pytest.raises(MissingDependencyError, match=r"hcbf-gym\[jax\]"):
+    with pytest.raises(MissingDependencyError, match=r"CHECKOUT\[jax\]"):
         Function("h", 1, lambda x, t: x[0])

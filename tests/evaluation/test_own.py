@@ -211,3 +211,14 @@ def test_a_policy_that_cannot_act_is_refused_before_it_is_certified(own, tmp_pat
     with pytest.raises(SystemExit, match="expected finite numbers"):
         certified(tmp_path / "out", "regions", f"{own}:gives_nan")
     assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
+    def stopped(args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hcbf_gym.evaluation.command.main", stopped)
+    with pytest.raises(SystemExit):
+        cli.main(["evaluate"])
+    told = "interrupted; the same command goes on where this one stopped\n"
+    assert capsys.readouterr().err == told
