@@ -19,14 +19,15 @@ def open_folder(
     Args:
         folder: where its results go.
         settings: what decides them; JSON types only.
-        overwrite: take the folder of another study, and write over what it left; None where nobody
-            can ask for that.
+        overwrite: take the folder whatever it holds, and write over files of the same names; None
+            where nobody can ask for that.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
     """
     text = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False) + "\n"
     path = folder / _SETTINGS
+    flag = "" if overwrite is None else ", or --overwrite"
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
     if path.exists():
@@ -34,15 +35,14 @@ def open_folder(
         if not differing:
             return
         if not overwrite:
-            flag = "" if overwrite is None else ", or --overwrite"
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
                 f"expected an empty folder, a new one, or the same study{flag}"
             )
-    elif folder.exists() and any(folder.iterdir()):
+    elif folder.exists() and any(folder.iterdir()) and not overwrite:
         raise InvalidInputError(
             f"output: {folder} holds other files, expected an empty folder, a new one, or one "
-            "that this study began"
+            f"that this study began{flag}"
         )
     folder.mkdir(parents=True, exist_ok=True)
     write_text(path, text)

@@ -140,6 +140,12 @@ def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_pat
         evaluated(tmp_path / "out", *first)
     found = evaluated(tmp_path / "out", *first, "--seed", 1, "--overwrite")
     assert found["seeds"] == [1, 1]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("kept", encoding="utf-8")
+    with pytest.raises(SystemExit, match=r"other files.*--overwrite"):
+        evaluated(tmp_path / "mine", *first)
+    evaluated(tmp_path / "mine", *first, "--overwrite")
+    assert (tmp_path / "mine" / "notes.txt").read_text(encoding="utf-8") == "kept"
 
 
 def test_a_cap_on_the_speed_is_one_in_random_scenes_too(own, tmp_path):
