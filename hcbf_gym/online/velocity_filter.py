@@ -33,6 +33,7 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins
@@ -65,13 +66,16 @@ class Robot:
         command: what it may be told.
         response: how it follows; None assumes a slow robot that sways, see
             `walker_response.assumed`.
-        reach: radius of the circle around its centre that holds it [m].
+        reach: radius of the circle around its centre, or a cart's axle, that holds it [m].
+        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
+            no less than holds it.
         known_as: what certificates call it; "" for a robot of which there is none.
     """
 
     command: Command
     response: Response | None = None
     reach: float = 0.0
+    footprint: str | ArrayLike | None = None
     known_as: str = ""
 
     def __post_init__(self) -> None:
@@ -81,7 +85,9 @@ class Robot:
                 raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
         if self.response is not None:
             self.response.gains(len(self.command.limits))  # fit
-        finite_float("robot: reach", self.reach, minimum=0.0)
+        reach = finite_float("robot: reach", self.reach, minimum=0.0)
+        if self.footprint is not None:
+            object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
 class VelocityFilter:
@@ -579,7 +585,7 @@ def _known(robot: Any) -> Robot:
             f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
         )
     known_as = certificates.robot_of(robot.name, robot.files)
-    return Robot(robot.command, robot.response, robot.body.reach or 0.0, known_as)
+    return Robot(robot.command, robot.response, robot.body.reach or 0.0, known_as=known_as)
 
 
 def _numbers(values: Any) -> Array:
