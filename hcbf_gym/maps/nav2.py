@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
@@ -77,7 +77,7 @@ def read(path: str | Path) -> Raster:
             f"map {path}: image: got {keys['image']!r}, expected the path of a PGM or PNG"
         )
     shade, clear = _shade(path.parent / keys["image"], mode)
-    origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=FARTHEST)
+    origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=ON_EARTH)
     grid = Grid(keys["resolution"], tuple(origin.tolist()), shade.shape)
     occupied = shade if negate else 1.0 - shade
     if mode == "raw":
