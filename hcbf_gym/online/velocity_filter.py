@@ -122,7 +122,7 @@ class VelocityFilter:
             reserves m for an overshoot and one input of `period` T besides, so that the robot is
             told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
         radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
-            takes the robot's reach.
+            takes the robot's reach, which that of legs counts by their stride.
         max_age: the greatest age of data that are believed [s].
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
@@ -668,7 +668,7 @@ def _known(robot: Any) -> Robot:
             f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
         )
     known_as = certificates.robot_of(robot.name, robot.files)
-    return Robot(robot.command, robot.response, robot.body.reach or 0.0, known_as=known_as)
+    return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
 
 
 def _numbers(values: Any, farthest: float) -> Array:
