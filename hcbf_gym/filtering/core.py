@@ -379,7 +379,9 @@ class FilterCore(Configured, ABC):
             InvalidInputError: if the margin leaves nothing of one, or a held input can pass it from
                 rest within one period.
         """
-        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed)
+        axle = self.plant.axle
+        turn = 0.0 if axle is None else axle.turn
+        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed, turn)
 
     @cached_property
     def _gain(self) -> float:
