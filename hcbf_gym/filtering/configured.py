@@ -29,6 +29,7 @@ from hcbf_gym.filtering.settings import (
     kept,
 )
 from hcbf_gym.filtering.threads import Threads
+from hcbf_gym.guidance.extent import CELL, FINE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -105,6 +106,29 @@ class Configured:
         self._parts = plants.parts_of(self.count, threads)
         self._programs = self._of_parts()
         self._threads = Threads(len(self._parts))
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell of guidance's field [m]: finer where a body is to pass gaps."""
+        return FINE if self.uncertainty.body > 0.0 else CELL
+
+    @cached_property
+    def clearance(self) -> float:
+        """How far off strict edges guidance leads [m].
+
+        What rows reserve, and of a body what they ask for besides close to an edge, so that it is
+        led through no gap that they close. Half a cell less: a cell is open where a place in it is.
+        """
+        reserved = self.uncertainty.distance + self.uncertainty.body
+        if self.uncertainty.body == 0.0:
+            return reserved
+        axle, period = self.plant.axle, self.plant.period or 0.0
+        u_max = self.input_set.radius if axle is None else axle.hardest
+        besides = 0.5 * u_max * period**2
+        if axle is not None:
+            settings = self._axle_settings(self.row_settings.held)
+            besides += axle_rows.at_a_glance(settings, axle.jerk(period))
+        return reserved + besides - 0.5 * self.cell
 
     def _check_axle(self) -> None:
         """Refuse a differential drive that brakes harder than U lets it.

@@ -352,3 +352,24 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
     core(1.0, Box.symmetric(1.5), given=False)  # an action space
     with pytest.raises(InvalidInputError, match=r"axle: .*along and across"):
         core(1.5, Box.symmetric(1.5), given=False)
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 0.05, 6).tolist())
+def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_ones(offset):
+    core = filter_of(ROOM, guidance="geodesic")
+    passes = 2.0 * (core.clearance + 0.5 * core.cell)
+    assert 2.0 * BODY < passes < 0.76
+    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.cell, 1)):
+        low, high = offset - 0.5 * width, offset + 0.5 * width
+        door = [
+            ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),
+            ConvexPolygon("b", 1, ((1.0, -4.0), (1.15, -4.0), (1.15, low), (1.0, low))),
+        ]
+        barriers, cart = [*ROOM, *door], Cart((-1.0, 0.5), 0.5)
+        core = filter_of(barriers, guidance="geodesic")
+        assert begun(core, barriers, cart, (2.0, 0.0))["reachable"] == through
+        for _ in range(500 * (through == 0)):
+            u, _ = core.step(np.zeros(2), barriers, cart.estimate())
+            least, _ = nearest(barriers, cart.hold(u))
+            assert least >= BODY - 1e-9
+        assert through == 1 or cart.place[0] > 1.3
