@@ -150,7 +150,7 @@ class VelocityFilter:
     def __init__(
         self,
         robot: "str | Path | Walker | Robot",
-        barriers: Sequence[Barrier],
+        barriers: Sequence[Entry],
         program: str = "lex-cbf-qp",
         period: float = 0.05,
         goal: ArrayLike | None = None,
@@ -213,7 +213,7 @@ class VelocityFilter:
         return self._barriers
 
     @barriers.setter
-    def barriers(self, barriers: Sequence[Barrier]) -> None:
+    def barriers(self, barriers: Sequence[Entry]) -> None:
         self.set_barriers(barriers)
 
     def set_barriers(self, barriers: Sequence[Entry], seen_at: float | None = None) -> None:
