@@ -345,8 +345,8 @@ def doors(quick: bool) -> Iterator[str]:
         planner = pursuit([(1.0, 0.0), (4.0, 0.0)], cart.command, 0.3)
         runs.append(loop(door, Moving(cart, start), planner, 0.34, 50.0, until=_behind))
     yield _said("a map of 5 cm, 17 free cells", runs, lambda r: _behind(r.path[-1]))
-    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -0.43)]  # 2 cm beyond what rows reserve
-    corner = [ConvexPolygon("corner", 1, ((0.43, -1.0), (2.0, -1.0), (2.0, 1.0), (0.43, 1.0)))]
+    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -0.41)]  # 2 cm beyond what rows reserve
+    corner = [ConvexPolygon("corner", 1, ((0.41, -1.0), (2.0, -1.0), (2.0, 1.0), (0.41, 1.0)))]
     for name, barriers, goal in (
         ("side", wall, (0.0, 2.0)), ("behind", wall, (-2.0, 0.1)), ("corner", corner, (1.2, 2.2)),
     ):  # fmt: skip

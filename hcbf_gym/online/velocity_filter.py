@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import operator
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -110,9 +111,10 @@ class VelocityFilter:
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
         barriers: the ranked conditions on the robot's position, in the frame of the pose, as far
-            from its origin as survey coordinates are. What moves is where it is put at the next
-            step, and functions of time count from then; `set_barriers` says another time. The
-            attribute may be set anew at any time, as `goal`, `v_max` and `program`.
+            from its origin as survey coordinates are. What moves is where it is put at the first
+            step since the reset, and functions of time count from then, whatever the clock;
+            `set_barriers` says another time. The attribute may be set anew at any time, as `goal`,
+            `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
         period: the longest regular time between two calls [s]; shorter ones do no harm. A command
             is good for that long.
@@ -172,6 +174,8 @@ class VelocityFilter:
                 CoverageWarning,
                 stacklevel=2,
             )
+        self._barriers: Any = None
+        self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
@@ -222,14 +226,15 @@ class VelocityFilter:
         Args:
             barriers: as the class takes them.
             seen_at: when what moves was where it is put, on the robot's clock [s]: from then on it
-                has moved on. Functions of time count from then. None is the next step's present.
+                has moved on. Functions of time count from then. None is the first step since the
+                reset, as for `barriers`.
 
         Raises:
             InvalidInputError: if `seen_at` is not finite.
         """
         self._seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
-        self._barriers: Any = barriers
-        self._handed_over, self._unseen = True, True
+        self._unseen = self._unseen or not _same(barriers, self._barriers)
+        self._barriers = barriers
 
     @property
     def goal(self) -> Array | None:
@@ -303,8 +308,8 @@ class VelocityFilter:
         self._core.restart(np.ones(1, dtype=np.bool_))
         self._origin: Array | None = None  # from which positions count [m]
         self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
+        self._first = math.inf  # present since the reset [s]
         self._zero: float | None = None  # from which the core's time counts [s]
-        self._handed_over = True  # barriers that are not yet timed
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
@@ -427,12 +432,14 @@ class VelocityFilter:
 
     def _time_barriers(self, present: float) -> None:
         """Let the core's time count from when the barriers were where they are put."""
-        if not self._handed_over or not math.isfinite(present):
+        if not math.isfinite(present):
             return
-        zero = present if self._seen_at is None else self._seen_at
-        if self._zero is not None:
+        if self._first == math.inf:
+            self._first = present
+        zero = self._first if self._seen_at is None else self._seen_at
+        if self._zero is not None and zero != self._zero:
             self._core.shift_clock(zero - self._zero)
-        self._zero, self._handed_over = zero, False
+        self._zero = zero
 
     def _since(self, present: float) -> float:
         """Return the core's time at a present [s]."""
@@ -464,8 +471,7 @@ class VelocityFilter:
             self._core.restart(np.ones(1, dtype=np.bool_))
             self._monitor.forget()
             self._begun, self._time, self._moved = False, None, -math.inf
-            if self._seen_at is None and self._zero is not None:
-                self._zero = min(self._zero, present)
+            self._first, self._zero = min(self._first, present), None
         if math.isfinite(present):
             self._leapt_from = self._last if present - self._last > LEAP else math.nan
             self._last = present
@@ -648,6 +654,12 @@ def _cap(v_max: Any, reserved: float, known: Robot) -> float:
         "leave v_max out where the robot's motors cap its speed, or measure how it follows by hcbf "
         "identify --log drive.csv"
     )
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two lists hold the same objects."""
+    listed = isinstance(one, Sequence) and isinstance(other, Sequence)
+    return listed and len(one) == len(other) and all(map(operator.is_, one, other))
 
 
 def _known(robot: Any) -> Robot:
