@@ -8,12 +8,13 @@ from gymnasium.utils import RecordConstructorArgs
 
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 
-WAY = 24.0
-"""For which there is time at the robot's greatest speed, twice the longest in random scenes [m]."""
+WAY = {"track": 24.0, "reach": 40.0}
+"""For which there is time at the robot's greatest speed, by the scene's task [m]: more than twice
+the longest way, as guidance leads a robot that does not reach for the goal itself at .4 m/s."""
 
 
 class PacedTimeLimit(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
-    """Truncates after `steps(fastest)`, so many as leave the robot time for its way.
+    """Truncates after `steps(fastest, task)`, so many as leave the robot time for its way.
 
     Where `gym.make` was given `max_episode_steps`, its limit alone
     counts.
@@ -27,7 +28,7 @@ class PacedTimeLimit(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         super().__init__(env)
         given = env.spec is not None and env.spec.max_episode_steps is not None
         inner: Any = env.unwrapped
-        self._limit = math.inf if given else steps(inner.fastest)
+        self._limit = math.inf if given else steps(inner.fastest, inner.scenario.task)
         self._done = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -42,10 +43,11 @@ class PacedTimeLimit(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         return observation, reward, terminated, truncated or self._done >= self._limit, info
 
 
-def steps(fastest: float) -> int:
+def steps(fastest: float, task: str) -> int:
     """Return the time limit of a robot of some speed [steps].
 
     Args:
         fastest: the greatest speed that its rows leave it [m/s].
+        task: of the scene, "track" or "reach".
     """
-    return max(MAX_EPISODE_STEPS, math.ceil(WAY / fastest / CONTROL_DT))
+    return max(MAX_EPISODE_STEPS, math.ceil(WAY[task] / fastest / CONTROL_DT))

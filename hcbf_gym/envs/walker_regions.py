@@ -51,8 +51,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     ## Episode End
     Terminated when the robot falls, when its controller gives no finite action of its size, or when
     a "reach" task's goal is within the scenario's `goal_radius`; truncated after 1000 steps (20 s),
-    or as many more as take it 24 m at its greatest speed. `max_episode_steps` of `gym.make` is
-    another limit.
+    or as many more as take it 24 m at its greatest speed, 40 m in a "reach" task.
+    `max_episode_steps` of `gym.make` is another limit.
 
     ## Infos
     Those of `RegionsEnv`, with h of the robot at every physics step in `min_h`; the strict speed
