@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import gymnasium as gym
+from gymnasium.envs.registration import WrapperSpec
 
 from hcbf_gym import compilation, lazily
 from hcbf_gym.drawing.headless import prefer_egl
@@ -68,5 +69,7 @@ gym.register(
 gym.register(
     id="HCBF-WalkerRegions-v0",
     entry_point="hcbf_gym.envs:WalkerRegionsEnv",
-    max_episode_steps=1000,
+    additional_wrappers=(
+        WrapperSpec("PacedTimeLimit", "hcbf_gym.envs.time_limit:PacedTimeLimit", {}),
+    ),
 )

@@ -100,6 +100,10 @@ class Barrier(ABC):
         """Return the barrier's value at the state x (n,) and time t [s]."""
         return self.jet(x, t).h
 
+    def moved(self, step: Array) -> "Barrier":
+        """Return the same condition a step (2,) [m] away: h(x) there is h(x − step) here."""
+        return Elsewhere(self.name, self.priority, self, step) if self.reads_position else self
+
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at N states x (N, n) and times t (N,), with a leading N.
 
@@ -125,6 +129,10 @@ class PlanarBarrier(Barrier):
     @abstractmethod
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H (2,) and ∇²H (2, 2) at the position q (2,) in the barrier's frame."""
+
+    def moved(self, step: Array) -> "PlanarBarrier":
+        """Return the same condition a step (2,) [m] away."""
+        return PlanarElsewhere(self.name, self.priority, self, step)
 
     def core(self, q: Array, reach: float) -> Core | None:
         """Return the core of a convex region around which ∇H turns, or None if that is unknown.
@@ -157,6 +165,56 @@ class PlanarBarrier(Barrier):
             gradient_rate=gradient_rate,
             rate_rate=float(w @ planar_hessian @ w),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Elsewhere(Barrier):
+    """Another condition, moved.
+
+    Args:
+        name: as the other's.
+        priority: as the other's.
+        of: the other.
+        step: (2,) by which it is moved [m].
+    """
+
+    of: Barrier
+    step: Array
+
+    def jet(self, x: Array, t: float = 0.0) -> Jet:
+        """Return h and its derivatives."""
+        return self.of.jet(self._back(x), t)
+
+    def batch(self, x: Array, t: Array) -> Jet:
+        """Return those of many states."""
+        return self.of.batch(self._back(x), t)
+
+    def _back(self, x: Array) -> Array:
+        """Return states (…, n) as the other sees them."""
+        seen = np.array(x)
+        seen[..., :2] -= self.step
+        return seen
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarElsewhere(PlanarBarrier):
+    """Another condition on the position, moved; see `Elsewhere`."""
+
+    of: PlanarBarrier
+    step: Array
+
+    @property
+    def frame_velocity(self) -> Array:
+        """(2,) as the other's [m/s]."""
+        return self.of.frame_velocity
+
+    def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
+        """Return H, ∇H and ∇²H at a position q (2,)."""
+        return self.of.planar_jet(q - self.step)
+
+    def core(self, q: Array, reach: float) -> Core | None:
+        """Return the core; see `PlanarBarrier.core`."""
+        return self.of.core(q - self.step, reach)
 
 
 def reads_time(barrier: Barrier, n: int) -> bool:

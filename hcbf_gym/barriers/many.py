@@ -1,10 +1,12 @@
 """Many barriers of one shape and one rank, given as an array: what a scan or a tracker returns."""
 
 from abc import ABC, abstractmethod
+from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, check_name
 from hcbf_gym.barriers.shapes import SHAPES
@@ -66,7 +68,7 @@ class Shapes:
         self.name = name
         self.priority = int(priority)
         cls = choose("shape", shape, {one.kind: one for one in SHAPES})
-        self.kind = cls.compiled.code
+        self._class, self.kind = cls, cls.compiled.code
         given = as_array(f"{name}: values", values)
         nothing = np.zeros((0, layout.WIDTH))
         self.parameters = cls.pack(f"{name}: {shape}", given) if given.size else nothing
@@ -74,6 +76,14 @@ class Shapes:
         moving = finite_array(f"{name}: velocity", velocity, expected, largest=FARTHEST)
         self.parameters[:, [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
         self.parameters.flags.writeable = False
+
+    def moved(self, step: Array) -> "Shapes":
+        """Return the same shapes a step (2,) [m] away."""
+        elsewhere = copy(self)
+        elsewhere.parameters = self.parameters.copy()
+        self._class.shift(elsewhere.parameters, step)
+        elsewhere.parameters.flags.writeable = False
+        return elsewhere
 
     def __len__(self) -> int:
         """Return k."""

@@ -5,8 +5,8 @@ horizon a row of its own. `docs/rows.md` proves that beyond it nothing can go wr
 of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
-from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numba import njit
@@ -69,6 +69,10 @@ class Mapped(Barrier):
         c[:] = 0.0
         c[layout.PIECES] = at
         return self.code
+
+    def moved(self, step: Array) -> Self:
+        """Return the same cells a step (2,) [m] away."""
+        return replace(self, pieces=self.pieces.moved(step), grid=self.grid.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
         """Return what lies about as near as the nearest piece: (k,) distances, nearest first.

@@ -55,12 +55,22 @@ class Pieces:
         kept = np.where(inner[..., None], corners, 0.0).reshape(len(count), 2 * corners.shape[1])
         blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
         x, y, yaw = frame
+        self._frame, self._around = frame, around
         self.packed = _packed(blocks, float(x), float(y), float(yaw), len(count) - around)
         self.packed.flags.writeable = False
 
     def __len__(self) -> int:
         """Return P."""
         return int(self.packed[COUNT])
+
+    def moved(self, step: Array) -> "Pieces":
+        """Return the same pieces a step (2,) [m] away."""
+        blocks = self.packed[int(self.packed[BLOCKS]) :].reshape(len(self), layout.WIDTH)
+        corners = blocks[:, convex_polygon.FIRST :].reshape(len(self), -1, 2) + step
+        x, y, yaw = self._frame
+        frame = x + float(step[0]), y + float(step[1]), yaw
+        count = blocks[:, convex_polygon.COUNT].astype(np.int64)
+        return Pieces(corners, count, frame, self._around)
 
     @cached_property
     def polygons(self) -> list[Array]:

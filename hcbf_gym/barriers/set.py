@@ -138,13 +138,16 @@ class BarrierSet:
             moving[i] = moving[i] or reads_time(barrier, 4)
         return moving
 
-    def check(self, hold: tuple[float | None, float], speed_margin: float = 0.0) -> None:
+    def check(
+        self, hold: tuple[float | None, float], speed_margin: float = 0.0, turn: float = 0.0
+    ) -> None:
         """Refuse speed limits and speed zones that no input can satisfy.
 
         Args:
             hold: how long an input is held [s], None where that is not known, and the largest norm
                 of an input [m/s²].
             speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
+            turn: the greatest turning rate of a differential drive [rad/s]; 0 for all others.
 
         Raises:
             InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
@@ -161,7 +164,7 @@ class BarrierSet:
             return
         zones = self.kind == layout.ZONES
         limit = self.parameters[zones, layout.V_MAX]
-        lowest = zone.least_limit(period, u_max, speed_margin)
+        lowest = zone.least_limit(period, u_max, speed_margin, turn)
         if (limit < lowest).any():
             raise InvalidInputError(
                 f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "

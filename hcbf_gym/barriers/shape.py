@@ -20,7 +20,7 @@ from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
 from hcbf_gym.errors import finite_array, finite_float
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
 PlanarJet = tuple[float, float, float, float, float, float]
 Planar = Callable[[Any, Any], Any]
@@ -122,13 +122,18 @@ class Shape(PlanarBarrier):
             InvalidInputError: if a value is out of range or the array of another shape.
         """
         sizes = cls.widths()
-        numbers = finite_array(name, values, (None, sum(sizes.values())), largest=FARTHEST)
+        numbers = finite_array(name, values, (None, sum(sizes.values())), largest=ON_EARTH)
         blocks = np.zeros((len(numbers), layout.WIDTH))
         ends = np.cumsum(list(sizes.values()))[:-1]
         for row, block in zip(numbers, blocks, strict=True):
             parts = [p if p.size > 1 else float(p[0]) for p in np.split(row, ends)]
             cls(name, 1, **dict(zip(sizes, parts, strict=True))).write(block)
         return blocks
+
+    @classmethod
+    @abstractmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the shapes of blocks (k, WIDTH) by a step (2,) [m]."""
 
     @abstractmethod
     def outline(self) -> Outline:
@@ -195,15 +200,20 @@ def traced_norm(jax: ModuleType, x: Any, y: Any) -> Any:
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, square, 1.0)), x)
 
 
-def set_pairs(barrier: Barrier, *names: str) -> None:
+def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
     """Replace fields by pairs of finite numbers.
+
+    Args:
+        barrier: whose.
+        names: of its fields.
+        largest: magnitude of a number.
 
     Raises:
         InvalidInputError: if one is no such pair.
     """
     for name in names:
         values = getattr(barrier, name)
-        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=FARTHEST)
+        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
         object.__setattr__(barrier, name, tuple(pair.tolist()))
 
 

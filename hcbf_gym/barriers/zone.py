@@ -36,6 +36,7 @@ def row(
     limit: float,
     alpha2: Array,
     s: Array,
+    hardest: float,
 ) -> tuple[float, float, float]:
     """Return b, α₂(ψ) and ψ = h − m of a zone's row, whose gradient is −v/L.
 
@@ -47,7 +48,9 @@ def row(
         vy: likewise.
         limit: L [m/s].
         alpha2: (4,) α₂.
-        s: (15,) `RowSettings.packed`.
+        s: (15,) `RowSettings.packed`; its u_max changes the speed.
+        hardest: the greatest acceleration of the position [m/s²]; more than u_max where the
+            velocity turns by itself.
     """
     alpha2_psi = class_k.value(alpha2, kept)
     b = -alpha2_psi
@@ -55,7 +58,8 @@ def row(
     if s[HELD] == 0.0:
         return b - drift + margin_rate, alpha2_psi, kept
     period = s[PERIOD]
-    cost = (s[U_MAX] + BRAKING) * s[U_MAX] * period / (2.0 * limit)
+    strays = BRAKING * (hardest - s[U_MAX])
+    cost = ((s[U_MAX] + BRAKING) * s[U_MAX] + strays) * period / (2.0 * limit)
     b = max(b, cost - kept / period) if kept >= 0.0 else b + cost
     stop = (vx * vx + vy * vy) / (limit * period)  # a full stop gives no more
     return min(b - drift, stop) + margin_rate, alpha2_psi, kept
@@ -73,10 +77,18 @@ def reach(limit: float, margin: float, fastest: float) -> float:
     return max(0.0, fastest * fastest - limit * (limit - 2.0 * margin)) / (2.0 * BRAKING)
 
 
-def least_limit(period: float, u_max: float, margin: float) -> float:
+def least_limit(period: float, u_max: float, margin: float, turn: float = 0.0) -> float:
     """Return the lowest limit that a held input can satisfy after its margin [m/s].
 
-    It solves ``L² − 2 m L = (β² + β u + u²) T²``; see `docs/rows.md`.
+    It solves ``L² − 2 m L = (β² (1 + ΩT/2)² + β u (1 + ΩT) + u²) T²``; see `docs/rows.md`.
+
+    Args:
+        period: T [s].
+        u_max: u, the greatest change of the speed [m/s²].
+        margin: m [m/s].
+        turn: Ω, by how much the velocity turns besides, that of a differential drive [rad/s].
     """
-    gained = period * np.sqrt(BRAKING**2 + BRAKING * u_max + u_max**2)
+    turned = turn * period
+    squared = (BRAKING * (1.0 + 0.5 * turned)) ** 2 + BRAKING * u_max * (1.0 + turned) + u_max**2
+    gained = period * np.sqrt(squared)
     return float(margin + np.hypot(margin, gained))

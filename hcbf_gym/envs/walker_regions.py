@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import EzPickle
 
 from hcbf_gym.arrays import Info
+from hcbf_gym.barriers import braking
 from hcbf_gym.envs.body import footprint_of
 from hcbf_gym.envs.drive import Motion
 from hcbf_gym.envs.robot_regions import RobotRegionsEnv
@@ -49,7 +50,9 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
 
     ## Episode End
     Terminated when the robot falls, when its controller gives no finite action of its size, or when
-    a "reach" task's goal is within the scenario's `goal_radius`; truncated after 1000 steps (20 s).
+    a "reach" task's goal is within the scenario's `goal_radius`; truncated after 1000 steps (20 s),
+    or as many more as take it 24 m at its greatest speed, 40 m in a "reach" task.
+    `max_episode_steps` of `gym.make` is another limit.
 
     ## Infos
     Those of `RegionsEnv`, with h of the robot at every physics step in `min_h`; the strict speed
@@ -120,6 +123,12 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         known = plant_model(walker, declared, own.input_set, reach, is_own)
         drive = WalkerDrive(simulation, adapter, footprint, widened(declared))
         super().__init__(drive, known, scenes, terrain, render_mode)
+
+    @property
+    def fastest(self) -> float:
+        """The greatest speed that the rows of the speed limit leave the robot [m/s]."""
+        known = self._known
+        return float(braking.speed_left(known.v_max, known.uncertainty.speed))
 
     def _stopped(self) -> bool:
         """Return whether the robot has fallen or its controller has failed; warn of the latter."""

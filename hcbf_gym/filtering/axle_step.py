@@ -12,10 +12,10 @@ import numpy as np
 from numba import njit
 
 from hcbf_gym.arrays import Array, Mask, Records
-from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels
-from hcbf_gym.barriers.margins import MARGIN, QUICKENING, Known
+from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels, zone
+from hcbf_gym.barriers.margins import MARGIN, QUICKENING, RATE, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
-from hcbf_gym.barriers.rows import ALPHA2, SETTINGS_WIDTH, U_MAX, CbfRows
+from hcbf_gym.barriers.rows import ALPHA2, PERIOD, SETTINGS_WIDTH, U_MAX, CbfRows
 from hcbf_gym.filtering.plants import Plants, Work
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
@@ -82,6 +82,8 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
             w.rows[B, i, k] = row_kernels.speed_row(
                 kept, rate, v[2], v[3], v_max, settings[ALPHA2 : ALPHA2 + 4], settings
             )[0]
+        if p.kind[i, k] == layout.ZONE:
+            w.rows[B, i, k] = _zone_row(axle, p.parameters[i, k], w, i, k, known.x, settings)
         n, b = w.a[i, k], w.rows[B, i, k]
         w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
         if p.kind[i, k] == layout.SPEED_LIMIT or p.kind[i, k] == layout.ZONE:
@@ -90,6 +92,29 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
             axle, plant.x, plant.heading, c.period, n[0], n[1], b
         )
     _rows_of_point(c, p, w, i)
+
+
+@njit(cache=True)
+def _zone_row(axle: Axle, c: Array, w: Work, i: int, k: int, x: Array, settings: Array) -> float:
+    """Return b of a zone: braking alone changes the speed, turning the position besides.
+
+    Args:
+        axle: what limits the drive.
+        c: (WIDTH,) block of the zone.
+        w: with h and the margins.
+        i: which plant.
+        k: which row.
+        x: (4,) of the axle.
+        settings: (15,) of rows, with the braking for u_max.
+    """
+    later = np.hypot(x[2], x[3]) + axle.braking * settings[PERIOD]
+    hardest = np.hypot(axle.braking, later * axle.turn)
+    kept = w.rows[H, i, k] - w.margin[MARGIN, i, k]
+    closing = c[layout.AWAY_X] * x[2] + c[layout.AWAY_Y] * x[3]
+    return zone.row(
+        kept, w.margin[RATE, i, k], closing, x[2], x[3], c[layout.V_MAX],
+        settings[ALPHA2 : ALPHA2 + 4], settings, hardest,
+    )[0]  # fmt: skip
 
 
 @njit(cache=True)

@@ -29,6 +29,7 @@ from hcbf_gym.filtering.settings import (
     kept,
 )
 from hcbf_gym.filtering.threads import Threads
+from hcbf_gym.guidance.extent import CELL, FINE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -78,6 +79,7 @@ class Configured:
                 "turns with its heading, which the compiled program follows"
             )
         self.plant, self.input_set, self.settings = plant, input_set, settings
+        self._check_axle()
         self._alone, self.count = batch is None, 1 if batch is None else batch
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
@@ -104,6 +106,49 @@ class Configured:
         self._parts = plants.parts_of(self.count, threads)
         self._programs = self._of_parts()
         self._threads = Threads(len(self._parts))
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell of guidance's field [m]: finer where a body is to pass gaps."""
+        return FINE if self.uncertainty.body > 0.0 else CELL
+
+    @cached_property
+    def clearance(self) -> float:
+        """How far off strict edges guidance leads [m].
+
+        What rows reserve, and of a body what they ask for besides close to an edge, so that it is
+        led through no gap that they close. Half a cell less: a cell is open where a place in it is.
+        """
+        reserved = self.uncertainty.distance + self.uncertainty.body
+        if self.uncertainty.body == 0.0:
+            return reserved
+        axle, period = self.plant.axle, self.plant.period or 0.0
+        u_max = self.input_set.radius if axle is None else axle.hardest
+        besides = 0.5 * u_max * period**2
+        if axle is not None:
+            settings = self._axle_settings(self.row_settings.held)
+            besides += axle_rows.at_a_glance(settings, axle.jerk(period))
+        return reserved + besides - 0.5 * self.cell
+
+    def _check_axle(self) -> None:
+        """Refuse a differential drive that brakes harder than U lets it.
+
+        Raises:
+            InvalidInputError: if it does. Where U is the environment's action space, which clips,
+                the whole rectangle of inputs has to lie in it at every heading.
+        """
+        axle = self.plant.axle
+        if axle is None:
+            return
+        given = self.plant.input_set is not None
+        most = self.input_set.radius if given else braking.weakest(self.input_set)
+        hardest = axle.braking if given else axle.hardest_of_point
+        if hardest > most * (1.0 + 1e-6):  # 32 bits of an action space
+            what = "the braking" if given else "the largest input, along and across the heading,"
+            raise InvalidInputError(
+                f"axle: got {what} of {hardest:.4g} m/s² with {self.input_set}, which holds "
+                f"{most:.4g} m/s², expected an Axle(braking=…) within U, or a larger U"
+            )
 
     def _make_program(self, held: bool) -> None:
         """Make the program, and write what compiled code never changes.

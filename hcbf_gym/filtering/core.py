@@ -91,6 +91,14 @@ class FilterCore(Configured, ABC):
         self._steps[mask] = 0.0
         self._fresh |= mask
 
+    def look_again(self) -> None:
+        """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
+        self._fresh[:] = True
+
+    def shift_clock(self, seconds: float) -> None:
+        """Count time from so many seconds later on than before."""
+        self._samples.plants["believed_at"] -= seconds
+
     def cover(self, said: Any) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(said, self._fresh)
@@ -371,7 +379,9 @@ class FilterCore(Configured, ABC):
             InvalidInputError: if the margin leaves nothing of one, or a held input can pass it from
                 rest within one period.
         """
-        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed)
+        axle = self.plant.axle
+        turn = 0.0 if axle is None else axle.turn
+        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed, turn)
 
     @cached_property
     def _gain(self) -> float:

@@ -11,6 +11,7 @@ from hcbf_gym.errors import check_options, choose
 from hcbf_gym.filtering import axle_step
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.guidance import row as guidance_row
+from hcbf_gym.guidance.extent import CELL
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 
@@ -33,7 +34,7 @@ class Guide:
         InvalidInputError: on an unknown option.
     """
 
-    def __init__(self, choice: Any, count: int, ahead: float = 0.0):
+    def __init__(self, choice: Any, count: int, ahead: float = 0.0, cell: float = CELL):
         self._ahead = ahead
         self._guidance: Geodesic | Local | None = None
         self.guides = choice is not None
@@ -43,7 +44,7 @@ class Guide:
             check_options("guidance", options, ("kind", "through"))
             self.through = int(options.get("through", 0))
             kinds: dict[str, Callable[[], Geodesic | Local]] = {
-                "geodesic": lambda: Geodesic(count, through=self.through),
+                "geodesic": lambda: Geodesic(count, through=self.through, cell=cell),
                 "local": lambda: Local(count),
             }
             self._guidance = choose("guidance", options.get("kind", "geodesic"), kinds)()

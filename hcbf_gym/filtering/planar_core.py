@@ -44,7 +44,10 @@ class PlanarCore(FilterCore):
     ):
         super().__init__(plant, input_set, settings, batch, threads)
         self._guide = Guide(
-            settings.guidance, self.count, 0.0 if plant.axle is None else plant.axle.look_ahead
+            settings.guidance,
+            self.count,
+            0.0 if plant.axle is None else plant.axle.look_ahead,
+            self.cell,
         )
         self._constants["has_way"] = self._guide.guides
         self._constants["through"] = self._guide.through
@@ -80,8 +83,8 @@ class PlanarCore(FilterCore):
     def _enter(self, goal: Any, extent: Any) -> None:
         """Look at the scenes that begin."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)
-        kept_clear = self.uncertainty.distance + self.uncertainty.body
-        self._guide.begin(self._scene, self._samples.x, kept_clear, (goal, extent), self._fresh)
+        world = goal, extent
+        self._guide.begin(self._scene, self._samples.x, self.clearance, world, self._fresh)
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float, shown
+from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
@@ -18,6 +18,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
+UNREAD = ("map_type",)
+"""What map servers write and nobody reads."""
 MODES = ("trinary", "scale", "raw")
 
 LONGEST_TEXT = 65_536
@@ -41,7 +43,7 @@ class Raster(NamedTuple):
 
 
 def read(path: str | Path) -> Raster:
-    """Read a map.
+    """Read a map. Warns of keys that it does not know.
 
     Modes are the map server's: "trinary" knows free, occupied and unknown; "scale" the shares
     between both thresholds; "raw" takes a pixel from 0 to 100 for the occupancy itself.
@@ -50,15 +52,22 @@ def read(path: str | Path) -> Raster:
         path: of the YAML file; its image lies beside it unless the path in it is absolute.
 
     Raises:
-        InvalidInputError: if a file cannot be read or is too large, a key is missing, unknown or
+        InvalidInputError: if a file cannot be read or is too large, a key is missing or
             out of range, or the image is no PGM or PNG of 8 bits.
     """
     path = Path(path)
     keys = parse(_text(path), str(path))
-    check_options(f"map {path}", keys, (*NEEDED, *OPTIONAL))
     missing = [key for key in NEEDED if key not in keys]
     if missing:
-        raise InvalidInputError(f"map {path}: {missing} is missing, expected {list(NEEDED)}")
+        raise InvalidInputError(
+            f"map {path}: {missing} is missing among {shown(list(keys))}, expected {list(NEEDED)}"
+        )
+    others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
+    if others:
+        warnings.warn(
+            f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}",
+            stacklevel=4,
+        )
     mode = keys.get("mode", "trinary")
     choose(f"mode of map {path}", mode, dict.fromkeys(MODES))
     low = finite_float(f"map {path}: free_thresh", keys.get("free_thresh", 0.25), minimum=0.0)
@@ -77,7 +86,7 @@ def read(path: str | Path) -> Raster:
             f"map {path}: image: got {keys['image']!r}, expected the path of a PGM or PNG"
         )
     shade, clear = _shade(path.parent / keys["image"], mode)
-    origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=FARTHEST)
+    origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=ON_EARTH)
     grid = Grid(keys["resolution"], tuple(origin.tolist()), shade.shape)
     occupied = shade if negate else 1.0 - shade
     if mode == "raw":

@@ -84,7 +84,7 @@ class RankedMap(Several):
         unknown: int | None = 1,
         margin: float = 0.0,
     ) -> Self:
-        """Read a map of Nav2, and masks over the same cells.
+        """Read a map of Nav2, and masks, which are looked up by position as Nav2 does.
 
         Args:
             file: YAML of the map server.
@@ -98,8 +98,8 @@ class RankedMap(Several):
             margin: reserved around both [m].
 
         Raises:
-            InvalidInputError: if a file cannot be read, a mask has other cells than the map, a
-                field is missing, unknown or out of range, or every cell is strict.
+            InvalidInputError: if a file cannot be read, a field is missing, unknown or out of
+                range, or every cell is strict.
         """
         grid, classes = reading.read(file, masks or {}, rank, unknown, margin)
         return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))

@@ -1,5 +1,6 @@
 """Classes of a map from its files: the map itself, and masks over it."""
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Mask
 from hcbf_gym.errors import InvalidInputError, check_options, finite_float
 from hcbf_gym.maps import nav2
 from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.maps.regrid import onto
 from hcbf_gym.models.grid import Grid
 
 Classes = tuple[MapClass, ...]
@@ -60,7 +63,9 @@ def read(
     found = _of_map(raster, rank, unknown, margin)
     records.check_mapping("map: masks", masks)
     for name, entry in masks.items():
-        found += _of_mask(Path(file).parent / name, name, entry, raster.grid)
+        found += _of_mask(
+            Path(file).parent / name, name, entry, raster.grid, outside_is_free=unknown is None
+        )
     strict = np.zeros(raster.grid.shape, dtype=np.bool_)
     for one in found:
         strict |= one.cells & one.is_strict
@@ -82,11 +87,22 @@ def _of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> li
     return found
 
 
-def _of_mask(path: Path, name: str, entry: Any, grid: Grid) -> list[MapClass]:
+def _of_mask(
+    path: Path, name: str, entry: Any, grid: Grid, *, outside_is_free: bool
+) -> list[MapClass]:
     """Return the classes of a mask: one keepout, or one for each speed limit in it.
 
+    Warns of cells beyond the map where that is free, as the classes cannot hold them.
+
+    Args:
+        path: of the mask.
+        name: what messages call it.
+        entry: its rank or its fields.
+        grid: of the map, on which the mask is looked up by position.
+        outside_is_free: whether a robot may be outside the map.
+
     Raises:
-        InvalidInputError: if it lies over other cells than the map, or a field is not right.
+        InvalidInputError: if a field is not right.
     """
     label = f"map: mask {name!r}"
     fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
@@ -95,12 +111,21 @@ def _of_mask(path: Path, name: str, entry: Any, grid: Grid) -> list[MapClass]:
     if "rank" not in fields:
         raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
     raster = nav2.read(path)
-    if raster.grid != grid:
-        raise InvalidInputError(f"{label}: got the cells {raster.grid}, expected the map's, {grid}")
+
+    def on_map(cells: Mask) -> Mask:
+        found, beyond = onto(grid, cells, raster.grid)
+        if beyond and outside_is_free:
+            warnings.warn(
+                f"{label}: some of its cells lie beyond the map, where with unknown=None all is "
+                "free: they are left out",
+                stacklevel=6,
+            )
+        return found
+
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
     fields = {"name": Path(name).stem, "kind": "keepout"} | fields
     if base is None and multiplier is None:
-        return [MapClass(cells=raster.occupancy >= KNOWN_FREE, **fields)]
+        return [MapClass(cells=on_map(raster.occupancy >= KNOWN_FREE), **fields)]
     if fields["kind"] != "speed" or "limit" in fields:
         raise InvalidInputError(
             f"{label}: got base and multiplier for the kind {fields['kind']!r}, expected them for "
@@ -115,6 +140,8 @@ def _of_mask(path: Path, name: str, entry: Any, grid: Grid) -> list[MapClass]:
         )
     stem = fields.pop("name")
     return [
-        MapClass(f"{stem} {n}", cells=raster.occupancy == n, limit=base + slope * n, **fields)
+        MapClass(
+            f"{stem} {n}", cells=on_map(raster.occupancy == n), limit=base + slope * n, **fields
+        )
         for n in levels
     ]

@@ -13,7 +13,7 @@ from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps.cover import Cover
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.grid import Grid
 
 SIDE = 0.05
@@ -59,7 +59,7 @@ class Scan(Several):
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        x, y, yaw = finite_array(f"{self.name}: pose", self.pose, (3,), largest=FARTHEST).tolist()
+        x, y, yaw = finite_array(f"{self.name}: pose", self.pose, (3,), largest=ON_EARTH).tolist()
         object.__setattr__(self, "pose", (x, y, yaw))
         for name in ("age", "speed", "margin"):
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=0.0)

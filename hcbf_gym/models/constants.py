@@ -5,6 +5,8 @@ GRAVITY = 9.81
 
 FARTHEST = 1e4
 """Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
+ON_EARTH = 5e7
+"""Of regions and maps from the origin of a survey, such as UTM's, before they are shifted [m]."""
 STANDING = 0.05
 """Slower than that a robot stands [m/s]."""
 ASKING = 0.3

@@ -1,6 +1,6 @@
 """Square cells in the plane: where the cells of a map lie."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 
 LARGEST = 25_000_000
 """Most cells of a map: a building of 250 m at 5 cm."""
@@ -41,10 +41,15 @@ class Grid:
 
     def __post_init__(self) -> None:
         side = finite_float("map: resolution", self.resolution, minimum=FINEST, maximum=COARSEST)
-        origin = finite_array("map: origin", self.origin, (3,), largest=FARTHEST)
+        origin = finite_array("map: origin", self.origin, (3,), largest=ON_EARTH)
         object.__setattr__(self, "resolution", side)
         object.__setattr__(self, "origin", tuple(origin.tolist()))
         object.__setattr__(self, "shape", checked_shape(self.shape))
+
+    def moved(self, step: Array) -> "Grid":
+        """Return the same cells a step (2,) [m] away."""
+        x, y, yaw = self.origin
+        return replace(self, origin=(x + float(step[0]), y + float(step[1]), yaw))
 
     @cached_property
     def axes(self) -> Array:

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import operator
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, SpeedLimit, braking
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import Barrier, Shapes, SpeedLimit, braking
+from hcbf_gym.barriers.set import BarrierSet, Entry, each
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -28,11 +29,12 @@ from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models import axle as drives
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins
@@ -53,6 +55,10 @@ LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
+FAR = 1e3
+"""A robot that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
+LED_FOR = 0.5
+"""Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
 PAUSE = 1.5
 """Periods without one after which the model begins anew, unless the robot follows more slowly."""
 
@@ -65,13 +71,16 @@ class Robot:
         command: what it may be told.
         response: how it follows; None assumes a slow robot that sways, see
             `walker_response.assumed`.
-        reach: radius of the circle around its centre that holds it [m].
+        reach: radius of the circle around its centre, or a cart's axle, that holds it [m].
+        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
+            no less than holds it.
         known_as: what certificates call it; "" for a robot of which there is none.
     """
 
     command: Command
     response: Response | None = None
     reach: float = 0.0
+    footprint: str | ArrayLike | None = None
     known_as: str = ""
 
     def __post_init__(self) -> None:
@@ -81,7 +90,9 @@ class Robot:
                 raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
         if self.response is not None:
             self.response.gains(len(self.command.limits))  # fit
-        finite_float("robot: reach", self.reach, minimum=0.0)
+        reach = finite_float("robot: reach", self.reach, minimum=0.0)
+        if self.footprint is not None:
+            object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
 class VelocityFilter:
@@ -99,8 +110,11 @@ class VelocityFilter:
 
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
-        barriers: the ranked conditions on the robot's position, in the frame of the pose; the
-            attribute of this name may be set anew at any time, as `goal`, `v_max` and `program`.
+        barriers: the ranked conditions on the robot's position, in the frame of the pose, as far
+            from its origin as survey coordinates are. What moves is where it is put at the first
+            step since the reset, and functions of time count from then, whatever the clock;
+            `set_barriers` says another time. The attribute may be set anew at any time, as `goal`,
+            `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
         period: the longest regular time between two calls [s]; shorter ones do no harm. A command
             is good for that long.
@@ -110,7 +124,7 @@ class VelocityFilter:
             reserves m for an overshoot and one input of `period` T besides, so that the robot is
             told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
         radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
-            takes the robot's reach.
+            takes the robot's reach, which that of legs counts by their stride.
         max_age: the greatest age of data that are believed [s].
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
@@ -138,7 +152,7 @@ class VelocityFilter:
     def __init__(
         self,
         robot: "str | Path | Walker | Robot",
-        barriers: Sequence[Barrier],
+        barriers: Sequence[Entry],
         program: str = "lex-cbf-qp",
         period: float = 0.05,
         goal: ArrayLike | None = None,
@@ -160,7 +174,9 @@ class VelocityFilter:
                 CoverageWarning,
                 stacklevel=2,
             )
-        self.barriers: Any = barriers
+        self._barriers: Any = None
+        self._unseen = True  # whether guidance has not looked at the barriers
+        self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
@@ -196,6 +212,31 @@ class VelocityFilter:
         self._compile()
 
     @property
+    def barriers(self) -> Any:
+        """The ranked conditions."""
+        return self._barriers
+
+    @barriers.setter
+    def barriers(self, barriers: Sequence[Entry]) -> None:
+        self.set_barriers(barriers)
+
+    def set_barriers(self, barriers: Sequence[Entry], seen_at: float | None = None) -> None:
+        """Take other barriers, such as what a tracker saw at its stamp.
+
+        Args:
+            barriers: as the class takes them.
+            seen_at: when what moves was where it is put, on the robot's clock [s]: from then on it
+                has moved on. Functions of time count from then. None is the first step since the
+                reset, as for `barriers`.
+
+        Raises:
+            InvalidInputError: if `seen_at` is not finite.
+        """
+        self._seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
+        self._unseen = self._unseen or not _same(barriers, self._barriers)
+        self._barriers = barriers
+
+    @property
     def goal(self) -> Array | None:
         """(2,) where guidance leads [m]; None without guidance."""
         return self._goal
@@ -209,6 +250,7 @@ class VelocityFilter:
                 f"goal: got None with guidance {guidance!r}, expected (x, y) where it leads [m]"
             )
         self._goal = found
+        self._core.look_again()
         self._begun = False
 
     @property
@@ -264,6 +306,11 @@ class VelocityFilter:
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
+        self._origin: Array | None = None  # from which positions count [m]
+        self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
+        self._first = math.inf  # present since the reset [s]
+        self._zero: float | None = None  # from which the core's time counts [s]
+        self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
         self._time: float | None = None  # of the last sample, while none is missing [s]
@@ -306,14 +353,15 @@ class VelocityFilter:
                 happened.
         """
         wanted = finite_array("command", command, (len(self._limits),))
-        given = _Sample(_number(time), _numbers(pose), _numbers(twist))
+        given = _Sample(_number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
         sample = given if now is None else self._newest(given, _number(now))
         present = given.stamp if now is None else _number(now)
         self._look_back(present)
+        self._time_barriers(present)
         age = 0.0 if now is None else present - sample.stamp
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        place, motion = sample.place, sample.motion
+        place, motion = self._from_origin(sample.place), sample.motion
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         measured = self._follower(place, motion)
         if sound and sample is given and self._monitor.observe(
@@ -332,7 +380,7 @@ class VelocityFilter:
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         estimate = Estimate(
             x,
-            present,
+            self._since(present),
             self._spread(),
             x,
             lag,
@@ -344,11 +392,15 @@ class VelocityFilter:
         if not self._begun and sound and not stale:
             self._core.cover(Coverage.OUTSIDE)
             try:
-                self._core.begin(barriers, estimate, self._goal, None)
+                self._begin(barriers, estimate, present)
                 self._begun = True
             except InvalidInputError as error:  # no filter can begin with these barriers
                 warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
                 barriers = None
+        elif self._unseen and self._core.guides and present - self._led_from >= LED_FOR:
+            self._core.look_again()
+            with contextlib.suppress(InvalidInputError):  # no way: it leads as before
+                self._begin(barriers, estimate, present)
         if self._time is not None and present > self._time:
             estimate = estimate._replace(elapsed=present - self._time)
         asked = self._asked(wanted, place[2], velocity)
@@ -365,6 +417,40 @@ class VelocityFilter:
         self._good_until = present + self._period if math.isfinite(present) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
         return told.copy(), report
+
+    def _begin(self, barriers: Any, estimate: Estimate, present: float) -> None:
+        """Let the core look at barriers and goal.
+
+        Raises:
+            InvalidInputError: if no filter can begin with them.
+        """
+        self._led_from, self._unseen = present, False
+        goal = self._goal
+        if goal is not None and self._origin is not None:
+            goal = goal - self._origin
+        self._core.begin(barriers, estimate, goal, None)
+
+    def _time_barriers(self, present: float) -> None:
+        """Let the core's time count from when the barriers were where they are put."""
+        if not math.isfinite(present):
+            return
+        if self._first == math.inf:
+            self._first = present
+        zero = self._first if self._seen_at is None else self._seen_at
+        if self._zero is not None and zero != self._zero:
+            self._core.shift_clock(zero - self._zero)
+        self._zero = zero
+
+    def _since(self, present: float) -> float:
+        """Return the core's time at a present [s]."""
+        return present - (self._zero or 0.0)
+
+    def _from_origin(self, place: Array) -> Array:
+        """Return (3,) a place as the core counts it: from a far start, or from where it was 0."""
+        if self._origin is None and np.isfinite(place.sum()):
+            far = float(np.abs(place[:2]).max()) > FAR
+            self._origin = np.rint(place[:2]) if far else np.zeros(2)
+        return place if self._origin is None else place - np.array([*self._origin, 0.0])
 
     def _newest(self, given: "_Sample", now: float) -> "_Sample":
         """Return the newest data that were not from the future: what was given, or what was kept.
@@ -385,6 +471,7 @@ class VelocityFilter:
             self._core.restart(np.ones(1, dtype=np.bool_))
             self._monitor.forget()
             self._begun, self._time, self._moved = False, None, -math.inf
+            self._first, self._zero = min(self._first, present), None
         if math.isfinite(present):
             self._leapt_from = self._last if present - self._last > LEAP else math.nan
             self._last = present
@@ -488,18 +575,26 @@ class VelocityFilter:
 
     def _miss(self) -> None:
         """Note that samples are missing: what the robot did meanwhile is not known."""
-        old = Estimate(np.zeros(4), self._time, heading=0.0, age=math.inf)
+        last = None if self._time is None else self._since(self._time)
+        old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._scene(), old)
         self._time = None
 
     def _scene(self) -> Any:
         """Return the user's barriers with the speed limit; what is no list goes to the core."""
         try:
-            return self._listed(self.barriers)
+            listed = self._listed(self.barriers)
+            if self._origin is None or not self._origin.any():
+                return listed
+            entries = tuple(each(listed))
         except InvalidInputError:
             return self.barriers
+        self._near = {
+            id(one): self._near.get(id(one)) or (one, one.moved(-self._origin)) for one in entries
+        }
+        return tuple(self._near[id(one)][1] for one in entries)
 
-    def _listed(self, barriers: Any) -> tuple[Barrier, ...]:
+    def _listed(self, barriers: Any) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.
 
         Raises:
@@ -561,6 +656,12 @@ def _cap(v_max: Any, reserved: float, known: Robot) -> float:
     )
 
 
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two lists hold the same objects."""
+    listed = isinstance(one, Sequence) and isinstance(other, Sequence)
+    return listed and len(one) == len(other) and all(map(operator.is_, one, other))
+
+
 def _known(robot: Any) -> Robot:
     """Return what is known of a robot, however it is given.
 
@@ -579,13 +680,18 @@ def _known(robot: Any) -> Robot:
             f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
         )
     known_as = certificates.robot_of(robot.name, robot.files)
-    return Robot(robot.command, robot.response, robot.body.reach or 0.0, known_as)
+    return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
 
 
-def _numbers(values: Any) -> Array:
-    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible."""
+def _numbers(values: Any, farthest: float) -> Array:
+    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
+
+    Args:
+        values: of the message.
+        farthest: what the first two may be at most [m].
+    """
     given = None if values is None else real_numbers(values, (3,))
-    if given is None or np.abs(given).max() > FARTHEST:
+    if given is None or np.abs(given[:2]).max() > farthest or abs(given[2]) > FARTHEST:
         return np.full(3, np.nan)
     return given
 

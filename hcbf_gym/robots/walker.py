@@ -23,6 +23,7 @@ from hcbf_gym.errors import (
     finite_float,
 )
 from hcbf_gym.robots import carts, walker_policy
+from hcbf_gym.robots.body_points import radius
 from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
@@ -137,6 +138,17 @@ class Walker:
         spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
         add_touch_sensors(spec, self.observation)
         return spec, parts
+
+    @cached_property
+    def reach(self) -> float:
+        """Radius of the circle around the trunk's centre that holds the moving robot [m].
+
+        The contract's, or what follows from the geoms at home.
+        """
+        if self.body.reach is not None:
+            return self.body.reach
+        spec, parts = self.spec()
+        return radius(compile_spec(spec, self.mjcf), parts.trunk, parts.home)
 
     def scale(self, parts: Parts) -> Array:
         """Return (k,) by which the controller's output is multiplied."""

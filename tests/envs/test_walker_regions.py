@@ -352,3 +352,25 @@ def test_a_picture_shows_the_robot(robot, opengl):
     changed = (np.abs(with_robot.astype(int) - without.astype(int)).max(axis=2) > 20).sum()
     assert changed > 500
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("scene", "v_max", "way"),
+    [("paper-simulation", None, 0.0), ("paper-simulation", 0.5, 24.0), ("random", None, 40.0)],
+)
+def test_the_time_limit_follows_the_robots_speed(scene, v_max, way):
+    given = {"robot": "holonomic-cart", "scenario": scene, "v_max": v_max}
+    env = gym.make(ENV, **given)
+    fastest = env.unwrapped.fastest
+    env.reset(seed=0)
+    steps, truncated = 0, False
+    while not truncated and steps < 10_000:
+        truncated, steps = env.step(np.zeros(2))[3], steps + 1
+    assert steps == pytest.approx(max(20.0, way / fastest) / 0.02, abs=1)
+    assert gym.make(env.spec).spec == env.spec
+    short = gym.make(ENV, **given, max_episode_steps=7)
+    short.reset(seed=0)
+    assert [short.step(np.zeros(2))[3] for _ in range(7)] == [*[False] * 6, True]
+    longer = gym.make(ENV, **given, max_episode_steps=steps + 1)
+    longer.reset(seed=0)
+    assert not any(longer.step(np.zeros(2))[3] for _ in range(steps))

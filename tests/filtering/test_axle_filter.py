@@ -1,12 +1,16 @@
 """The filter of a differential drive, in a loop with an exact axle."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
+from hcbf_gym.barriers.zone import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -280,3 +284,92 @@ def test_an_axle_needs_its_point_and_the_compiled_program():
         Plant(SingleIntegrator(), [], lambda *_: None, period=PERIOD, axle=CART)
     with pytest.raises(InvalidInputError, match="axle without a period"):
         Plant(DoubleIntegrator(), [], lambda *_: None, axle=CART)
+
+
+def zone_of(limit):
+    """Return a map with a strict speed zone from 1 m to 2 m ahead."""
+    cells = np.zeros((40, 60), dtype=bool)
+    strip = cells.copy()
+    strip[:, 30:40] = True
+    return RankedMap(
+        Grid(0.1, (-2.0, -2.0, 0.0), cells.shape),
+        (MapClass("walls", 1, "keepout", cells), MapClass("slow", 1, "speed", strip, limit=limit)),
+    )
+
+
+FAST = Axle(look_ahead=0.25, forward=1.2, turn=2.5, braking=3.5)
+
+
+@pytest.mark.parametrize(("more", "drive"), [(0.02, FAST), (0.06, CART), (0.2, FAST)])
+@pytest.mark.parametrize("hostile", [False, True])
+def test_a_cart_neither_passes_a_low_limit_nor_stands_in_its_zone(
+    more, drive, hostile, monkeypatch
+):
+    monkeypatch.setattr(sys.modules[__name__], "CART", drive)
+    least = least_limit(PERIOD, CART.braking, 0.0, CART.turn)
+    limit = least + more
+    rng = np.random.default_rng(0)
+    scene = [zone_of(limit)]
+    core, cart = filter_of(scene), Cart((0.0, 0.0), 0.0)
+    begun(core, scene, cart)
+    fastest, inside = 0.0, 0.0
+    for step in range(2400):
+        aside = rng.uniform(-6.0, 6.0) if hostile and step % 6 == 0 else 0.0
+        back = cart.place[1] if not hostile else 0.0
+        asked = np.array([6.0, aside - 4.0 * back - 4.0 * cart.x[3] * (not hostile)])
+        u, report = core.step(asked, scene, cart.estimate())
+        assert report["status"] < FilterStatus.VIOLATED
+        cart.hold(u)
+        if 1.0 + BODY < cart.place[0] < 2.0 and abs(cart.place[1]) < 1.9:
+            fastest = max(fastest, abs(cart.v))
+            inside = max(inside, abs(cart.v))
+        if cart.place[0] > 2.0 or abs(cart.place[1]) > 1.9:
+            break
+    assert fastest <= limit + 1e-9
+    if not hostile:
+        assert cart.place[0] > 2.0
+        assert inside > 0.5 * more
+
+
+def test_limits_that_no_cart_can_hold_are_refused():
+    scene = [zone_of(least_limit(PERIOD, CART.braking, 0.0, CART.turn) - 1e-3)]
+    with pytest.raises(InvalidInputError, match="speed zone"):
+        begun(filter_of(ROOM), scene, Cart((0.0, 0.0), 0.0))
+
+
+def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
+    def core(braking, input_set, given=True):
+        plant = Plant(
+            DoubleIntegrator(), ROOM, lambda *_: None, input_set if given else None,
+            period=PERIOD, axle=CART._replace(braking=braking),
+        )  # fmt: skip
+        settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
+        return PlanarCore(plant, input_set, settings)
+
+    core(1.5, Box.symmetric(1.5))
+    with pytest.raises(InvalidInputError, match=r"axle: .* larger U"):
+        core(3.0, Box.symmetric(1.5))
+    core(1.0, Box.symmetric(1.5), given=False)  # an action space
+    with pytest.raises(InvalidInputError, match=r"axle: .*along and across"):
+        core(1.5, Box.symmetric(1.5), given=False)
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 0.05, 6).tolist())
+def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_ones(offset):
+    core = filter_of(ROOM, guidance="geodesic")
+    passes = 2.0 * (core.clearance + 0.5 * core.cell)
+    assert 2.0 * BODY < passes < 0.76
+    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.cell, 1)):
+        low, high = offset - 0.5 * width, offset + 0.5 * width
+        door = [
+            ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),
+            ConvexPolygon("b", 1, ((1.0, -4.0), (1.15, -4.0), (1.15, low), (1.0, low))),
+        ]
+        barriers, cart = [*ROOM, *door], Cart((-1.0, 0.5), 0.5)
+        core = filter_of(barriers, guidance="geodesic")
+        assert begun(core, barriers, cart, (2.0, 0.0))["reachable"] == through
+        for _ in range(500 * (through == 0)):
+            u, _ = core.step(np.zeros(2), barriers, cart.estimate())
+            least, _ = nearest(barriers, cart.hold(u))
+            assert least >= BODY - 1e-9
+        assert through == 1 or cart.place[0] > 1.3

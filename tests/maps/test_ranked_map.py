@@ -1,4 +1,5 @@
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -79,7 +80,6 @@ def test_a_map_of_arrays_travels_through_json():
         ({"free_thresh": 0.9}, "occupied_thresh"),
         ({"image": "nothing.pgm"}, "PGM"),
         ({"image": "[1, 2]"}, "PGM"),
-        ({"imagee": "map.pgm"}, "imagee"),
     ],
 )
 def test_a_bent_description_is_refused_with_what_is_wrong(tmp_path, keys, says):
@@ -92,11 +92,63 @@ def test_a_map_without_a_free_cell_is_refused(tmp_path):
         RankedMap.load(write(tmp_path, pixels=np.zeros((3, 3), dtype=np.uint8)))
 
 
-def test_a_mask_over_other_cells_is_refused(tmp_path):
-    file = write(tmp_path)
-    write(tmp_path, "zone", PIXELS[:2])
-    with pytest.raises(InvalidInputError, match="expected the map's"):
+def of(cells, grid, points):
+    """Return whether points (N, 2) lie in cells of a grid."""
+    column, row = np.floor(grid.to_cells(points)).astype(int).T
+    inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+    return inside & cells[row * inside, column * inside]
+
+
+def test_a_mask_over_other_cells_is_looked_up_by_position(tmp_path):
+    rng = np.random.default_rng(0)
+    free = np.full((40, 50), 254, dtype=np.uint8)
+    file = write(tmp_path, pixels=free, resolution=0.05, origin=[-1.0, 2.0, 0.0])
+    for origin, side in (
+        ((-1.0, 2.0, 0.0), 0.05),
+        ((-1.2, 1.75, 0.0), 0.05),  # whole cells away
+        ((-1.013, 2.02, 0.0), 0.05),
+        ((-0.9, 2.1, 0.4), 0.03),
+        ((-1.5, 1.5, -0.2), 0.13),
+    ):
+        grey = np.where(rng.random((30, 33)) < 0.1, 0, 254).astype(np.uint8)
+        write(tmp_path, "zone", grey, resolution=side, origin=list(origin))
+        ranked = RankedMap.load(file, {"zone.yaml": 2})
+        zone = next(one for one in ranked.classes if one.name == "zone")
+        mask, grid = Grid(side, origin, grey.shape), ranked.grid
+        marked = grey[::-1] == 0
+
+        points = grid.to_world(rng.uniform((0, 0), (50, 40), (20_000, 2)))
+        inner = mask.to_cells(points) % 1.0
+        clear = ((inner > 0.01) & (inner < 0.99)).all(axis=1)  # of a cell's edge
+        assert of(zone.cells, grid, points[of(marked, mask, points) & clear]).all()
+        centres = grid.to_world(np.argwhere(np.ones(grid.shape))[:, ::-1] + 0.5)
+        nav2 = of(marked, mask, centres).reshape(grid.shape)
+        assert nav2.any()
+        assert zone.cells[nav2].all()
+        aligned = side == 0.05 and abs((origin[0] + 1.0) / 0.05 % 1.0) < 1e-6
+        if aligned:
+            np.testing.assert_array_equal(zone.cells, nav2)
+        within = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, 40)] * 2), axis=-1).reshape(-1, 2)
+        for row, column in np.argwhere(zone.cells & ~nav2)[:100]:
+            assert of(marked, mask, grid.to_world(np.array([column, row]) + within)).any()
+
+
+def test_what_of_a_mask_lies_beyond_a_map_is_said_where_that_is_free(tmp_path):
+    file = write(tmp_path, pixels=np.full((5, 5), 254, dtype=np.uint8))
+    write(tmp_path, "zone", np.zeros((8, 5), dtype=np.uint8))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         RankedMap.load(file, {"zone.yaml": 2})
+    with pytest.warns(UserWarning, match="beyond the map"):
+        RankedMap.load(file, {"zone.yaml": 2}, unknown=None)
+
+
+def test_keys_that_are_not_known_are_named(tmp_path):
+    with pytest.warns(UserWarning, match=r"\['colour'\] are not read"):
+        RankedMap.load(write(tmp_path, colour="red"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        RankedMap.load(write(tmp_path, map_type="occupancy"))
 
 
 @pytest.mark.parametrize("origin", ORIGINS)

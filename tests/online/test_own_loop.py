@@ -2,13 +2,26 @@
 
 import math
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from hcbf_gym import Command, Response, Robot, VelocityFilter, certificates
-from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.barriers import (
+    Capsule,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    Shapes,
+    SpeedLimit,
+)
+from hcbf_gym.barriers.barrier import PlanarBarrier
+from hcbf_gym.barriers.set import BarrierSet, each
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.maps import MapClass, RankedMap, Scan
+from hcbf_gym.models.grid import Grid
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 
@@ -133,3 +146,158 @@ def test_margin_and_certificate_are_taken_as_by_the_wrapper():
     found = certificates.shipped()["cart"].margins
     assert found.distance <= margins[1] < found.distance + 1e-3  # and what turning strays by
     assert not math.isnan(margins[1])
+
+
+def run(door, clock, where=(0.0, 0.0), wanted=(0.6, 0.0, 0.0), seconds=6.0, change=None):
+    """Drive the exact robot; return its path (k, 2) from `where` on, and h and status.
+
+    Args:
+        door: the filter.
+        clock: what it says at the start [s].
+        where: the start [m].
+        wanted: what it is to do.
+        seconds: how long.
+        change: (k, clock) → None, called before each step.
+    """
+    place, told, path, said = np.zeros(2), np.zeros(3), [], []
+    for k in range(round(seconds / PERIOD)):
+        now = clock + PERIOD * k
+        if change is not None:
+            change(k, now)
+        pose = (where[0] + place[0], where[1] + place[1], 0.0)
+        told, report = door.step(wanted, pose, (*told[:2], 0.0), now)
+        place = place + PERIOD * told[:2]
+        path.append(place)
+        said.append((*report["h"], report["status"]))
+    return np.array(path), np.array(said)
+
+
+CROSSING = Disc("person", 1, center=(1.5, -1.2), radius=0.4, velocity=(0.0, 0.4))
+
+
+@pytest.mark.parametrize("clock", [0.0, 1.7e9])
+def test_what_moves_is_where_it_was_put_at_the_first_step_whatever_the_clock(clock):
+    door = VelocityFilter(EXACT, [CROSSING], period=PERIOD, radius=0.0)
+    path, said = run(door, clock)
+    times = PERIOD * np.arange(len(path))
+    before = np.vstack([[0.0, 0.0], path[:-1]])
+    apart = np.linalg.norm(before - [1.5, -1.2] - np.outer(times, [0.0, 0.4]), axis=1) - 0.4
+    np.testing.assert_allclose(said[:, 0], apart, atol=1e-6)
+    assert apart.min() > 0.0
+    assert (said[:, 1] == FilterStatus.SAFE).any()  # it made way
+
+
+def test_barriers_seen_at_a_stamp_have_moved_on_since():
+    late, clock = 0.15, 1.7e9
+    door = VelocityFilter(EXACT, [CROSSING], period=PERIOD, radius=0.0)
+
+    def track(k, now):  # a tracker that says every .1 s what it saw .15 s ago
+        if k % 2 == 0:
+            ago = now - clock - late
+            at = Disc("person", 1, (1.5, -1.2 + 0.4 * ago), 0.4, (0.0, 0.4))
+            door.set_barriers([at], seen_at=now - late)
+
+    _, said = run(door, clock, change=track)
+    still = VelocityFilter(EXACT, [CROSSING], period=PERIOD, radius=0.0)
+    _, expected = run(still, 0.0)
+    np.testing.assert_allclose(said[:, 0], expected[:, 0], atol=1e-6)
+    assert (said[:, -1] != FilterStatus.BACKUP).all()
+    with pytest.raises(InvalidInputError, match="seen_at"):
+        door.set_barriers([CROSSING], seen_at=math.nan)
+
+
+def test_guidance_follows_a_goal_and_barriers_that_are_set_meanwhile():
+    def behind(k, now):
+        if k == 40:
+            door.goal = (-2.0, 0.0)
+        if k == 60:
+            door.barriers = [Disc("new", 1, (-1.0, 0.0), 0.3)]
+
+    door = VelocityFilter(EXACT, FAR, period=PERIOD, guidance="geodesic", goal=(2.0, 0.0))
+    path, _ = run(door, 100.0, wanted=(0.0, 0.0, 0.0), seconds=25.0, change=behind)
+    assert path[39, 0] > 0.5
+    assert np.linalg.norm(path[-1] - [-2.0, 0.0]) < 0.3  # and past what is new
+
+
+@dataclass(frozen=True)
+class Post(PlanarBarrier):
+    """A disc of a user's own."""
+
+    at: tuple = (0.0, 0.0)
+
+    def planar_jet(self, q):
+        away = q - np.array(self.at)
+        d = np.linalg.norm(away)
+        n = away / d
+        return d - 0.3, n, (np.eye(2) - np.outer(n, n)) / d
+
+
+BOX = np.array([[3.0, -1.0], [4.0, -1.0], [4.0, 0.0], [3.0, 0.2]])
+WEDGE = np.array([[0.0, 2.0], [1.0, 2.0], [1.0, 3.0]])
+
+
+def around(x, y):
+    """Return barriers of every kind around a place [m]."""
+    at = np.array([x, y])
+    cells = np.zeros((20, 30), dtype=bool)
+    cells[:, -1] = True
+    grid = Grid(0.2, (x - 2.0, y - 2.0, 0.0), (20, 30))
+    return [
+        HalfPlane("wall", 1, (0.6, 0.8), 0.6 * (x - 3.0) + 0.8 * (y - 3.0)),
+        Disc("disc", 1, (x + 2.0, y + 0.6), 0.3, (-0.05, 0.0)),
+        Ellipse("ellipse", 2, (x + 1.0, y - 1.0), (0.5, 0.3), 0.4),
+        Capsule("capsule", 2, (x + 1.0, y + 1.5), (x + 2.0, y + 1.5), 0.2),
+        ConvexPolygon("box", 1, tuple(map(tuple, at + BOX))),
+        SpeedLimit("slow", 1, 0.9),
+        Shapes("scan", 1, "disc", [[x - 1.0, y, 0.2], [x - 1.0, y + 0.5, 0.2]]),
+        Shapes("boxes", 2, "convex-polygon", [at + WEDGE]),
+        Shapes("lines", 2, "half-plane", [[1.0, 0.0, x - 3.0]]),
+        Shapes("bars", 2, "capsule", [[x, y - 2.0, x + 1.0, y - 2.0, 0.1]]),
+        Shapes("eggs", 2, "ellipse", [[x, y + 3.5, 0.4, 0.2, 0.1]]),
+        Post("post", 2, (x + 0.5, y - 0.9)),
+        RankedMap(grid, (MapClass("walls", 1, "keepout", cells),)),
+        Scan("laser", [[2.5, -0.4]], (x, y, 0.0)),
+    ]
+
+
+UTM = (500_000.0, 5_900_000.0)
+
+
+def test_far_origins_change_nothing():
+    runs = []
+    for x, y in ((0.0, 0.0), UTM):
+        door = VelocityFilter(EXACT, around(x, y), period=PERIOD, radius=0.1)
+        runs.append(run(door, 0.0, (x, y), wanted=(0.6, 0.1, 0.0)))
+    (path, said), (far, far_said) = runs
+    np.testing.assert_allclose(far, path, atol=1e-6)
+    np.testing.assert_allclose(far_said, said, atol=1e-6)
+    assert np.linalg.norm(path[-1]) > 0.5
+    assert (said[:, -1] != FilterStatus.BACKUP).all()
+
+
+@pytest.mark.filterwarnings("ignore:.*brakes")
+def test_guidance_leads_on_a_map_with_a_far_origin():
+    cells = np.zeros((40, 60), dtype=bool)
+    cells[:25, 30] = True  # a wall with a way round its end
+    paths = []
+    for x, y in ((0.0, 0.0), UTM):
+        grid = Grid(0.1, (x - 1.0, y - 2.0, 0.0), (40, 60))
+        room = RankedMap(grid, (MapClass("walls", 1, "keepout", cells),))
+        goal = (x + 4.0, y - 1.0)
+        door = VelocityFilter(EXACT, [room], period=PERIOD, guidance="geodesic", goal=goal)
+        paths.append(run(door, 0.0, (x, y), wanted=(0.0, 0.0, 0.0), seconds=20.0)[0])
+        _, report = door.step((0.0, 0.0, 0.0), (x + 20_000.0, y, 0.0), (0.0, 0.0, 0.0), 20.0)
+        assert report["reason"] == Reason.STATE  # as far from where it counts from
+    np.testing.assert_allclose(paths[1], paths[0], atol=1e-3)
+    assert np.linalg.norm(paths[0][-1] - [4.0, -1.0]) < 0.2
+
+
+def test_shapes_and_maps_elsewhere_have_the_same_h():
+    rng = np.random.default_rng(0)
+    step = np.array([7.0, -4.0])
+    here = BarrierSet([around(0.0, 0.0)])
+    there = BarrierSet([[one.moved(step) for one in each(around(0.0, 0.0))]])
+    for x in rng.uniform(-2.0, 2.0, (50, 4)):
+        t, away = np.array([0.3]), x + np.array([*step, 0.0, 0.0])
+        found, expected = there.values(away[None], t), here.values(x[None], t)
+        np.testing.assert_allclose(found, expected, atol=1e-9)

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import hcbf_gym
 from hcbf_gym import certificates, scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
+from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
@@ -17,6 +19,7 @@ from hcbf_gym.online import Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker
 from hcbf_gym.robots.walker_parts import Command
+from tests.robots.walkers import LEARNED
 
 CARTS = ("cart", "holonomic-cart")
 AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -258,3 +261,19 @@ def test_a_robot_with_a_certificate_reserves_no_less_here():
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], radius=0.0)
     _, report = door.step((0.0, 0.0), *AT_REST, 0.0)
     assert report["margin"][0] >= found.distance
+
+
+@pytest.mark.parametrize("name", [*CARTS, *LEARNED])
+def test_what_the_environment_derives_of_a_body_is_held_outside_here_too(name):
+    contract = Walker.load(name)
+    walker = replace(contract, body=replace(contract.body, reach=None))
+    physics = WalkerPhysics(walker)
+    derived = Footprint(physics.model, physics.trunk).radius(physics.home_joints)
+    assert walker.reach == pytest.approx(derived)
+    far = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
+    still = np.zeros(len(walker.command.limits)), *AT_REST, 0.0
+    whole, point = (
+        VelocityFilter(walker, far, radius=radius).step(*still)[1]["margin"][0]
+        for radius in (None, 0.0)
+    )
+    assert whole - point == pytest.approx(derived)

@@ -21,6 +21,7 @@ from hcbf_gym.barriers.shape import (
     traced_norm,
 )
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 4
 START_X, START_Y = 2, 3  # [m]
@@ -114,7 +115,8 @@ class Capsule(Shape):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_pairs(self, "start", "end", "velocity")
+        set_pairs(self, "start", "end", largest=ON_EARTH)
+        set_pairs(self, "velocity")
         set_positive(self, "radius")
         if np.linalg.norm(self._vector) <= 1e-9:
             raise InvalidInputError(
@@ -129,6 +131,11 @@ class Capsule(Shape):
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
         return write(c, self.velocity, self.start, self.end, self.radius)
+
+    @classmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the capsules of blocks (k, WIDTH) by a step (2,) [m]."""
+        blocks[:, [START_X, START_Y]] += step
 
     def outline(self) -> Array:
         """Return (34, 2) corners, the half circle around the end first."""

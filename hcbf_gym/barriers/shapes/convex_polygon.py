@@ -21,7 +21,7 @@ from hcbf_gym.barriers.shape import (
     traced_norm,
 )
 from hcbf_gym.errors import InvalidInputError, finite_array
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 3
 COUNT, FIRST = 2, 3  # x and y of each corner from FIRST on [m]
@@ -150,7 +150,7 @@ class ConvexPolygon(Shape):
         super().__post_init__()
         set_pairs(self, "velocity")
         name = f"{self.name}: vertices"
-        corners = finite_array(name, self.vertices, (None, 2), largest=FARTHEST)
+        corners = finite_array(name, self.vertices, (None, 2), largest=ON_EARTH)
         _check(name, corners[None])
         object.__setattr__(self, "vertices", tuple(tuple(c) for c in corners.tolist()))
 
@@ -161,13 +161,19 @@ class ConvexPolygon(Shape):
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
         """Return the blocks of polygons (k, v, 2): v corners [m], counter-clockwise."""
-        corners = finite_array(name, values, (None, None, 2), largest=FARTHEST)
+        corners = finite_array(name, values, (None, None, 2), largest=ON_EARTH)
         blocks = np.zeros((len(corners), layout.WIDTH))
         count = corners.shape[1]
         _check(name, corners)
         blocks[:, COUNT] = count
         blocks[:, FIRST : FIRST + 2 * count] = corners.reshape(len(corners), 2 * count)
         return blocks
+
+    @classmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the polygons of blocks (k, WIDTH), all of as many corners, by a step (2,) [m]."""
+        count = int(blocks[0, COUNT]) if len(blocks) else 0
+        blocks[:, FIRST : FIRST + 2 * count] += np.tile(step, count)
 
     def outline(self) -> Array:
         """Return (k, 2) the corners."""

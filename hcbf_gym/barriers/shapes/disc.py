@@ -22,7 +22,7 @@ from hcbf_gym.barriers.shape import (
     traced_norm,
 )
 from hcbf_gym.errors import InvalidInputError, finite_array
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 1
 CENTER_X, CENTER_Y, RADIUS = 2, 3, 4  # [m]
@@ -85,7 +85,8 @@ class Disc(Shape):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_pairs(self, "center", "velocity")
+        set_pairs(self, "center", largest=ON_EARTH)
+        set_pairs(self, "velocity")
         set_positive(self, "radius")
 
     def write(self, c: Array) -> int:
@@ -95,12 +96,17 @@ class Disc(Shape):
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
         """Return the blocks of discs (k, 3): centre and radius [m]."""
-        discs = finite_array(name, values, (None, 3), largest=FARTHEST)
+        discs = finite_array(name, values, (None, 3), largest=ON_EARTH)
         if (discs[:, 2] <= 0.0).any():
             raise InvalidInputError(f"{name}: got radius {discs[:, 2].min()}, expected > 0")
         blocks = np.zeros((len(discs), layout.WIDTH))
         blocks[:, [CENTER_X, CENTER_Y, RADIUS]] = discs
         return blocks
+
+    @classmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the discs of blocks (k, WIDTH) by a step (2,) [m]."""
+        blocks[:, [CENTER_X, CENTER_Y]] += step
 
     def outline(self) -> Oval:
         """Return the circle."""

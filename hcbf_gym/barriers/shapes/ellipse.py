@@ -20,6 +20,7 @@ from hcbf_gym.barriers.shape import (
     shifted,
 )
 from hcbf_gym.errors import finite_float
+from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 2
 CENTER_X, CENTER_Y = 2, 3  # [m]
@@ -125,7 +126,8 @@ class Ellipse(Shape):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_pairs(self, "center", "velocity", "semi_axes")
+        set_pairs(self, "center", largest=ON_EARTH)
+        set_pairs(self, "velocity", "semi_axes")
         for axis in self.semi_axes:
             finite_float(f"{self.name}: semi_axes", axis, minimum=0.0, exclusive=True)
         object.__setattr__(self, "angle", finite_float(f"{self.name}: angle", self.angle))
@@ -133,6 +135,11 @@ class Ellipse(Shape):
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
         return write(c, self.velocity, self.center, self.semi_axes, self.angle)
+
+    @classmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the ellipses of blocks (k, WIDTH) by a step (2,) [m]."""
+        blocks[:, [CENTER_X, CENTER_Y]] += step
 
     def outline(self) -> Oval:
         """Return the ellipse."""

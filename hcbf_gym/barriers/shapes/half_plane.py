@@ -11,7 +11,7 @@ from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import Compiled, Planar, PlanarJet, Shape, Wall
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 0
 NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
@@ -74,7 +74,7 @@ class HalfPlane(Shape):
         object.__setattr__(
             self,
             "offset",
-            finite_float(f"{self.name}: offset", self.offset, minimum=-FARTHEST, maximum=FARTHEST),
+            finite_float(f"{self.name}: offset", self.offset, minimum=-ON_EARTH, maximum=ON_EARTH),
         )
 
     def write(self, c: Array) -> int:
@@ -84,11 +84,16 @@ class HalfPlane(Shape):
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
         """Return the blocks of walls (k, 3): unit normal and offset [m]."""
-        walls = finite_array(name, values, (None, 3), largest=FARTHEST)
+        walls = finite_array(name, values, (None, 3), largest=ON_EARTH)
         blocks = np.zeros((len(walls), layout.WIDTH))
         blocks[:, [NORMAL_X, NORMAL_Y]] = _unit(name, walls[:, :2])
         blocks[:, OFFSET] = walls[:, 2]
         return blocks
+
+    @classmethod
+    def shift(cls, blocks: Array, step: Array) -> None:
+        """Move the walls of blocks (k, WIDTH) by a step (2,) [m]."""
+        blocks[:, OFFSET] += blocks[:, [NORMAL_X, NORMAL_Y]] @ step
 
     def outline(self) -> Wall:
         """Return the wall."""

@@ -1,0 +1,69 @@
+"""Cells of one grid on another: a mask of another size, resolution or origin than the map's."""
+
+import math
+
+import numpy as np
+
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.models.grid import Grid
+
+INSET = 1e-3
+"""Share of a cell by which two must overlap, so that rounding makes no neighbours."""
+MOST_POINTS = 2_000_000
+"""Places that are looked up at once."""
+
+
+def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:
+    """Return the cells of a grid that those of another one meet, and whether some lie outside.
+
+    As in Nav2 a cell counts whose centre lies in one of the others; so does each cell that one of
+    them reaches into, as what is strict may not be entered anywhere.
+
+    Args:
+        grid: whose cells are returned.
+        cells: (rows, columns) of the other.
+        of: the other.
+    """
+    if grid == of:
+        return cells, False
+    found = _whose_centres_lie_in(grid, cells, of)
+    outside = False
+    per_side = math.ceil(2.0 * of.resolution / grid.resolution) + 1
+    steps = np.linspace(INSET, 1.0 - INSET, per_side)
+    within = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    places = np.argwhere(cells)[:, ::-1]
+    chunk = max(1, MOST_POINTS // len(within))
+    for first in range(0, len(places), chunk):
+        points = (places[first : first + chunk, None] + within).reshape(-1, 2)
+        column, row = _cells_at(grid, of.to_world(points))
+        inside = _are_in(grid, column, row)
+        found[row[inside], column[inside]] = True
+        outside |= not inside.all()
+    return found, outside
+
+
+def _whose_centres_lie_in(grid: Grid, cells: Mask, of: Grid) -> Mask:
+    """Return (rows, columns) whose centres lie in cells of another grid."""
+    rows, columns = grid.shape
+    found = np.zeros(grid.shape, dtype=np.bool_)
+    chunk = max(1, MOST_POINTS // columns)
+    for first in range(0, rows, chunk):
+        centres = np.mgrid[first : min(rows, first + chunk), 0:columns] + 0.5
+        column, row = _cells_at(of, grid.to_world(centres[::-1].reshape(2, -1).T))
+        inside = _are_in(of, column, row)
+        seen = np.zeros(len(column), dtype=np.bool_)
+        seen[inside] = cells[row[inside], column[inside]]
+        found[first : first + chunk] = seen.reshape(-1, columns)
+    return found
+
+
+def _cells_at(grid: Grid, points: Array) -> tuple[Integers, Integers]:
+    """Return columns and rows (N,) of points (N, 2), also beyond the grid."""
+    at = np.floor(grid.to_cells(points)).astype(np.int64)
+    return at[:, 0], at[:, 1]
+
+
+def _are_in(grid: Grid, column: Integers, row: Integers) -> Mask:
+    """Return whether columns and rows (N,) are those of a grid."""
+    rows, columns = grid.shape
+    return (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
