@@ -141,3 +141,9 @@ def test_jax_differentiates_the_same_h(shape):
             value, slope = one(q)
             assert float(value) == pytest.approx(h, abs=1e-12)
             np.testing.assert_allclose(slope, gradient, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.1, 1e200, 1e308])
+def test_a_normal_of_any_other_length_than_1_is_refused_in_words(size):
+    with pytest.raises(InvalidInputError, match="expected 1"):
+        barriers.HalfPlane("wall", 1, normal=(size, size), offset=0.0)

@@ -133,7 +133,8 @@ def _unit(name: str, normals: Array) -> Array:
     Raises:
         InvalidInputError: if one is not.
     """
-    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):  # of an infinite length: refused like any other
+        lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
     if (np.abs(lengths - 1.0) > 1e-6).any():
         raise InvalidInputError(f"{name}: got a normal of length {_worst(lengths)}, expected 1")
     return np.where(np.abs(lengths - 1.0) > 1e-12, normals / lengths, normals)
