@@ -303,6 +303,7 @@ PUBLIC = (
 )  # fmt: skip
 
 
+@needs("stable_baselines3")  # hcbf_gym.wrappers.sb3 imports it
 def test_every_public_name_stands_once_in_the_reference_as_it_is_imported():
     pages = sorted((ROOT / "docs" / "api").glob("*.md"))
     shown = [name for page in pages for name in re.findall(r"^::: (\S+)$", read(page), re.M)]
