@@ -30,7 +30,7 @@ from hcbf_gym.filtering.plants import (
     program_of,
     some,
 )
-from hcbf_gym.filtering.report import ROW, ROW_WORDS
+from hcbf_gym.filtering.report import PLANT_WORDS, ROW
 from hcbf_gym.filtering.verdict import BACKUP
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import Reason
@@ -88,9 +88,6 @@ def filter_plants(
     """
     c = borrowed(constants).view(CONSTANTS)[0]
     numbers = borrowed(program)
-    count, m = kind.shape
-    if count == 0:
-        return MISSHAPED
     plants = Plants(
         borrowed(kind),
         borrowed(parameters),
@@ -100,11 +97,12 @@ def filter_plants(
         borrowed(sensed).view(PLANT),
         borrowed(own),
         borrowed(told).view(report.PLANT),
-        borrowed(rows).view(ROW).reshape(count, rows.size // (count * ROW_WORDS)),
+        _rows_of(borrowed(rows).view(ROW), told.size // PLANT_WORDS),
     )
     said = _begin(c, plants)
     if said != DONE:
         return said
+    count, m = plants.kind.shape
     asks = False
     if plants.atlas.size > 1:
         for i in range(count):
@@ -118,6 +116,12 @@ def filter_plants(
         settings = program_of(c, numbers, first, end)
         asks |= _filter(c, settings, some(plants, first, end), work)
     return ASKS if asks else DONE
+
+
+@njit(cache=True, inline="always")
+def _rows_of(rows: Records, count: int) -> Records:
+    """Return (N, M) the rows of N plants."""
+    return rows.reshape(count, rows.size // max(1, count))
 
 
 @njit(cache=True)

@@ -57,6 +57,8 @@ LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
 FAR = 1e3
 """A robot that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
+SEEN_FOR = 60.0
+"""Barriers that were seen longer ago, or on another clock, are not believed [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
 PAUSE = 1.5
@@ -226,8 +228,9 @@ class VelocityFilter:
         Args:
             barriers: as the class takes them.
             seen_at: when what moves was where it is put, on the robot's clock [s]: from then on it
-                has moved on. Functions of time count from then. None is the first step since the
-                reset, as for `barriers`.
+                has moved on. Functions of time count from then. A stamp that is more than `max_age`
+                ahead of a step or a minute behind it is not believed, and the robot is told zero.
+                None is the first step since the reset, as for `barriers`.
 
         Raises:
             InvalidInputError: if `seen_at` is not finite.
@@ -309,6 +312,7 @@ class VelocityFilter:
         self._origin: Array | None = None  # from which positions count [m]
         self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
         self._first = math.inf  # present since the reset [s]
+        self._are_timed = True  # whether the barriers' stamp can be one of the robot's clock
         self._zero: float | None = None  # from which the core's time counts [s]
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
@@ -397,7 +401,12 @@ class VelocityFilter:
             except InvalidInputError as error:  # no filter can begin with these barriers
                 warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
                 barriers = None
-        elif self._unseen and self._core.guides and present - self._led_from >= LED_FOR:
+        elif (
+            self._unseen
+            and self._are_timed
+            and self._core.guides
+            and present - self._led_from >= LED_FOR
+        ):
             self._core.look_again()
             with contextlib.suppress(InvalidInputError):  # no way: it leads as before
                 self._begin(barriers, estimate, present)
@@ -437,6 +446,19 @@ class VelocityFilter:
         if self._first == math.inf:
             self._first = present
         zero = self._first if self._seen_at is None else self._seen_at
+        were_timed = self._are_timed
+        ahead = self._max_age + ROUNDING
+        self._are_timed = self._seen_at is None or -ahead <= present - zero <= SEEN_FOR
+        if not self._are_timed:
+            if were_timed:
+                warnings.warn(
+                    f"velocity filter: seen_at: got {zero:.9g} s at {present:.9g} s, expected a "
+                    f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
+                    f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
+                    SafetyWarning,
+                    stacklevel=3,
+                )
+            return
         if self._zero is not None and zero != self._zero:
             self._core.shift_clock(zero - self._zero)
         self._zero = zero
@@ -581,7 +603,12 @@ class VelocityFilter:
         self._time = None
 
     def _scene(self) -> Any:
-        """Return the user's barriers with the speed limit; what is no list goes to the core."""
+        """Return the user's barriers with the speed limit; what is no list goes to the core.
+
+        None, which the core does not believe, stands for barriers of no time.
+        """
+        if not self._are_timed:
+            return None
         try:
             listed = self._listed(self.barriers)
             if self._origin is None or not self._origin.any():

@@ -19,7 +19,7 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.barriers.barrier import PlanarBarrier
 from hcbf_gym.barriers.set import BarrierSet, each
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.maps import MapClass, RankedMap, Scan
 from hcbf_gym.models.grid import Grid
 from hcbf_gym.models.plant import Reason
@@ -204,6 +204,21 @@ def test_barriers_seen_at_a_stamp_have_moved_on_since():
     assert (said[:, -1] != FilterStatus.BACKUP).all()
     with pytest.raises(InvalidInputError, match="seen_at"):
         door.set_barriers([CROSSING], seen_at=math.nan)
+
+
+@pytest.mark.parametrize("off", [-1.7e9, -100.0, 0.5, 1.7e9])
+def test_barriers_of_another_clock_are_not_believed(off):
+    door = VelocityFilter(EXACT, [CROSSING], period=PERIOD, radius=0.0)
+    door.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 100.0)
+    door.set_barriers([CROSSING], seen_at=100.0 + PERIOD + off)
+    because = pytest.warns(SafetyWarning, match="the barriers")
+    with because, pytest.warns(SafetyWarning, match="seen_at: got .* at .* expected a stamp"):
+        told, report = door.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 100.0 + PERIOD)
+    assert (report["status"], report["reason"]) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    assert not told.any()
+    door.set_barriers([CROSSING], seen_at=100.0 + PERIOD)
+    told, report = door.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 100.0 + 2.0 * PERIOD)
+    assert report["status"] in (FilterStatus.NOMINAL, FilterStatus.SAFE)
 
 
 def test_guidance_follows_a_goal_and_barriers_that_are_set_meanwhile():

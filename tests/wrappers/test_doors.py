@@ -164,3 +164,15 @@ def test_the_native_batch_gives_a_picture_of_each_environment():
     assert all(frame.std() > 5.0 for frame in frames)
     assert not np.array_equal(frames[0], frames[1])  # another scene
     env.close()
+
+
+@pytest.mark.parametrize("plants", [0, 1, 2, 4])
+def test_a_set_that_becomes_one_of_other_plants_is_refused_in_words(plants):
+    env = wrappers.VectorSafetyFilter(
+        gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
+    )
+    env.reset(seed=0)
+    scene = env.unwrapped.barrier_set
+    scene.kind = np.repeat(scene.kind[:1], plants, axis=0)
+    with pytest.raises(InvalidInputError, match="for 3 plants"):
+        env.step(np.zeros((3, 2), dtype=np.float32))
