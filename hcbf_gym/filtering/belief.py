@@ -97,9 +97,13 @@ def believe(plant: Any) -> int:
         return 0
     believed = plant.believed
     if plant.known and plant.elapsed > 0.0:
-        believed[0], believed[1], believed[2], believed[3] = double_integrator_step(
-            believed, plant.input, plant.elapsed, np.inf
-        )
+        carried = double_integrator_step(believed, plant.input, plant.elapsed, np.inf)
+        plant.known = 1
+        for value in carried:
+            if not abs(value) <= FARTHEST:
+                plant.known = 0
+        if plant.known:
+            believed[0], believed[1], believed[2], believed[3] = carried
     replace(plant, state)
     return reason
 
