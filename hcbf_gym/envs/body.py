@@ -2,11 +2,11 @@
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, pieces
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import kernel
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import choose
 from hcbf_gym.robots.body_points import BodyPoints, body_of, in_plane, radius, reach
@@ -58,7 +58,7 @@ def footprint_of(body: str, simulation: Simulation) -> Footprint | None:
     return None if body == "point" else Footprint(simulation.model, simulation.trunk)
 
 
-@njit(cache=True)
+@kernel()
 def body_h(
     body: BodyPoints,
     position: Array,

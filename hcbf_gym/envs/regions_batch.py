@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
@@ -193,13 +192,13 @@ class RegionsBatch:
             min_h[own] = np.minimum(min_h[own], h[own])
 
 
-@njit(cache=True)
+@kernel()
 def _reference(references: References, i: int, step: int) -> Array:
     """Return (6,) what robot `i` follows at a control step."""
     return references.tables[references.of[i], min(step, references.last[i])]
 
 
-@njit(cache=True)
+@kernel()
 def _observe(
     references: References, x: Array, steps: Integers, sensed: Array, m: int
 ) -> tuple[Array, Array]:
@@ -214,7 +213,7 @@ def _observe(
     return observe(x, now, sensed, m), error
 
 
-@njit(cache=True)
+@kernel()
 def _advance(
     kind: Integers,
     parameters: Array,

@@ -7,12 +7,11 @@ robots. One memory holds them all: a step copies it once, and every entry of its
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers import kernels
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.envs.drive import Motion
 from hcbf_gym.envs.task import (
     GOAL_REWARD,
@@ -103,7 +102,7 @@ class StepTally:
         return Counted(memory[self._seen], float(memory[_REWARD]), info)
 
 
-@njit(cache=True)
+@kernel()
 def _look(
     barriers: tuple[Integers, Array, Array, Integers],
     path: Array,
@@ -123,7 +122,7 @@ def _look(
     _count(h, sensed[0], (kind[0], priority[0]), x, reference, task, memory)
 
 
-@njit(cache=True)
+@kernel()
 def _count(
     h: Array,
     sensed: Array,

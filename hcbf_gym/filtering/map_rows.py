@@ -3,16 +3,16 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.rows import U_MAX
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import axle_step
 
 
-@njit(cache=True)
+@kernel()
 def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
     """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
 
@@ -28,7 +28,7 @@ def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
     return mapped.nearby(c, c.rows, c.radius, scene, atlas, plant)
 
 
-@njit(cache=True)
+@kernel()
 def tell(source: Integers, part: Records, rows: Records) -> None:
     """Write what is said of the pieces at hand into the rows of their classes.
 

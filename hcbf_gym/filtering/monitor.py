@@ -30,8 +30,8 @@ integrator s is ``Δp − T (v + v')/2``, which is exact, so that c is 0 of one 
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
 WINDOW = 0.5
@@ -74,7 +74,7 @@ MEMORY = [
 """What is remembered of both signals; zeros at a reset."""
 
 
-@njit(cache=True)
+@kernel()
 def account(memory: Any, error: float, chosen: float, rate: float, radius: float) -> bool:
     """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
 
@@ -95,7 +95,7 @@ def account(memory: Any, error: float, chosen: float, rate: float, radius: float
     return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
 
 
-@njit(cache=True)
+@kernel()
 def breaks_off(memory: Any) -> bool:
     """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
 
@@ -105,13 +105,13 @@ def breaks_off(memory: Any) -> bool:
     return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def fade(period: float) -> float:
     """Return by how much sums over τ fade in a period."""
     return max(0.0, 1.0 - period / WINDOW)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def strays(
     memory: Any, off: float, moved: float, change: float, rest: float, spread: float, period: float
 ) -> bool:
@@ -132,14 +132,14 @@ def strays(
     return memory.in_a_row >= IN_A_ROW
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def latch(plant: Any, alarm: int) -> None:
     """Raise an alarm until the next reset; the first one stays."""
     if plant.alarm == 0:
         plant.alarm = alarm
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def watch(plant: Any, radius: float, confidence: float, exact: bool) -> None:
     """Compare a believed sample of a planar double integrator with the one before.
 
@@ -169,7 +169,7 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool) -> None:
     plant.follows = 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _drifts(plant: Any, period: float, confidence: float, exact: bool) -> bool:
     """Return whether the body's position has drifted from what its velocity says."""
     model, lag, body, covariance = plant.model, plant.lag, plant.body, plant.covariance

@@ -5,12 +5,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import monitor, verdict
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
@@ -214,7 +214,7 @@ class Work(NamedTuple):
     polygons: Workspace
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def fits(p: Plants) -> bool:
     """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
 
@@ -236,7 +236,7 @@ def fits(p: Plants) -> bool:
     return True
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def make_work(
     settings: Settings, n: int, m: int, total: int, n_u: int, drives: bool = False
 ) -> Work:
@@ -266,14 +266,14 @@ def make_work(
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def split(c: Any, numbers: Array) -> tuple[Array, Array]:
     """Return the corners of U (K, V, 2) and the weights (K, 1 + L) of a program."""
     end = 2 * c.corners * c.input_sets
     return numbers[:end].reshape(c.input_sets, c.corners, 2), numbers[end:].reshape(-1, c.weights)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
     """Return the program of the plants from `first` on and before `end`, with what is their own."""
     vertices, weights = split(c, numbers)
@@ -295,7 +295,7 @@ def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def some(p: Plants, first: int, end: int) -> Plants:
     """Return the plants from `first` on and before `end`."""
     return Plants(

@@ -7,7 +7,6 @@ and rows, alarms and braking inputs were made beforehand.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask, Records
 from hcbf_gym.barriers import general_kernels, layout, margins, row_kernels
@@ -16,7 +15,7 @@ from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.filtering import axle_step, map_rows, report, verdict
 from hcbf_gym.filtering.belief import believe
 from hcbf_gym.filtering.monitor import watch
@@ -49,7 +48,7 @@ BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.
 RESPONSE = int(Reason.RESPONSE)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def filter_plants(
     constants: Array,
     program: Array,
@@ -118,13 +117,13 @@ def filter_plants(
     return ASKS if asks else DONE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _rows_of(rows: Records, count: int) -> Records:
     """Return (N, M) the rows of N plants."""
     return rows.reshape(count, rows.size // max(1, count))
 
 
-@njit(cache=True)
+@kernel()
 def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     """Filter as many plants as there is room for, and return whether a warning is due."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
@@ -147,7 +146,7 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     return asks
 
 
-@njit(cache=True)
+@kernel()
 def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, p, i)
@@ -157,7 +156,7 @@ def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
     return asks
 
 
-@njit(cache=True)
+@kernel()
 def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
     """Return plant `i` with the nearby pieces of its map, and which condition each row is of."""
     m = p.kind.shape[1]
@@ -183,7 +182,7 @@ def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
     return part, hand.source
 
 
-@njit(cache=True)
+@kernel()
 def pose(
     constants: Records,
     program: Array,
@@ -218,7 +217,7 @@ def pose(
     return said, part, work, source
 
 
-@njit(cache=True)
+@kernel()
 def close(
     constants: Records,
     program: Array,
@@ -254,7 +253,7 @@ def close(
     return ASKS if asks else DONE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _begin(c: Any, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
@@ -270,7 +269,7 @@ def _begin(c: Any, plants: Plants) -> int:
     return DONE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _make_rows(c: Any, p: Plants, w: Work) -> None:
     """Write the margins and the rows."""
     count, m = p.kind.shape
@@ -293,7 +292,7 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
                     w.rows[B, i, k] += c.rounding * size
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _make_planar_rows(c: Any, p: Plants, w: Work) -> None:
     """Write the margins and rows of planar double integrators, users' own barriers left out."""
     count, m = p.kind.shape
@@ -313,7 +312,7 @@ def _make_planar_rows(c: Any, p: Plants, w: Work) -> None:
         row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _take_rows(c: Any, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
@@ -331,7 +330,7 @@ def _take_rows(c: Any, p: Plants, w: Work) -> None:
                 axle_step.turn_row(c, p, w, i, k)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
     plant = p.sensed[i]
@@ -363,7 +362,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         axle_step.split_ranks(p, w, i)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _are_finite(p: Plants, w: Work, i: int) -> bool:
     """Return whether the safety rows of a state are finite; where they are not, take them out."""
     finite = True
@@ -382,13 +381,13 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
     return finite
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _stops(reason: int, alarm: int, brakes: bool) -> bool:
     """Return whether a plant is brought to rest: it is not known, or an alarm asks for that."""
     return reason != 0 and (reason != alarm or brakes)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
     """Write the input of U nearest to what stops the plant's model, to 0 where no state is known.
 
@@ -404,7 +403,7 @@ def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
     u[0], u[1] = nearest(vertices, vertices.shape[0], wanted_x, wanted_y)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let guidance act on one state.
 
@@ -422,7 +421,7 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
     w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = b, 0.0, 0.0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let the row of guidance, where there is one, ask for nothing."""
     last = p.kind.shape[1]
@@ -432,7 +431,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
         w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = -1.0, 0.0, 0.0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
     plant = p.sensed[i]
@@ -492,7 +491,7 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
             row.conditioning = 1.0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _apply(w: Work, i: int) -> None:
     """Make the braking input the answer, as it is: the rows say nothing, or no solver answered.
 

@@ -33,9 +33,9 @@ window is judged once it has seen W₀/k of motion, up to where sway may correla
 import math
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
@@ -168,7 +168,7 @@ class ResponseMonitor:
         return float(self._notes[0]["worst"])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _tell(notes: Records, forward: float, aside: float, time: float) -> None:
     note = notes[0]
     while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
@@ -180,7 +180,7 @@ def _tell(notes: Records, forward: float, aside: float, time: float) -> None:
     note.count += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _observe(
     notes: Records, laws: Records, pose: Array, velocity: Array, time: float, good_until: float
 ) -> bool:
@@ -220,7 +220,7 @@ def _observe(
     return note.worst > 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _strays(
     note: np.record, law: np.record, off: Pair, length: float, passed: float, doubt: float
 ) -> float:
@@ -242,7 +242,7 @@ def _strays(
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _differs(
     note: np.record, law: np.record, off: Pair, went: Pair, passed: float, hidden: float
 ) -> float:
@@ -270,7 +270,7 @@ def _differs(
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _follow(
     note: np.record, law: np.record, start: float, end: float, moves: bool
 ) -> tuple[float, float, float]:
