@@ -208,6 +208,16 @@ def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return array._getvalue()
 
 
+@kernel(inline="always")
+def put(target: Any, source: Any) -> None:
+    """Copy a vector into one of the same length, which is not looked at.
+
+    Numba compiles ``target[:] = source`` with all the text of its error, for two seconds.
+    """
+    for k in range(target.size):
+        target[k] = source[k]
+
+
 def sources_hash(files: list[Path]) -> str:
     """Return a hash of files, and of all that they import of this package and of their own.
 

@@ -55,24 +55,26 @@ def of_map(kind: int, c: Array, distance: float, vx: float, vy: float) -> float:
 
 
 @kernel(error_model="numpy", inline="always")
-def value(kind: int, c: Array, atlas: Array, x: Array, t: float) -> float:
+def value(kind: int, c: Array, atlas: Array | None, x: Array, t: float) -> float:
     """Return h of one barrier at the state x (4,) and time t; infinity for a user's own."""
     if kind == SPEED_LIMIT:
         return speed_limit.value(c[layout.V_MAX], x[2], x[3])
-    if is_mapped(kind):
+    if atlas is not None and is_mapped(kind):
         distance = pieces.nearest(atlas, int(c[layout.PIECES]), x[0], x[1]).distance
         return of_map(kind, c, distance, x[2], x[3])
     return height(kind, c, x[0], x[1], t)
 
 
 @kernel(error_model="numpy")
-def values(kind: Integers, parameters: Array, atlas: Array, x: Array, t: Array, h: Array) -> None:
+def values(
+    kind: Integers, parameters: Array, atlas: Array | None, x: Array, t: Array, h: Array
+) -> None:
     """Write h (N, m) of N states x (N, 4) at the times t (N,), in N scenes or all in one.
 
     Args:
         kind: (N, m), or (1, m) of one scene.
         parameters: (N, m, WIDTH) or (1, m, WIDTH).
-        atlas: where the pieces of maps stand.
+        atlas: where the pieces of maps stand; None where there is no map.
         x: (N, 4) positions [m] and velocities [m/s].
         t: (N,) times [s].
         h: (N, m) to be written.
@@ -85,7 +87,13 @@ def values(kind: Integers, parameters: Array, atlas: Array, x: Array, t: Array, 
 
 @kernel(error_model="numpy")
 def sense(
-    kind: Integers, parameters: Array, atlas: Array, x: Array, t: Array, h: Array, sensed: Array
+    kind: Integers,
+    parameters: Array,
+    atlas: Array | None,
+    x: Array,
+    t: Array,
+    h: Array,
+    sensed: Array,
 ) -> None:
     """Write h (N, m) and what a policy sees of each barrier, (N, m, 4): h, unit ∇h, ∂h/∂t.
 
@@ -95,7 +103,7 @@ def sense(
         for k in range(kind.shape[1]):
             c = parameters[i, k]
             sensed[i, k, 1:] = 0.0
-            if kind[i, k] == MAPPED:
+            if atlas is not None and kind[i, k] == MAPPED:
                 jet_there = pieces.jet(atlas, int(c[layout.PIECES]), x[i, 0], x[i, 1])
                 h[i, k], sensed[i, k, 1], sensed[i, k, 2] = jet_there
             elif is_region(kind[i, k]):

@@ -7,7 +7,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed, kernel
+from hcbf_gym.compilation import borrowed, kernel, put
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
@@ -208,7 +208,7 @@ def _observe(
     sensed = borrowed(sensed)
     now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
     for i in range(x.shape[0]):
-        now[i] = _reference(references, i, steps[i])
+        put(now[i], _reference(references, i, steps[i]))
         error[i] = np.hypot(now[i, 0] - x[i, 0], now[i, 1] - x[i, 1])
     return observe(x, now, sensed, m), error
 
@@ -217,7 +217,7 @@ def _observe(
 def _advance(
     kind: Integers,
     parameters: Array,
-    atlas: Array,
+    atlas: Array | None,
     references: References,
     x: Array,
     steps: Integers,
@@ -230,7 +230,6 @@ def _advance(
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
     kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
-    atlas = borrowed(atlas)
     references = References(*borrowed(references))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     way = np.empty((SUBSTEPS, 4))
@@ -253,8 +252,8 @@ def _advance(
             if which == layout.SPEED_LIMIT:
                 min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue
-            if kernels.is_mapped(which):
-                min_h[i, k] = mapped.least_along(which, c, atlas, way)
+            if atlas is not None and kernels.is_mapped(which):
+                min_h[i, k] = mapped.least_along(which, c, borrowed(atlas), way)
                 continue
             least = np.inf
             for s in range(SUBSTEPS):

@@ -95,8 +95,9 @@ class StepTally:
             ranked = scene.kind[0], scene.priority[0]
             _count(h, sensed[0], ranked, x, reference, task, self._memory)
         else:
-            barriers = scene.kind, scene.parameters, scene.atlas.numbers, scene.priority
-            _look(barriers, motion.path, motion.times, x, known.time, reference, task, self._memory)
+            barriers, atlas = (scene.kind, scene.parameters, scene.priority), scene.atlas.numbers
+            way = motion.path, motion.times
+            _look(barriers, atlas, *way, x, known.time, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
         return Counted(memory[self._seen], float(memory[_REWARD]), info)
@@ -104,7 +105,8 @@ class StepTally:
 
 @kernel()
 def _look(
-    barriers: tuple[Integers, Array, Array, Integers],
+    barriers: tuple[Integers, Array, Integers],
+    atlas: Array | None,
     path: Array,
     times: Array,
     x: Array,
@@ -114,7 +116,7 @@ def _look(
     memory: Array,
 ) -> None:
     """Look at barriers that are all built in, and count."""
-    kind, parameters, atlas, priority = borrowed(barriers)
+    kind, parameters, priority = borrowed(barriers)
     h, last = np.empty((len(path), kind.shape[1])), np.empty(kind.shape)
     sensed = np.empty((*kind.shape, 4))
     kernels.values(kind, parameters, atlas, path, times, h)

@@ -11,7 +11,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import margins
-from hcbf_gym.compilation import kernel
+from hcbf_gym.compilation import kernel, put
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
@@ -52,7 +52,7 @@ def look(plant: Any, state: State) -> int:
     """
     time = plant.time
     if plant.has_model == 0:
-        state.model[:] = state.x
+        put(state.model, state.x)
     reason = plant.fault if plant.fault < ALARM else 0
     if reason == 0 and not _is_sound(state):
         reason = STATE
@@ -66,7 +66,7 @@ def look(plant: Any, state: State) -> int:
         return reason
     if plant.follows == 0:
         plant.news = 1
-    state.believed[:] = state.x
+    put(state.believed, state.x)
     plant.believed_at = time
     plant.known = 1
     return 0
@@ -75,8 +75,8 @@ def look(plant: Any, state: State) -> int:
 @kernel(error_model="numpy", inline="always")
 def replace(plant: Any, state: State) -> None:
     """Write the state that was believed last, which the model has carried on, for the present."""
-    state.x[:] = state.believed
-    state.model[:] = state.believed
+    put(state.x, state.believed)
+    put(state.model, state.believed)
     state.lag[:] = 0.0
     state.covariance[:, :] = 0.0
     plant.time = plant.believed_at

@@ -2,7 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,38 +19,40 @@ from hcbf_gym.programs.result import FilterResult
 CONSTANTS = np.dtype(
     (
         np.record,
-        [
-            # the program, as `planar.records.Settings` has it
-            ("lower", "i8"),
-            ("by_level", "?"),
-            ("lock", "i8"),
-            ("ranks", "?"),
-            ("guided", "?"),
-            ("radius", "f8"),
-            ("lambda_u", "f8"),
-            ("known_offset", "?"),
-            ("corners", "i8"),  # of a U
-            ("input_sets", "i8"),  # 1, or one a plant
-            ("weights", "i8"),  # of a state
-            ("made", "?"),  # whether rows, alarms and braking inputs were made beforehand
-            # what the rows keep, and how they are made
-            *((name, "f8") for name in Uncertainty._fields),
-            ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
-            ("period", "f8"),  # T [s], 0 where it is not known
-            ("rounding", "f8"),  # of an input that is told in 32 bits, 0 for 64 [m/s²]
-            ("dip", "f8"),  # what usual rows reserve against dips between samples
-            ("sway", "f8"),  # what of d a robot may use that is not its model
-            ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
-            # a differential drive
-            ("drives", "?"),
-            ("axle", "f8", 4),  # `models.axle.Axle`
-            ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
-            ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
-            # guidance
-            ("has_way", "?"),
-            ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
-            ("brakes", "?"),  # whether an alarm makes the filter brake
-        ],
+        np.dtype(
+            [
+                # the program, as `planar.records.Settings` has it
+                ("lower", "i8"),
+                ("by_level", "?"),
+                ("lock", "i8"),
+                ("ranks", "?"),
+                ("guided", "?"),
+                ("radius", "f8"),
+                ("lambda_u", "f8"),
+                ("known_offset", "?"),
+                ("corners", "i8"),  # of a U
+                ("input_sets", "i8"),  # 1, or one a plant
+                ("weights", "i8"),  # of a state
+                ("made", "?"),  # whether rows, alarms and braking inputs were made beforehand
+                # what the rows keep, and how they are made
+                *((name, "f8") for name in Uncertainty._fields),
+                ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
+                ("period", "f8"),  # T [s], 0 where it is not known
+                ("rounding", "f8"),  # of an input that is told in 32 bits, 0 for 64 [m/s²]
+                ("dip", "f8"),  # what usual rows reserve against dips between samples
+                ("sway", "f8"),  # what of d a robot may use that is not its model
+                ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
+                # a differential drive
+                ("axle", "f8", 4),  # `models.axle.Axle`
+                ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
+                ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
+                # guidance
+                ("has_way", "?"),
+                ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
+                ("brakes", "?"),  # whether an alarm makes the filter brake
+            ],
+            align=True,  # so that it is made of whole numbers
+        ),
     )
 )
 """What a filter never changes."""
@@ -168,7 +170,6 @@ class Plants(NamedTuple):
         parameters: (N, m, WIDTH) likewise.
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
-        atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
         sensed: (N,) `PLANT`, written to.
         own: (N, m, WIDTH + n_u) rows that were made beforehand, see `barriers.general_kernels`;
             (0, 0, 0) where there are none.
@@ -180,7 +181,6 @@ class Plants(NamedTuple):
     parameters: Array
     priority: Integers
     own_margin: Array
-    atlas: Array
     sensed: Records
     own: Array
     told: Records
@@ -238,7 +238,7 @@ def fits(p: Plants) -> bool:
 
 @kernel(inline="always")
 def make_work(
-    settings: Settings, n: int, m: int, total: int, n_u: int, drives: bool = False
+    settings: Settings, n: int, m: int, total: int, n_u: int, drives: Literal[True] | None = None
 ) -> Work:
     """Return room for n plants of n_u inputs with m rows, `total` with guidance.
 
@@ -254,7 +254,7 @@ def make_work(
         codes[: ends[0]].reshape(n, total),
         np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
-        np.empty((n if drives else 0, total, 3)),
+        np.empty((n if drives is not None else 0, total, 3)),
         FilterResult(
             of_inputs[1],
             of_rows[4],
@@ -303,7 +303,6 @@ def some(p: Plants, first: int, end: int) -> Plants:
         p.parameters[first:end],
         p.priority[first:end],
         p.own_margin[first:end],
-        p.atlas,
         p.sensed[first:end],
         p.own[first:end],
         p.told[first:end],

@@ -53,8 +53,9 @@ def scene_extent(
             low_x, low_y, high_x, high_y = shapes.bounds(kind[k], parameters[k])
             extent[0, 0], extent[0, 1] = min(extent[0, 0], low_x), min(extent[0, 1], low_y)
             extent[1, 0], extent[1, 1] = max(extent[1, 0], high_x), max(extent[1, 1], high_y)
-    extent[0] -= PAD
-    extent[1] += PAD
+    for axis in range(2):
+        extent[0, axis] -= PAD
+        extent[1, axis] += PAD
     for k in range(kind.size):
         if kind[k] == half_plane.CODE and priority[k] == 1:
             for axis in range(2):

@@ -68,8 +68,11 @@ def solve(
     cells = Cells(ground.cost.ravel(), ground.rank.ravel(), nx, arrival, ranks)
     j, i = cell_of(goal[0], goal[1], geometry)
     march(cells, geometry[2], opened, (j + 1) * nx + i + 1)
-    grid(field, geometry)[:, :] = arrival.reshape(rows, nx)[1:-1, 1:-1]
-    grid(through, geometry)[:, :] = ranks.reshape(rows, nx)[1:-1, 1:-1]
+    for j in range(rows - 2):
+        here, there = j * (nx - 2), (j + 1) * nx + 1
+        for i in range(nx - 2):
+            field[here + i] = arrival[there + i]
+            through[here + i] = ranks[there + i]
 
 
 @kernel(error_model="numpy")
