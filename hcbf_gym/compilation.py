@@ -7,7 +7,7 @@ import logging
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from numba import njit
 from numba.core import caching, cgutils, codegen, event, types
@@ -17,10 +17,14 @@ from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
 Value = TypeVar("Value")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _LOGGER = logging.getLogger("hcbf_gym")
+COMPILING = "compiling kernels, once; later starts read the cache"
 PACKAGE = Path(__file__).parent
 """Where the sources of this package lie."""
 _IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (.+))", re.M)
@@ -304,19 +308,55 @@ def _place(file: Path, module: str) -> Path | None:
 
 
 class _Announcer(event.Listener):
-    """Logs one line when a kernel is compiled instead of read from the cache."""
+    """Says that kernels are compiled instead of read from the cache, and how many by now.
+
+    A terminal shows a line that counts; elsewhere one message is logged.
+    """
 
     def __init__(self) -> None:
-        self._announced = False
+        self._depth = 0
+        self._line: Progress | None = None
+        self._logged = False
 
     def on_start(self, event: event.Event) -> None:
-        assert event.data is not None
-        module = event.data["dispatcher"].py_func.__module__
-        if not self._announced and module.startswith("hcbf_gym"):
-            self._announced = True
-            _LOGGER.warning(
-                "compiling kernels, once, for about half a minute; later starts read the cache"
-            )
+        """Begin with the kernel that Python calls; what it calls is compiled meanwhile."""
+        if not _is_ours(event):
+            return
+        self._depth += 1
+        if self._depth == 1:
+            self._begin()
 
     def on_end(self, event: event.Event) -> None:
-        pass
+        """Count."""
+        if not _is_ours(event):
+            return
+        self._depth -= 1
+        if self._line is not None:
+            self._line.advance(self._line.task_ids[0])
+            if self._depth == 0:
+                self._line.stop()
+
+    def _begin(self) -> None:
+        # only who compiles waits for the import
+        from rich.console import Console
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        if self._line is not None:
+            self._line.start()
+            return
+        console = Console(stderr=True)
+        if console.is_terminal:
+            count = TextColumn(f"{COMPILING}: {{task.completed:.0f}}")
+            columns = SpinnerColumn(), count, TimeElapsedColumn()
+            self._line = Progress(*columns, console=console, transient=True)
+            self._line.add_task("", total=None)
+            self._line.start()
+        elif not self._logged:
+            self._logged = True
+            _LOGGER.warning(COMPILING)
+
+
+def _is_ours(event: event.Event) -> bool:
+    """Return whether a kernel of this package is compiled."""
+    assert event.data is not None
+    return event.data["dispatcher"].py_func.__module__.startswith("hcbf_gym")

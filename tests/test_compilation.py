@@ -100,3 +100,35 @@ def test_signatures_that_two_processes_compile_at_once_are_not_mixed_up(tmp_path
     assert reader.load("float32") in (None, "short")
     other.save("float32", "short")
     assert (reader.load("float64"), reader.load("float32")) == ("long", "short")
+
+
+EPISODE = """
+import gymnasium as gym, numpy as np
+from hcbf_gym.wrappers import SafetyFilter
+
+env = SafetyFilter(gym.make("HCBF-Regions-v0", scenario="random"), guidance="geodesic")
+observation, _ = env.reset(seed=1)
+rng = np.random.default_rng(0)
+for _ in range(30):
+    action = rng.uniform(-3.0, 3.0, 2).astype(np.float32)
+    observation, reward, *_, info = env.step(action)
+    u = info["safety_filter"]["u_safe"]
+    print(observation.tobytes().hex(), reward.hex(), u.tobytes().hex())
+"""
+
+
+def test_the_first_episode_from_an_empty_cache_is_the_second_bit_for_bit(tmp_path):
+    said = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", EPISODE],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        said.append((done.stdout, "compiling" in done.stderr))
+    (first, compiled), (second, again) = said
+    assert first.count("\n") == 30
+    assert first == second
+    assert (compiled, again) == (True, False)
