@@ -342,7 +342,8 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
         axle_step.turn_memory(plant)
     if told.reason == 0:
         if not c.made:
-            watch(plant, c.radius, c.confidence, c.settles == 0.0 and not c.drives)
+            exact = c.settles == 0.0 and not c.drives
+            watch(plant, c.radius, c.confidence, exact, c.moves_now != 0)
         told.reason = plant.alarm
     else:
         plant.follows = 0

@@ -33,6 +33,7 @@ from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.online.motion_monitor import MotionMonitor
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.response_monitor import ResponseMonitor
@@ -204,10 +205,12 @@ class VelocityFilter:
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
         )
-        self._core = PlanarCore(self._plant, input_set, self._settings)
+        self._input_set = input_set
+        self._core = self._core_of(self._settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self._follows = response.follows
         self._monitor = ResponseMonitor(known.command, known.response)
+        self._motion = MotionMonitor(self._period, self._strays)
         self.goal = goal
         self._fault = Reason.NONE
         self.reset()
@@ -286,13 +289,19 @@ class VelocityFilter:
     @program.setter
     def program(self, program: str) -> None:
         settings = self._settings._replace(program=program)
-        core = PlanarCore(self._plant, self._core.input_set, settings)
+        core = self._core_of(settings)
         core.restart(np.ones(1, dtype=np.bool_))
         self._core, self._settings, self._begun = core, settings, False
 
+    def _core_of(self, settings: FilterSettings) -> PlanarCore:
+        """Return the core; what is measured is compared here, at its own time."""
+        core = PlanarCore(self._plant, self._input_set, settings)
+        core.leave_motion()
+        return core
+
     def _compile(self) -> None:
         """Let a filter that nobody sees make two steps, far from everything."""
-        core = PlanarCore(self._plant, self._core.input_set, self._settings)
+        core = self._core_of(self._settings)
         core.restart(np.ones(1, dtype=np.bool_))
         x, still = np.zeros(4), np.zeros(2)
         pose = np.zeros(3)
@@ -304,7 +313,9 @@ class VelocityFilter:
                 core.step(still, self._scene(), seen)
         self._monitor.tell(self._told, 0.0)
         self._monitor.observe(pose, still, 0.0)
+        self._motion.observe(x, 0.0)
         self._monitor.forget()
+        self._motion.forget()
 
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
@@ -321,6 +332,7 @@ class VelocityFilter:
         self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
         self._monitor.forget()
+        self._motion.forget()
         self._fault = Reason.NONE
         self._told: Array = np.zeros(len(self._limits))
         self._good_from = self._good_until = -math.inf
@@ -368,11 +380,8 @@ class VelocityFilter:
         place, motion = self._from_origin(sample.place), sample.motion
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         measured = self._follower(place, motion)
-        if sound and sample is given and self._monitor.observe(
-            np.array([measured[0], measured[1], place[2]]), measured[2:], sample.stamp,
-            self._good_until,
-        ):  # fmt: skip
-            self._fault = Reason.RESPONSE
+        if sound and sample is given:
+            self._watch(measured, place[2], sample.stamp)
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
             place = _moved(place, motion, age)
@@ -492,6 +501,7 @@ class VelocityFilter:
         if self._leapt_from < present <= self._last:
             self._core.restart(np.ones(1, dtype=np.bool_))
             self._monitor.forget()
+            self._motion.forget()
             self._begun, self._time, self._moved = False, None, -math.inf
             self._first, self._zero = min(self._first, present), None
         if math.isfinite(present):
@@ -504,6 +514,14 @@ class VelocityFilter:
             return None
         deviation = self._missed_by / max(self._core.uncertainty.confidence, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])
+
+    def _watch(self, measured: Array, yaw: float, stamp: float) -> None:
+        """Raise an alarm where what was measured at a time [s] is not what the robot was told."""
+        at = np.array([measured[0], measured[1], yaw])
+        strays = self._monitor.observe(at, measured[2:], stamp, self._good_until)
+        drifts = self._motion.observe(measured, stamp)
+        if self._fault == Reason.NONE and (strays or drifts):
+            self._fault = Reason.RESPONSE if strays else Reason.MOTION
 
     def _tell_monitor(self, now: float) -> None:
         """Note what the robot is told from now on [s], where the clocks say when that is."""
