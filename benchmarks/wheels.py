@@ -33,6 +33,8 @@ from tests.studies import drives
 
 PERIOD = 0.05
 """Of the commands [s]."""
+LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
+"""From one command to the next, as robots look for one at every control step [s]."""
 CONTRACTS = Path(__file__).parents[1] / "tests" / "robots" / "contracts"
 
 Planner = Callable[[Array], Array]
@@ -57,12 +59,14 @@ class Moving:
     Attributes:
         pose: (3,) x, y and θ of its centre or axle [m, rad].
         twist: (3,) in its own axes [m/s, rad/s].
+        fallen: whether it has fallen.
     """
 
     def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
         self._runner = Runner(body, seed) if isinstance(body, Walker) else None
         self._lag = 0.0 if isinstance(body, Walker) else body.lag
         self.pose, self.twist = np.array(start, dtype=np.float64), np.zeros(3)
+        self.fallen = False
         if self._runner is not None:
             rng = np.random.default_rng(seed)
             self._runner.drive.reset(self.pose[:2], float(start[2]), BarrierSet([()]), rng)
@@ -71,7 +75,7 @@ class Moving:
     def go(self, command: Array) -> None:
         """Follow a command for one control step."""
         if self._runner is not None:
-            self._runner.tell(command, CONTROL_DT)
+            self.fallen |= self._runner.tell(command, CONTROL_DT).falls > 0
             self._look()
             return
         three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])
@@ -84,11 +88,6 @@ class Moving:
             self.pose = self.pose + part * np.array(
                 [cos * ahead - sin * aside, sin * ahead + cos * aside, turn]
             )
-
-    @property
-    def fallen(self) -> bool:
-        """Whether it has fallen."""
-        return self._runner is not None and self._runner.falls > 0
 
     def _look(self) -> None:
         assert self._runner is not None
@@ -130,6 +129,7 @@ class Driven(NamedTuple):
         statuses: (6,) how often each was said.
         alarms: reasons from the first alarm on.
         longest: 99th percentile of a step [s].
+        fell: whether the robot fell, where the loop ends.
         told: (k, n) commands.
     """
 
@@ -138,6 +138,7 @@ class Driven(NamedTuple):
     statuses: Array
     alarms: set[int]
     longest: float
+    fell: bool
     told: Array
 
     @property
@@ -203,10 +204,11 @@ def loop(
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
         least = min(least, float(h[strict].min(initial=np.inf)) - reach)
-        if until(robot.pose):
+        if robot.fallen or until(robot.pose):
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    return Driven(np.array(path), least, statuses, alarms, longest, np.array(told))
+    fell = robot.fallen
+    return Driven(np.array(path), least, statuses, alarms, longest, fell, np.array(told))
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
@@ -431,7 +433,7 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
         for seed in range(count):
             rng = np.random.default_rng([3, seed])
             boxes, reach = _boxes(rng), walker.reach
-            door = VelocityFilter(walker, boxes, period=PERIOD, max_age=MAX_AGE)
+            door = VelocityFilter(walker, boxes, period=LONGEST, max_age=MAX_AGE)
             planner = _hostile(boxes, walker.command, rng)
             start = Moving(walker, np.zeros(3), seed)
             runs.append(loop(door, start, planner, reach, 20.0, link, seed))
@@ -440,10 +442,11 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
             lengths = {k: run.length for k, run in enumerate(runs)}
         alarms = [run.alarms for run in runs if run.alarms]
         least, longest = min(run.least for run in runs), max(run.longest for run in runs)
+        statuses = sum(run.statuses for run in runs)
         yield (
             f"{robot}: {name}: {sum(run.least < 0.0 for run in runs)} of {count} entered, least "
-            f"{least:+.3f} m, alarms {alarms}, path {np.mean(shares):.2f}, 99 % of steps "
-            f"{1e3 * longest:.2f} ms, statuses {sum(run.statuses for run in runs)}"
+            f"{least:+.3f} m, alarms {alarms}, {sum(run.fell for run in runs)} fell, "
+            f"path {np.mean(shares):.2f}, 99 % of steps {1e3 * longest:.2f} ms, statuses {statuses}"
         )
 
 

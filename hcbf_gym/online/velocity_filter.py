@@ -104,8 +104,8 @@ class VelocityFilter:
     In every period the user hands over what the robot shall do, where it is and how it moves, and
     tells the robot what comes back. What is old or not finite is not believed: the command is zero
     then, at once, until there are good data again. With `now`, data that are repeated or come out
-    of their order are as good as their age: the newest go on by their twist, and rows reserve what
-    U may have changed meanwhile.
+    of their order are as good as their age: the newest go on by what the robot was told since, or by
+    their twist where its response was not measured, and rows reserve what that may miss.
 
     One thread at a time may call a filter: where odometry and commands come in threads of their
     own, keep the newest odometry and call `step` in the thread of the commands, or under a lock.
@@ -311,9 +311,10 @@ class VelocityFilter:
             for covariance in (None, np.zeros((4, 4))):
                 seen = Estimate(x, self._period, covariance, x, x, 0.0, elapsed=self._period)
                 core.step(still, self._scene(), seen)
-        self._monitor.tell(self._told, 0.0)
+        self._monitor.tell(self._told, 0.0, 0.1)
         self._monitor.observe(pose, still, 0.0)
         self._motion.observe(x, 0.0)
+        self._monitor.carry(pose, np.zeros(3), 0.0, 0.1)
         self._monitor.forget()
         self._motion.forget()
 
@@ -384,8 +385,7 @@ class VelocityFilter:
             self._watch(measured, place[2], sample.stamp)
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
-            place = _moved(place, motion, age)
-            self._missed_by = max(self._missed_by, 0.5 * self._strays * age * age)
+            place, motion = self._carried(place, motion, sample.stamp, present)
         body = self._follower(place, motion)
         axes = self._axes(place[2])
         velocity = self._now(present, body[2:] @ axes) @ axes.T if sound else self._velocity
@@ -515,10 +515,35 @@ class VelocityFilter:
         deviation = self._missed_by / max(self._core.uncertainty.confidence, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])
 
+    def _carried(
+        self, place: Array, motion: Array, since: float, now: float
+    ) -> tuple[Array, Array]:
+        """Return pose and twist now of a robot that was measured before; note what they may miss.
+
+        Its twist says it, up to what the robot accelerates meanwhile; of a robot that was measured
+        what it was told since says more.
+
+        Args:
+            place: (3,) pose then [m, rad].
+            motion: (3,) twist then [m/s, rad/s].
+            since: the time of both [s].
+            now: the present [s].
+        """
+        straight = _moved(place, motion, now - since)
+        missed_by = 0.5 * self._strays * (now - since) ** 2
+        if not self._monitor.is_measured:
+            self._missed_by = max(self._missed_by, missed_by)
+            return straight, motion
+        place, motion = place.copy(), motion.copy()
+        off = self._monitor.carry(place, motion, since, now)
+        apart = (self._follower(place, motion) - self._follower(straight, motion))[:2]
+        self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
+        return place, motion
+
     def _watch(self, measured: Array, yaw: float, stamp: float) -> None:
         """Raise an alarm where what was measured at a time [s] is not what the robot was told."""
         at = np.array([measured[0], measured[1], yaw])
-        strays = self._monitor.observe(at, measured[2:], stamp, self._good_until)
+        strays = self._monitor.observe(at, measured[2:], stamp)
         drifts = self._motion.observe(measured, stamp)
         if self._fault == Reason.NONE and (strays or drifts):
             self._fault = Reason.RESPONSE if strays else Reason.MOTION
@@ -526,8 +551,7 @@ class VelocityFilter:
     def _tell_monitor(self, now: float) -> None:
         """Note what the robot is told from now on [s], where the clocks say when that is."""
         if math.isfinite(now):
-            self._monitor.tell(self._told, now)
-            self._monitor.tell(np.zeros(len(self._limits)), now + self._period)
+            self._monitor.tell(self._told, now, now + self._period)
 
     def command_at(self, now: float) -> Array:
         """Return what the robot is to be told now [s]: the last command while it is good, or zero.
