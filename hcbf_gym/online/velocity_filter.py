@@ -104,7 +104,7 @@ class VelocityFilter:
     In every period the user hands over what the robot shall do, where it is and how it moves, and
     tells the robot what comes back. What is old or not finite is not believed: the command is zero
     then, at once, until there are good data again. With `now`, data that are repeated or come out
-    of their order are as good as their age: the newest go on by what the robot was told since, or by
+    of their order are as good as their age: the newest go on by what the robot was told since, by
     their twist where its response was not measured, and rows reserve what that may miss.
 
     One thread at a time may call a filter: where odometry and commands come in threads of their
