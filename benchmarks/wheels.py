@@ -5,6 +5,7 @@ and what is refused. ``python -m benchmarks.wheels --part doors`` prints one par
 little of each.
 """
 
+import dataclasses
 import json
 import math
 import tempfile
@@ -25,7 +26,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker, carts, footprint
+from hcbf_gym.robots import Walker, carts, footprint, walker_parts
 from hcbf_gym.studies.identification.identify import identify
 from hcbf_gym.studies.identification.log import identify_log
 from hcbf_gym.studies.identification.record import Runner
@@ -539,22 +540,46 @@ IN_WORDS = ("expected", "missing", "meet", "drive for")
 WRONG = (math.nan, math.inf, -1.0, 0.0, 1e300, "fast", None, [], {}, True, [1.0, 2.0])
 
 
+SECTIONS = {
+    "command": walker_parts.Command,
+    "action": walker_parts.Action,
+    "body": walker_parts.Body,
+    "fall": walker_parts.Fall,
+    "physics": walker_parts.Physics,
+}
+"""Of a contract."""
+
+
 def _bent_contract(rng: np.random.Generator, folder: Path) -> None:
     data: Any = json.loads((carts.FOLDER / "cart.json").read_text(encoding="utf-8"))
     data["mjcf"] = str(carts.FOLDER / data["mjcf"])
-    place, key = data, str(rng.choice(list(data)))
+    place, key, kind = data, str(rng.choice(list(data))), Walker
     if isinstance(data[key], dict) and rng.random() < 0.7:
-        place, key = data[key], str(rng.choice(list(data[key])))
-    how = rng.integers(3)
+        place, kind = data[key], SECTIONS[key]
+        key = str(rng.choice(list(place)))
+    how, wrong = rng.integers(3), WRONG[int(rng.integers(len(WRONG)))]
+    spare = place is data and not _needed(SECTIONS.get(key, Walker))  # a section
+    if (how == 0 and (spare or key not in _needed(kind))) or (how == 2 and spare and wrong == {}):
+        _bent_contract(rng, folder)  # that would be whole
+        return
     if how == 0:
         del place[key]
     elif how == 1:
         place[f"{key}_"] = place.pop(key)
     else:
-        place[key] = WRONG[int(rng.integers(len(WRONG)))]
+        place[key] = wrong
     file = folder / "robot.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     VelocityFilter(file, [HalfPlane("wall", 1, (-1.0, 0.0), -3.0)])
+
+
+def _needed(kind: type) -> set[str]:
+    """Return the keys that a contract, or a section of it, must have."""
+    return {
+        one.name
+        for one in dataclasses.fields(kind)
+        if one.default is dataclasses.MISSING and one.default_factory is dataclasses.MISSING
+    }
 
 
 def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
@@ -562,7 +587,8 @@ def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     corners: Any = (rng.uniform(0.2, 0.5, 6) * np.array([np.cos(angles), np.sin(angles)])).T
     how = int(rng.integers(6))
     if how == 0:
-        corners = corners[rng.permutation(6)]
+        while not _crosses(corners):  # some other order is an outline, too
+            corners = corners[rng.permutation(6)]
     elif how == 1:
         corners = corners + rng.uniform(0.6, 2.0, 2)
     elif how == 2:
@@ -574,6 +600,20 @@ def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     else:
         corners = corners[: int(rng.integers(0, 3))]
     footprint.reach(corners)
+
+
+def _crosses(corners: Array) -> bool:
+    """Return whether two edges of an outline that are no neighbours cross."""
+    edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+
+    def apart(a: Array, b: Array, c: Array, d: Array) -> bool:
+        return bool(np.cross(b - a, c - a) * np.cross(b - a, d - a) < 0.0)
+
+    return any(
+        apart(*edges[i], *edges[j]) and apart(*edges[j], *edges[i])
+        for i in range(len(edges))
+        for j in range(i + 2, len(edges) - (i == 0))
+    )
 
 
 def _bent_log(rng: np.random.Generator, folder: Path) -> None:
@@ -590,7 +630,8 @@ def _bent_log(rng: np.random.Generator, folder: Path) -> None:
     elif how == 4:
         rows = rows[: int(rng.integers(0, 200))]
     elif how == 5:
-        rows[int(rng.integers(len(rows))), int(rng.integers(1, 10))] = np.inf
+        named = [k for k, name in enumerate(drives.HEADER) if name != "cmd_vy"]
+        rows[int(rng.integers(len(rows))), int(rng.choice(named))] = np.inf
     else:
         shifted = np.isfinite(rows[:, 1])
         rows[shifted, 0] += rng.uniform(20.0, 1e6)
