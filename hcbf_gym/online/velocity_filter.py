@@ -276,7 +276,7 @@ class VelocityFilter:
             raise InvalidInputError(
                 f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
                 f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
-                "or leave v_max out"
+                f"or leave v_max out and tell it no more: Command(forward={cap:g}, …)"
             )
         self._limit = (SpeedLimit("speed limit", 1, cap),)
         self._begins_at, self.fastest = left, math.sqrt(left**2 - gained**2)
@@ -716,12 +716,13 @@ def _cap(v_max: Any, reserved: float, known: Robot) -> float:
     cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
     if least < cap <= most:
         return cap
-    measured = "" if known.response is not None else " that nobody has measured"
+    measured = known.response is not None
+    remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
     raise InvalidInputError(
         f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
-        f"the overshoot of a robot{measured}, and at most {most:g} m/s, the greatest command; "
-        "leave v_max out where the robot's motors cap its speed, or measure how it follows by hcbf "
-        "identify --log drive.csv"
+        f"the overshoot of a robot{'' if measured else ' that nobody has measured'}, and at most "
+        f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
+        f"speed, or tell it no more: Command(forward={min(cap, most):g}, …){remedy}"
     )
 
 
