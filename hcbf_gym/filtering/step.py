@@ -140,7 +140,7 @@ def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
     if c.drives:
         for i in range(count):
             if p.told[i].reason == 0:
-                axle_step.slide(settings, w, i, p.kind.shape[1])
+                axle_step.slide(settings, w, i, p.kind.shape[1], p.sensed[i].heading)
     for i in range(count):
         _conclude(c, p, w, i)
         asks |= p.told[i].reason != 0
