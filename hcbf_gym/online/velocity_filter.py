@@ -5,9 +5,8 @@ import math
 import operator
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,24 +22,21 @@ from hcbf_gym.errors import (
     SafetyWarning,
     finite_array,
     finite_float,
-    require_packages,
 )
-from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models import axle as drives
-from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.online.motion_monitor import MotionMonitor
+from hcbf_gym.online.robot import Robot, cap_of, known_of
+from hcbf_gym.online.sample import Sample, moved, number, sample_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins
-from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import Response, assumed
+from hcbf_gym.robots.walker_response import assumed
 
 if TYPE_CHECKING:
     from hcbf_gym.certificates import Certificate
@@ -62,40 +58,10 @@ SEEN_FOR = 60.0
 """Barriers that were seen longer ago, or on another clock, are not believed [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
+CARRIED_FOR = 5.0
+"""A twist tells as much of older data as what the robot was told since [s]."""
 PAUSE = 1.5
 """Periods without one after which the model begins anew, unless the robot follows more slowly."""
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What the filter must know of a robot without a contract.
-
-    Args:
-        command: what it may be told.
-        response: how it follows; None assumes a slow robot that sways, see
-            `walker_response.assumed`.
-        reach: radius of the circle around its centre, or a cart's axle, that holds it [m].
-        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
-            no less than holds it.
-        known_as: what certificates call it; "" for a robot of which there is none.
-    """
-
-    command: Command
-    response: Response | None = None
-    reach: float = 0.0
-    footprint: str | ArrayLike | None = None
-    known_as: str = ""
-
-    def __post_init__(self) -> None:
-        for name, kind in (("command", Command), ("response", Response)):
-            value = getattr(self, name)
-            if not isinstance(value, kind) and (name == "command" or value is not None):
-                raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
-        if self.response is not None:
-            self.response.gains(len(self.command.limits))  # fit
-        reach = finite_float("robot: reach", self.reach, minimum=0.0)
-        if self.footprint is not None:
-            object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
 class VelocityFilter:
@@ -168,7 +134,7 @@ class VelocityFilter:
         certificate: "str | Path | Certificate | None" = None,
         **options: Any,
     ):
-        known = _known(robot)
+        known = known_of(robot)
         response = known.response or assumed(known.command)
         if response.complaints:
             warnings.warn(
@@ -270,7 +236,7 @@ class VelocityFilter:
             self._limit: tuple[SpeedLimit, ...] = ()
             self.fastest = self._begins_at = self._robot.command.fastest
             return
-        cap = _cap(v_max, self._reserved, self._robot)
+        cap = cap_of(v_max, self._reserved, self._robot)
         left, gained = float(braking.speed_left(cap, self._reserved)), self._period * self._hardest
         if left <= gained:
             raise InvalidInputError(
@@ -337,7 +303,7 @@ class VelocityFilter:
         self._fault = Reason.NONE
         self._told: Array = np.zeros(len(self._limits))
         self._good_from = self._good_until = -math.inf
-        self._sample = _Sample()
+        self._sample = Sample()
         self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
         self._last = self._leapt_from = math.nan  # presents [s]
 
@@ -370,9 +336,9 @@ class VelocityFilter:
                 happened.
         """
         wanted = finite_array("command", command, (len(self._limits),))
-        given = _Sample(_number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
-        sample = given if now is None else self._newest(given, _number(now))
-        present = given.stamp if now is None else _number(now)
+        given = sample_of(pose, twist, time)
+        sample = given if now is None else self._newest(given, number(now))
+        present = given.stamp if now is None else number(now)
         self._look_back(present)
         self._time_barriers(present)
         age = 0.0 if now is None else present - sample.stamp
@@ -483,7 +449,7 @@ class VelocityFilter:
             self._origin = np.rint(place[:2]) if far else np.zeros(2)
         return place if self._origin is None else place - np.array([*self._origin, 0.0])
 
-    def _newest(self, given: "_Sample", now: float) -> "_Sample":
+    def _newest(self, given: Sample, now: float) -> Sample:
         """Return the newest data that were not from the future: what was given, or what was kept.
 
         Args:
@@ -529,9 +495,9 @@ class VelocityFilter:
             since: the time of both [s].
             now: the present [s].
         """
-        straight = _moved(place, motion, now - since)
+        straight = moved(place, motion, now - since)
         missed_by = 0.5 * self._strays * (now - since) ** 2
-        if not self._monitor.is_measured:
+        if not self._monitor.is_measured or now - since > CARRIED_FOR:
             self._missed_by = max(self._missed_by, missed_by)
             return straight, motion
         place, motion = place.copy(), motion.copy()
@@ -674,102 +640,10 @@ class VelocityFilter:
         return (*barriers, *self._limit)
 
 
-class _Sample(NamedTuple):
-    """What was measured at once.
-
-    Attributes:
-        stamp: when [s].
-        place: (3,) x, y and θ of the robot's centre [m, rad].
-        motion: (3,) v_x, v_y and ω in its own axes [m/s, rad/s].
-    """
-
-    stamp: float = -math.inf
-    place: Array = np.full(3, np.nan)
-    motion: Array = np.full(3, np.nan)
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether all of it is finite."""
-        return bool(np.isfinite(self.place.sum() + self.motion.sum() + self.stamp))
-
-
-def _moved(place: Array, motion: Array, seconds: float) -> Array:
-    """Return (3,) where a twist brings a pose within so many seconds."""
-    turned = motion[2] * seconds
-    cos, sin = math.cos(place[2] + 0.5 * turned), math.sin(place[2] + 0.5 * turned)
-    ahead, aside = seconds * motion[0], seconds * motion[1]
-    return place + np.array([cos * ahead - sin * aside, sin * ahead + cos * aside, turned])
-
-
-def _cap(v_max: Any, reserved: float, known: Robot) -> float:
-    """Return a strict cap on the speed [m/s].
-
-    Args:
-        v_max: as the user gave it [m/s].
-        reserved: what its row reserves for the overshoot [m/s].
-        known: the robot.
-
-    Raises:
-        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
-    """
-    least, most = 2.0 * reserved, known.command.fastest
-    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
-    if least < cap <= most:
-        return cap
-    measured = known.response is not None
-    remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
-    raise InvalidInputError(
-        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
-        f"the overshoot of a robot{'' if measured else ' that nobody has measured'}, and at most "
-        f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
-        f"speed, or tell it no more: Command(forward={min(cap, most):g}, …){remedy}"
-    )
-
-
 def _same(one: Any, other: Any) -> bool:
     """Return whether two lists hold the same objects."""
     listed = isinstance(one, Sequence) and isinstance(other, Sequence)
     return listed and len(one) == len(other) and all(map(operator.is_, one, other))
-
-
-def _known(robot: Any) -> Robot:
-    """Return what is known of a robot, however it is given.
-
-    Raises:
-        InvalidInputError: if it is no robot.
-    """
-    if isinstance(robot, Robot):
-        return robot
-    require_packages("a robot's contract, other than hcbf_gym.Robot(…),", "mujoco")
-    from hcbf_gym.robots.walker import Walker
-
-    if isinstance(robot, str | Path):
-        robot = Walker.load(robot)
-    if not isinstance(robot, Walker):
-        raise InvalidInputError(
-            f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
-        )
-    known_as = certificates.robot_of(robot.name, robot.files)
-    return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
-
-
-def _numbers(values: Any, farthest: float) -> Array:
-    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
-
-    Args:
-        values: of the message.
-        farthest: what the first two may be at most [m].
-    """
-    given = None if values is None else real_numbers(values, (3,))
-    if given is None or np.abs(given[:2]).max() > farthest or abs(given[2]) > FARTHEST:
-        return np.full(3, np.nan)
-    return given
-
-
-def _number(value: Any) -> float:
-    """Return a number of a message; NaN where it is none."""
-    given = real_numbers(value, ())
-    return math.nan if given is None else float(given)
 
 
 def _nothing(*_: Any) -> Any:

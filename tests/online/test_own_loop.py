@@ -335,3 +335,13 @@ def test_shapes_and_maps_elsewhere_have_the_same_h():
         t, away = np.array([0.3]), x + np.array([*step, 0.0, 0.0])
         found, expected = there.values(away[None], t), here.values(x[None], t)
         np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:.*")
+@pytest.mark.parametrize("robot", [EXACT, Robot(EXACT.command)])
+def test_data_of_any_age_cost_no_more_time_than_others(robot):
+    door = VelocityFilter(robot, FAR, period=PERIOD, max_age=1e12)
+    door.step((1.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0, 0.0)
+    told, report = door.step((1.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0, 1.7e9)
+    assert report["status"] != FilterStatus.NOMINAL
+    assert np.isfinite(told).all()
