@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, Shapes, SpeedLimit, braking
-from hcbf_gym.barriers.set import BarrierSet, Entry, each
+from hcbf_gym.barriers import SpeedLimit, braking
+from hcbf_gym.barriers.set import BarrierSet, Entry
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -29,7 +29,9 @@ from hcbf_gym.models import axle as drives
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.online.barrier_clock import ROUNDING, BarrierClock
 from hcbf_gym.online.motion_monitor import MotionMonitor
+from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
 from hcbf_gym.online.sample import Sample, moved, number, sample_of
 from hcbf_gym.programs import FilterStatus
@@ -46,16 +48,10 @@ HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
 
 
-ROUNDING = 1e-9
-"""By how much a present may seem to be before its past [s]."""
 LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
-FAR = 1e3
-"""A robot that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
-SEEN_FOR = 60.0
-"""Barriers that were seen longer ago, or on another clock, are not believed [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
 CARRIED_FOR = 5.0
@@ -143,11 +139,12 @@ class VelocityFilter:
                 CoverageWarning,
                 stacklevel=2,
             )
+        self._max_age = finite_float("max_age", max_age, minimum=0.0)
+        self._from, self._clock = Origin(), BarrierClock(self._max_age)
         self._barriers: Any = None
         self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
-        self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach if radius is None else radius
@@ -204,7 +201,7 @@ class VelocityFilter:
         Raises:
             InvalidInputError: if `seen_at` is not finite.
         """
-        self._seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
+        self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
         self._unseen = self._unseen or not _same(barriers, self._barriers)
         self._barriers = barriers
 
@@ -287,11 +284,8 @@ class VelocityFilter:
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
-        self._origin: Array | None = None  # from which positions count [m]
-        self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
-        self._first = math.inf  # present since the reset [s]
-        self._are_timed = True  # whether the barriers' stamp can be one of the robot's clock
-        self._zero: float | None = None  # from which the core's time counts [s]
+        self._from.forget()
+        self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
@@ -340,11 +334,13 @@ class VelocityFilter:
         sample = given if now is None else self._newest(given, number(now))
         present = given.stamp if now is None else number(now)
         self._look_back(present)
-        self._time_barriers(present)
+        later = self._clock.look(present)
+        if later != 0.0:
+            self._core.shift_clock(later)
         age = 0.0 if now is None else present - sample.stamp
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        place, motion = self._from_origin(sample.place), sample.motion
+        place, motion = self._from.place(sample.place), sample.motion
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         measured = self._follower(place, motion)
         if sound and sample is given:
@@ -359,7 +355,7 @@ class VelocityFilter:
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         estimate = Estimate(
             x,
-            self._since(present),
+            self._clock.since(present),
             self._spread(),
             x,
             lag,
@@ -378,7 +374,7 @@ class VelocityFilter:
                 barriers = None
         elif (
             self._unseen
-            and self._are_timed
+            and self._clock.is_sound
             and self._core.guides
             and present - self._led_from >= LED_FOR
         ):
@@ -409,45 +405,7 @@ class VelocityFilter:
             InvalidInputError: if no filter can begin with them.
         """
         self._led_from, self._unseen = present, False
-        goal = self._goal
-        if goal is not None and self._origin is not None:
-            goal = goal - self._origin
-        self._core.begin(barriers, estimate, goal, None)
-
-    def _time_barriers(self, present: float) -> None:
-        """Let the core's time count from when the barriers were where they are put."""
-        if not math.isfinite(present):
-            return
-        if self._first == math.inf:
-            self._first = present
-        zero = self._first if self._seen_at is None else self._seen_at
-        were_timed = self._are_timed
-        ahead = self._max_age + ROUNDING
-        self._are_timed = self._seen_at is None or -ahead <= present - zero <= SEEN_FOR
-        if not self._are_timed:
-            if were_timed:
-                warnings.warn(
-                    f"velocity filter: seen_at: got {zero:.9g} s at {present:.9g} s, expected a "
-                    f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
-                    f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
-                    SafetyWarning,
-                    stacklevel=3,
-                )
-            return
-        if self._zero is not None and zero != self._zero:
-            self._core.shift_clock(zero - self._zero)
-        self._zero = zero
-
-    def _since(self, present: float) -> float:
-        """Return the core's time at a present [s]."""
-        return present - (self._zero or 0.0)
-
-    def _from_origin(self, place: Array) -> Array:
-        """Return (3,) a place as the core counts it: from a far start, or from where it was 0."""
-        if self._origin is None and np.isfinite(place.sum()):
-            far = float(np.abs(place[:2]).max()) > FAR
-            self._origin = np.rint(place[:2]) if far else np.zeros(2)
-        return place if self._origin is None else place - np.array([*self._origin, 0.0])
+        self._core.begin(barriers, estimate, self._from.goal(self._goal), None)
 
     def _newest(self, given: Sample, now: float) -> Sample:
         """Return the newest data that were not from the future: what was given, or what was kept.
@@ -469,7 +427,7 @@ class VelocityFilter:
             self._monitor.forget()
             self._motion.forget()
             self._begun, self._time, self._moved = False, None, -math.inf
-            self._first, self._zero = min(self._first, present), None
+            self._clock.begin(present)
         if math.isfinite(present):
             self._leapt_from = self._last if present - self._last > LEAP else math.nan
             self._last = present
@@ -605,7 +563,7 @@ class VelocityFilter:
 
     def _miss(self) -> None:
         """Note that samples are missing: what the robot did meanwhile is not known."""
-        last = None if self._time is None else self._since(self._time)
+        last = None if self._time is None else self._clock.since(self._time)
         old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._scene(), old)
         self._time = None
@@ -615,19 +573,12 @@ class VelocityFilter:
 
         None, which the core does not believe, stands for barriers of no time.
         """
-        if not self._are_timed:
+        if not self._clock.is_sound:
             return None
         try:
-            listed = self._listed(self.barriers)
-            if self._origin is None or not self._origin.any():
-                return listed
-            entries = tuple(each(listed))
+            return self._from.barriers(self._listed(self.barriers))
         except InvalidInputError:
             return self.barriers
-        self._near = {
-            id(one): self._near.get(id(one)) or (one, one.moved(-self._origin)) for one in entries
-        }
-        return tuple(self._near[id(one)][1] for one in entries)
 
     def _listed(self, barriers: Any) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.
