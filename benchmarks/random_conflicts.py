@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels
 from hcbf_gym.barriers.shapes import disc
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
@@ -191,7 +191,7 @@ def _nominal(
 _NO_MAP = np.zeros(1)
 
 
-@njit(cache=True)
+@kernel()
 def advance(
     kind: Integers,
     parameters: Array,

@@ -70,6 +70,7 @@ def shares() -> list[dict[str, Any]]:
         step.filter_plants(
             core._words,
             core._program,
+            core._drives,
             *(scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
             samples.words,
             core._no_rows,

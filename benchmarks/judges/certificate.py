@@ -11,11 +11,11 @@ numbers (`exact`). Nothing here is shared with the programs that are judged.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from benchmarks.judges import exact
 from benchmarks.judges.exact import common_multiple, exactly, rational
 from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.compilation import kernel
 
 Rationals = list[Any]
 
@@ -92,7 +92,7 @@ def _in_doubles(stage: Stage) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def guess(
     hard: Array,
     bound: Array,
@@ -139,7 +139,7 @@ def guess(
     return tight, states
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _sets(
     hessian: Array,
     linear: Array,
@@ -178,7 +178,7 @@ def _sets(
     return basic[n + s : n + s + k], states
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _lemke(matrix: Array, q: Array) -> Mask:
     """Return which y (n,) are basic in ``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``; see `exact`."""
     n = q.size
@@ -290,7 +290,7 @@ def correct(
     return bool(let_go or broken or wrong)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _doubtful(a: Array, bound: Array, point: Array) -> Integers:
     """Return the rows (k,) of which doubles do not show beyond doubt that ``a_k u > b_k``."""
     doubt = np.zeros(bound.size, dtype=np.bool_)

@@ -1,9 +1,9 @@
 """The true distance from the cells of a map: the union of their closed squares, nothing covered."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 from hcbf_gym.maps import Grid
 
 
@@ -20,7 +20,7 @@ def distances(grid: Grid, cells: Mask, points: Array, reach: float) -> Array:
     return grid.resolution * _distances(cells, at, reach / grid.resolution)
 
 
-@njit(cache=True)
+@kernel()
 def _distances(cells: Mask, at: Array, reach: float) -> Array:
     """Return (N,) distances of fractional columns and rows (N, 2), all in cells."""
     rows, columns = cells.shape

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
-from numba import njit
 from rich.console import Console
 
 from hcbf_gym.arrays import Array, Integers
@@ -25,6 +24,7 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
 )
+from hcbf_gym.compilation import kernel
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -52,7 +52,7 @@ FAR = 0.5
 BOTH_SIDES = 1e-13
 
 
-@njit(cache=True)
+@kernel()
 def _to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance from a segment."""
     ex, ey = bx - ax, by - ay
@@ -61,7 +61,7 @@ def _to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) 
     return np.hypot(x - ax - share * ex, y - ay - share * ey)
 
 
-@njit(cache=True)
+@kernel()
 def _to_ellipse(x: float, y: float, a: float, b: float) -> float:
     """Return the signed distance from the ellipse x²/a² + y²/b² = 1, by bisection."""
     x, y = abs(x), abs(y) + BOTH_SIDES
@@ -79,7 +79,7 @@ def _to_ellipse(x: float, y: float, a: float, b: float) -> float:
     return (s - b * b) * np.hypot(x / (s + apart), y / s)
 
 
-@njit(cache=True)
+@kernel()
 def distance(kind: int, c: Array, x: float, y: float) -> float:
     """Return the signed distance from a region of the kind with the numbers c (WIDTH,)."""
     if kind == 0:
@@ -101,7 +101,7 @@ def distance(kind: int, c: Array, x: float, y: float) -> float:
     return -nearest if inside else nearest
 
 
-@njit(cache=True)
+@kernel()
 def least_while_held(
     kind: Integers,
     numbers: Array,

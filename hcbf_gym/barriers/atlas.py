@@ -16,12 +16,12 @@ class Atlas:
     room is short.
 
     Attributes:
-        numbers: (L,) `Pieces.packed` of all of them.
+        numbers: (L,) `Pieces.packed` of all of them; None as long as there was none.
         held: (scene, place) → the class of a map that stands there.
     """
 
     def __init__(self) -> None:
-        self.numbers: Array = np.zeros(1)
+        self.numbers: Array | None = None
         self.held: dict[Place, Mapped] = {}
         self._begins: dict[Pieces, int] = {}  # by the objects: a copy of an atlas has its own
         self._end = 0
@@ -45,12 +45,12 @@ class Atlas:
         self.held[place] = barrier
         pieces = barrier.pieces
         if pieces not in self._begins:
-            if self._end + pieces.packed.size > self.numbers.size:
+            if self.numbers is None or self._end + pieces.packed.size > self.numbers.size:
                 self._clear_away()
                 for other, one in self.held.items():
                     one.write(parameters[other], self._begins[one.pieces])
                 return
-            self._append(barrier)
+            self._append(self.numbers, barrier)
         barrier.write(parameters[place], self._begins[pieces])
 
     def of(self, places: dict[int, int]) -> "Atlas":
@@ -71,10 +71,10 @@ class Atlas:
         chosen.held = {(i, k): held for i in range(count) for (_, k), held in one.items()}
         return chosen
 
-    def _append(self, barrier: Mapped) -> None:
+    def _append(self, numbers: Array, barrier: Mapped) -> None:
         pieces = barrier.pieces
         begin, self._end = self._end, self._end + pieces.packed.size
-        self.numbers[begin : self._end] = pieces.packed
+        numbers[begin : self._end] = pieces.packed
         self._begins[pieces] = begin
 
     def _clear_away(self) -> None:
@@ -84,4 +84,4 @@ class Atlas:
         self.numbers = np.zeros(2 * size)
         self._begins, self._end = {}, 0
         for one in alive.values():
-            self._append(one)
+            self._append(self.numbers, one)

@@ -13,11 +13,11 @@ along the heading meets them all.
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import row_kernels
 from hcbf_gym.barriers.rows import HIGH, LOW, RowSettings
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.axle import Axle, speeds
 
 USED = 0.85
@@ -26,7 +26,7 @@ PLACES = 200
 """How many approach speeds are looked at."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def limit_axle(axle: Axle, x: Array, heading: float, settings: Array) -> None:
     """Write what the axle's acceleration may be at a state of the point into row settings.
 
@@ -43,7 +43,7 @@ def limit_axle(axle: Axle, x: Array, heading: float, settings: Array) -> None:
     settings[LOW], settings[LOW + 1] = -settings[HIGH], -settings[HIGH + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def of_axle(
     axle: Axle, x: Array, heading: float, period: float, nx: float, ny: float, b: float
 ) -> tuple[float, float, float]:
@@ -70,7 +70,7 @@ def of_axle(
     return along * cos - turned * sin, along * sin + turned * cos, b
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def of_point(
     axle: Axle, x: Array, heading: float, period: float, nx: float, ny: float, b: float
 ) -> tuple[float, float, float]:

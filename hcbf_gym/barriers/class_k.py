@@ -10,17 +10,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym import records
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_float
 
 LINEAR, LOG = 0.0, 1.0
 """The first of the four numbers says which function it is; the others are its parameters."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def value(c: Array, h: float) -> float:
     """Return α(h) of the function with the numbers c (4,)."""
     if c[0] == LINEAR:
@@ -28,7 +28,7 @@ def value(c: Array, h: float) -> float:
     return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def values(c: Array, h: Array) -> Array:
     """Return α(h) (m,) of h (m,)."""
     out = np.empty(h.size)
@@ -37,7 +37,7 @@ def values(c: Array, h: Array) -> Array:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def slope(c: Array, h: float) -> float:
     """Return dα/dh; it is largest at h = 0 and does not grow with |h|."""
     if c[0] == LINEAR:
@@ -45,7 +45,7 @@ def slope(c: Array, h: float) -> float:
     return c[1] * c[2] / (c[2] * abs(h) + c[3])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def inverse(c: Array, y: float) -> float:
     """Return α⁻¹(y)."""
     if c[0] == LINEAR:

@@ -10,7 +10,6 @@ A jet says how h bends, the model how the state moves. With ψ_0 = h − m, whos
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import class_k, kernels, layout, speed_limit
@@ -18,6 +17,7 @@ from hcbf_gym.barriers.barrier import Jet
 from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT
 from hcbf_gym.barriers.relative_degree import VANISHED
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
+from hcbf_gym.compilation import kernel
 
 MARGIN, RATE, DIP, CONDITIONING, PLACED, WIDTH = range(4, 10)
 """Where a row that is made for any model has its numbers, behind those of `row_kernels`: m, ṁ, what
@@ -69,7 +69,7 @@ def pack(jet: Jet, out: Array) -> None:
     out[3 + 2 * n :] = np.ravel(jet.hessian)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def write_rows(
     scene: Scene,
     jets: Array,
@@ -130,7 +130,7 @@ def write_rows(
     return lags
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def take_rows(made: Array, degrees: Integers, alpha2: Array, out: Array) -> bool:
     """Write rows of functions, and return whether a ψ_1 of one is below zero.
 
@@ -153,7 +153,7 @@ def take_rows(made: Array, degrees: Integers, alpha2: Array, out: Array) -> bool
     return lags
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _jet(
     kind: int, c: Array, x: Array, t: float, f: Array, gradient: Array, turned: Array
 ) -> tuple[float, float, float]:
@@ -185,7 +185,7 @@ def _jet(
     return h, -(gx * wx + gy * wy), -bend * (tx * wx + ty * wy)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _own_jet(jet: Array, f: Array, gradient: Array, turned: Array) -> tuple[float, float, float]:
     """Write and return the same of a user's own barrier, whose jet (jet_width,) was packed."""
     n = f.size
@@ -198,7 +198,7 @@ def _own_jet(jet: Array, f: Array, gradient: Array, turned: Array) -> tuple[floa
     return jet[0], jet[1], bent
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _in_inputs(gradient: Array, g: Array, size: float, a: Array) -> float:
     """Write ``L_g ψ`` (n_u,), and return the row's conditioning ``‖L_g ψ‖ / (‖∇ψ‖ ‖g‖)``.
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
@@ -20,6 +19,7 @@ from hcbf_gym.barriers.margins import Known
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
 from hcbf_gym.barriers.shapes import convex_polygon
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
@@ -178,7 +178,7 @@ class Scene(NamedTuple):
     source: Integers
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def nearby(
     settings: Uncertainty, rows: Array, radius: float, scene: Scene, atlas: Array, known: Known
 ) -> Scene:
@@ -238,7 +238,7 @@ def nearby(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _reaches(
     settings: Uncertainty, rows: Array, radius: float, scene: Scene, known: Known, most: float
 ) -> Array:
@@ -262,7 +262,7 @@ def _reaches(
     return reach
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, block: Array) -> None:
     """Write the block (WIDTH,) of one zone: its limit, the distance to it, and its gradient."""
     distance, gx, gy, _, _, _ = convex_polygon.jet(atlas[piece : piece + layout.WIDTH], x[0], x[1])
@@ -273,7 +273,7 @@ def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, blo
         block[layout.AWAY_X], block[layout.AWAY_Y] = gx, gy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def least_along(kind: int, c: Array, atlas: Array, path: Array) -> float:
     """Return the least h of a class of a map over states `path` (k, 4) close to one another."""
     distance = np.empty(len(path))

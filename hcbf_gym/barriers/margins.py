@@ -30,11 +30,11 @@ that one sample can take at most that much away.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, zone
 from hcbf_gym.barriers.shapes import half_plane
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import Uncertainty
 
 MARGIN, RATE, QUICKENING, LEANING = range(4)
@@ -62,7 +62,7 @@ class Known(NamedTuple):
     growth: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def derive(
     settings: Uncertainty,
     kind: Integers,
@@ -128,7 +128,7 @@ def derive(
         out[MARGIN, k] += min(tracking, settings.cap) + ahead + deviation
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def most(settings: Uncertainty, known: Known) -> float:
     """Return what a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`."""
     x, model, lag = known.x, known.model, known.lag
@@ -138,7 +138,7 @@ def most(settings: Uncertainty, known: Known) -> float:
     return settings.distance + settings.cap + ahead + spread + settings.body
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
     """Return what the row of a speed limit reserves [m/s]; see `derive`."""
     slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
@@ -146,7 +146,7 @@ def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
     return sure + settings.confidence * np.sqrt(_largest(covariance, 2))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def fastest_drift(settings: Uncertainty, covariance: Array, growth: float) -> float:
     """Return the greatest ṁ of any row on the position, now and at the next sample [m/s]."""
     if covariance[2, 2] == 0.0 and covariance[3, 3] == 0.0:
@@ -154,7 +154,7 @@ def fastest_drift(settings: Uncertainty, covariance: Array, growth: float) -> fl
     return settings.confidence * np.sqrt(_largest(covariance, 2) + 2.0 * growth)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def growth_of(covariance: Array, before: Array) -> float:
     """Return g, by how much the velocity's variance grew in its worst direction [m²/s²].
 
@@ -166,7 +166,7 @@ def growth_of(covariance: Array, before: Array) -> float:
     return _greater(xx - before[0], xy - before[1], yy - before[2])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _growing(
     settings: Uncertainty, variance: float, growth: float, period: float
 ) -> tuple[float, float]:
@@ -178,27 +178,27 @@ def _growing(
     return rate, (later - rate) / period
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def is_exact(covariance: Array) -> bool:
     """Return whether a covariance (4, 4) is zero: no deviation is, so nothing is correlated."""
     deviates = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3]
     return deviates == 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _largest(covariance: Array, i: int) -> float:
     """Return the largest eigenvalue of the block (2, 2) of the covariance that starts at (i, i)."""
     return _greater(covariance[i, i], covariance[i, i + 1], covariance[i + 1, i + 1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _greater(xx: float, xy: float, yy: float) -> float:
     """Return the larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative."""
     half = 0.5 * (xx - yy)
     return max(0.0, 0.5 * (xx + yy) + np.sqrt(half * half + xy * xy))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _along(covariance: Array, i: int, nx: float, ny: float) -> float:
     """Return nᵀ C n, at least 0, of the block C (2, 2) of the covariance that starts at (i, i)."""
     xx, xy, yy = covariance[i, i], covariance[i, i + 1], covariance[i + 1, i + 1]

@@ -13,11 +13,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.constants import FARTHEST
 
 COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BOXES, BLOCKS = range(13)
@@ -96,7 +96,7 @@ class Nearest(NamedTuple):
     block: int
 
 
-@njit(cache=True)
+@kernel()
 def _packed(blocks: Array, x: float, y: float, yaw: float, inner: int) -> Array:
     """Return the array of polygons with the blocks (P, WIDTH), the first `inner` in buckets.
 
@@ -162,7 +162,7 @@ def _packed(blocks: Array, x: float, y: float, yaw: float, inner: int) -> Array:
     return packed
 
 
-@njit(cache=True)
+@kernel()
 def _rings(held: Integers) -> Array:
     """Return (rows, columns) how many buckets away the nearest is that holds a piece.
 
@@ -200,7 +200,7 @@ class Lists(NamedTuple):
     blocks: int
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def lists_of(atlas: Array, at: int) -> Lists:
     """Return where the lists begin of the pieces that begin at `at`."""
     return Lists(
@@ -211,7 +211,7 @@ def lists_of(atlas: Array, at: int) -> Lists:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def in_frame(atlas: Array, at: int, x: float, y: float) -> tuple[float, float]:
     """Return a point of the world in the frame of the buckets [m]."""
     dx, dy = x - atlas[at + X], y - atlas[at + Y]
@@ -219,19 +219,19 @@ def in_frame(atlas: Array, at: int, x: float, y: float) -> tuple[float, float]:
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def bucket_of(atlas: Array, at: int, place: float, most: int) -> int:
     """Return the bucket of a coordinate of the frame, the nearest for one beyond the last."""
     return int(min(max(place / atlas[at + SIDE], 0.0), most - 1.0))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def height(atlas: Array, block: int, x: float, y: float) -> float:
     """Return the signed distance from the piece with the block at `block` [m]."""
     return convex_polygon.jet(atlas[block : block + layout.WIDTH], x, y)[0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(atlas: Array, at: int, x: float, y: float) -> tuple[float, float, float]:
     """Return the signed distance from the nearest piece [m] and its gradient, 0 without a piece."""
     found = nearest(atlas, at, x, y)
@@ -242,7 +242,7 @@ def jet(atlas: Array, at: int, x: float, y: float) -> tuple[float, float, float]
     return min(found.distance, FARTHEST), gx, gy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def box_distance(atlas: Array, box: int, u: float, v: float) -> float:
     """Return the distance of a point of the frame from a piece's box [m]."""
     du = max(atlas[box] - u, u - atlas[box + 2], 0.0)
@@ -250,7 +250,7 @@ def box_distance(atlas: Array, box: int, u: float, v: float) -> float:
     return np.sqrt(du * du + dv * dv)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def near(atlas: Array, at: int, x: float, y: float, reach: float, found: Integers) -> int:
     """Write the blocks of the pieces no farther than `reach` [m], and return how many there are.
 
@@ -280,7 +280,7 @@ def near(atlas: Array, at: int, x: float, y: float, reach: float, found: Integer
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
     """Return the piece nearest a point: the one with the least signed distance.
 
@@ -321,7 +321,7 @@ def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def distances(atlas: Array, at: int, points: Array) -> Array:
     """Return (N,) signed distances of points (N, 2) from the nearest piece [m]."""
     out = np.empty(len(points))
@@ -330,7 +330,7 @@ def distances(atlas: Array, at: int, points: Array) -> Array:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def along(atlas: Array, at: int, path: Array, distance: Array) -> None:
     """Write the signed distances (k,) of points, the first columns of `path` (k, …), from pieces.
 

@@ -12,12 +12,12 @@ a chord bounds α₁ from below.
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import class_k, kernels, layout, shapes, speed_limit, zone
 from hcbf_gym.barriers.layout import CUSTOM, SPEED_LIMIT, ZONE
 from hcbf_gym.barriers.rows import ALPHA1, ALPHA2, HELD, HIGH, LOW, PERIOD, U_MAX
+from hcbf_gym.compilation import kernel
 
 B, H, ALPHA2_PSI, PSI = range(4)
 """What `rows` writes into the first axis of its output."""
@@ -28,7 +28,7 @@ PlacedRow = tuple[float, float, float, float]
 """Of a row on the position also by how much less h − m gains with every input than a·u [m/s²]."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def rows(
     kind: Integers,
     parameters: Array,
@@ -105,7 +105,7 @@ def rows(
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _usual_row(
     kept: float,
     rate: float,
@@ -122,7 +122,7 @@ def _usual_row(
     return lost - alpha2_psi - class_k.slope(alpha1, kept) * rate, alpha2_psi, psi, lost
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def held_row(
     kept: float,
     rate: float,
@@ -160,13 +160,13 @@ def held_row(
     return b, alpha2_psi, psi, nu / period
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def half_step(s: Array) -> float:
     """Return ½ ū T², the most that a held input moves h by [m]."""
     return 0.5 * s[U_MAX] * s[PERIOD] * s[PERIOD]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def beside_core(radius: float, s: Array) -> float:
     """Return what h keeps so that no held input reaches the core of a region [m].
 
@@ -177,7 +177,7 @@ def beside_core(radius: float, s: Array) -> float:
     return max(0.0, half_step(s) - radius)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def late(kept: float, rate: float, lost: float, most: float) -> float:
     """Return what a row requests where ψ < 0: to stop at h = m at a constant rate, if U can.
 
@@ -192,7 +192,7 @@ def late(kept: float, rate: float, lost: float, most: float) -> float:
     return min(rate * rate / (2.0 * kept) + lost, most)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def support(s: Array, ax: float, ay: float) -> float:
     """Return the most that an input of U gives of a·u; −∞ where U is not known.
 
@@ -204,7 +204,7 @@ def support(s: Array, ax: float, ay: float) -> float:
     return min(along_x + along_y, s[U_MAX] * np.sqrt(ax * ax + ay * ay))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def turning(speed: float, sideways: float, distance: float, s: Array) -> float:
     """Return ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s]."""
     if distance == np.inf:
@@ -217,13 +217,13 @@ def turning(speed: float, sideways: float, distance: float, s: Array) -> float:
     return loss - max(0.0, gain - np.sqrt(loss)) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def reach_of(speed: float, s: Array) -> float:
     """Return ℓ, how far the barrier's frame sees the robot get in one period [m]."""
     return speed * s[PERIOD] + half_step(s)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def speed_row(
     kept: float,
     margin_rate: float,

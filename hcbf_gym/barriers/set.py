@@ -354,7 +354,8 @@ class BarrierSet:
         )
         numbers = Uncertainty(*map(float, uncertainty))
         known = Known(x, 0.0, model, lag, covariance, float(growth))
-        found = mapped.nearby(numbers, settings.packed, radius, whole, self.atlas.numbers, known)
+        atlas = np.empty(0) if self.atlas.numbers is None else self.atlas.numbers
+        found = mapped.nearby(numbers, settings.packed, radius, whole, atlas, known)
         part = BarrierSet([()])
         for name in ("kind", "parameters", "priority", "own_margin"):
             setattr(part, name, getattr(found, name)[None])

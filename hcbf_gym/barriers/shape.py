@@ -14,11 +14,11 @@ from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
@@ -182,7 +182,7 @@ class Shape(PlanarBarrier):
         return block
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def point_jet(x: float, y: float) -> PlanarJet:
     """Return ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent."""
     distance = np.sqrt(x * x + y * y)

@@ -10,23 +10,23 @@ in m/s as a speed limit's. Its zero is the speed from which braking by β reache
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.rows import HELD, PERIOD, U_MAX
+from hcbf_gym.compilation import kernel
 
 BRAKING = 1.0
 """β, with which a robot slows down before a zone [m/s²]."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def value(limit: float, away: float, vx: float, vy: float) -> float:
     """Return h at the distance d⁺ = `away` [m] and the velocity (vx, vy)."""
     return (limit * limit + 2.0 * BRAKING * away - vx * vx - vy * vy) / (2.0 * limit)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def row(
     kept: float,
     margin_rate: float,
@@ -65,7 +65,7 @@ def row(
     return min(b - drift, stop) + margin_rate, alpha2_psi, kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def reach(limit: float, margin: float, fastest: float) -> float:
     """Return the distance from which a robot has to brake for a zone [m].
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
@@ -155,7 +155,7 @@ class A1Physics(Simulation):
         return RobotState(sensed)
 
 
-@njit(cache=True)
+@kernel()
 def read_state(
     qpos: Array,
     qvel: Array,

@@ -2,11 +2,11 @@
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, pieces
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import kernel
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import choose
 from hcbf_gym.robots.body_points import BodyPoints, body_of, in_plane, radius, reach
@@ -35,8 +35,9 @@ class Footprint:
     def h(self, data: mujoco.MjData, barriers: BarrierSet, t: float) -> Array:
         """Return the least h (m,) of each barrier over the whole body at time t [s]."""
         least = np.empty(barriers.kind.shape[1])
-        scene = barriers.kind[0], barriers.parameters[0], barriers.atlas.numbers
-        body_h(self._body, data.geom_xpos, data.geom_xmat, scene, t, least)
+        scene = barriers.kind[0], barriers.parameters[0]
+        atlas = barriers.atlas.numbers
+        body_h(self._body, data.geom_xpos, data.geom_xmat, scene, atlas, t, least)
         return least
 
     def reach(self, data: mujoco.MjData) -> float:
@@ -58,12 +59,13 @@ def footprint_of(body: str, simulation: Simulation) -> Footprint | None:
     return None if body == "point" else Footprint(simulation.model, simulation.trunk)
 
 
-@njit(cache=True)
+@kernel()
 def body_h(
     body: BodyPoints,
     position: Array,
     rotation: Array,
-    scene: tuple[Integers, Array, Array],
+    scene: tuple[Integers, Array],
+    atlas: Array | None,
     t: float,
     h: Array,
 ) -> None:
@@ -76,18 +78,18 @@ def body_h(
         body: the points.
         position: (ngeom, 3) of the geoms in the world [m].
         rotation: (ngeom, 9) of the geoms, row by row.
-        scene: (m,) which kernel evaluates each barrier, (m, WIDTH) what it reads, and where the
-            pieces of maps stand.
+        scene: (m,) which kernel evaluates each barrier, and (m, WIDTH) what it reads.
+        atlas: where the pieces of maps stand; None where there is no map.
         t: time [s].
         h: (m,) to be written [m].
     """
     geom, place, radius = body
-    kind, parameters, atlas = scene
+    kind, parameters = scene
     h[:] = np.inf
     for p in range(geom.size):
         x, y = in_plane(place[p], position[geom[p]], rotation[geom[p]])
         for k in range(kind.size):
-            if kind[k] == layout.MAPPED:
+            if atlas is not None and kind[k] == layout.MAPPED:
                 found = pieces.nearest(atlas, int(parameters[k, layout.PIECES]), x, y)
                 h[k] = min(h[k], found.distance - radius[p])
             if not kernels.is_region(kind[k]):

@@ -5,10 +5,10 @@ from abc import ABC, abstractmethod
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.simulation import BASE_SIZE, Simulation
@@ -167,7 +167,7 @@ def ticks_of(timestep: float) -> int:
     return ticks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def tracked(base: Array, look_ahead: float) -> Array:
     """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
 

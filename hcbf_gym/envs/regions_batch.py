@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel, put
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
@@ -193,13 +192,13 @@ class RegionsBatch:
             min_h[own] = np.minimum(min_h[own], h[own])
 
 
-@njit(cache=True)
+@kernel()
 def _reference(references: References, i: int, step: int) -> Array:
     """Return (6,) what robot `i` follows at a control step."""
     return references.tables[references.of[i], min(step, references.last[i])]
 
 
-@njit(cache=True)
+@kernel()
 def _observe(
     references: References, x: Array, steps: Integers, sensed: Array, m: int
 ) -> tuple[Array, Array]:
@@ -209,16 +208,16 @@ def _observe(
     sensed = borrowed(sensed)
     now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
     for i in range(x.shape[0]):
-        now[i] = _reference(references, i, steps[i])
+        put(now[i], _reference(references, i, steps[i]))
         error[i] = np.hypot(now[i, 0] - x[i, 0], now[i, 1] - x[i, 1])
     return observe(x, now, sensed, m), error
 
 
-@njit(cache=True)
+@kernel()
 def _advance(
     kind: Integers,
     parameters: Array,
-    atlas: Array,
+    atlas: Array | None,
     references: References,
     x: Array,
     steps: Integers,
@@ -231,7 +230,6 @@ def _advance(
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
     kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
-    atlas = borrowed(atlas)
     references = References(*borrowed(references))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     way = np.empty((SUBSTEPS, 4))
@@ -254,8 +252,8 @@ def _advance(
             if which == layout.SPEED_LIMIT:
                 min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
                 continue
-            if kernels.is_mapped(which):
-                min_h[i, k] = mapped.least_along(which, c, atlas, way)
+            if atlas is not None and kernels.is_mapped(which):
+                min_h[i, k] = mapped.least_along(which, c, borrowed(atlas), way)
                 continue
             least = np.inf
             for s in range(SUBSTEPS):

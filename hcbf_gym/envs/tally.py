@@ -7,12 +7,11 @@ robots. One memory holds them all: a step copies it once, and every entry of its
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers import kernels
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.envs.drive import Motion
 from hcbf_gym.envs.task import (
     GOAL_REWARD,
@@ -96,16 +95,18 @@ class StepTally:
             ranked = scene.kind[0], scene.priority[0]
             _count(h, sensed[0], ranked, x, reference, task, self._memory)
         else:
-            barriers = scene.kind, scene.parameters, scene.atlas.numbers, scene.priority
-            _look(barriers, motion.path, motion.times, x, known.time, reference, task, self._memory)
+            barriers, atlas = (scene.kind, scene.parameters, scene.priority), scene.atlas.numbers
+            way = motion.path, motion.times
+            _look(barriers, atlas, *way, x, known.time, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
         return Counted(memory[self._seen], float(memory[_REWARD]), info)
 
 
-@njit(cache=True)
+@kernel()
 def _look(
-    barriers: tuple[Integers, Array, Array, Integers],
+    barriers: tuple[Integers, Array, Integers],
+    atlas: Array | None,
     path: Array,
     times: Array,
     x: Array,
@@ -115,7 +116,7 @@ def _look(
     memory: Array,
 ) -> None:
     """Look at barriers that are all built in, and count."""
-    kind, parameters, atlas, priority = borrowed(barriers)
+    kind, parameters, priority = borrowed(barriers)
     h, last = np.empty((len(path), kind.shape[1])), np.empty(kind.shape)
     sensed = np.empty((*kind.shape, 4))
     kernels.values(kind, parameters, atlas, path, times, h)
@@ -123,7 +124,7 @@ def _look(
     _count(h, sensed[0], (kind[0], priority[0]), x, reference, task, memory)
 
 
-@njit(cache=True)
+@kernel()
 def _count(
     h: Array,
     sensed: Array,

@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from numba import njit
 
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.barriers.layout import SPEED_LIMIT, ZONES
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
@@ -61,7 +60,7 @@ def reference_table(scenario: Scenario) -> Array:
     )
 
 
-@njit(cache=True)
+@kernel()
 def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     """Return (N, 8 + 4 m) what a policy sees.
 
@@ -81,7 +80,7 @@ def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     return seen
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def write_observation(x: Array, reference: Array, sensed: Array, seen: Array) -> None:
     """Write (8 + 4 m,) what the policy of one robot sees, as `observe` returns it."""
     for k in range(4):
@@ -113,7 +112,7 @@ def reward_terms(
     return dict(zip(REWARD_TERMS[task], terms, strict=True))
 
 
-@njit(cache=True)
+@kernel()
 def _terms(
     distance_before: Array, distance_after: Array, reached: Mask, u: Array
 ) -> tuple[Array, Array, Array]:
@@ -133,7 +132,7 @@ def _terms(
     return effort, gained, bonus
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def effort_cost(ux: float, uy: float) -> float:
     """Return what an input costs."""
     return -EFFORT_WEIGHT * (ux**2 + uy**2)
@@ -183,7 +182,7 @@ def step_info(
     }
 
 
-@njit(cache=True)
+@kernel()
 def costs_of(least: Array, ranked: Ranked) -> tuple[Array, Array]:
     """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step."""
     cost, costs = np.empty(least.shape[0]), np.zeros((least.shape[0], ranked.ranks))
@@ -192,7 +191,7 @@ def costs_of(least: Array, ranked: Ranked) -> tuple[Array, Array]:
     return cost, costs
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def write_costs(least: Array, kind: Integers, priority: Integers, costs: Array) -> float:
     """Write by rank (R,) how deep one robot was [m], and return 1 if rank 1 was entered, else 0.
 
@@ -246,7 +245,7 @@ def check_action(action: object, shape: tuple[int, ...]) -> Array:
     return array
 
 
-@njit(cache=True)
+@kernel()
 def _are_finite(array: Array) -> bool:
     """Tell whether an array holds nothing but finite numbers."""
     finite = True

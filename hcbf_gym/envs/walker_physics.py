@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
@@ -105,7 +105,7 @@ class WalkerPhysics(Simulation):
         return not _finite(self._qpos, self._qvel)
 
 
-@njit(cache=True)
+@kernel()
 def _finite(positions: Array, velocities: Array) -> bool:
     """Return whether a state holds nothing but finite numbers."""
     return bool(np.isfinite(positions).all() and np.isfinite(velocities).all())

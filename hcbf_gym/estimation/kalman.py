@@ -9,9 +9,9 @@ on the derivatives of what comes in, give the derivative of the estimate: column
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 
 AXIS = 5  # entries of an axis's state
 P, V, D, A, S = range(AXIS)
@@ -29,7 +29,7 @@ MODEL = np.dtype(
 )
 
 
-@njit(cache=True)
+@kernel()
 def predict(model: np.record, x: Array, cov: Array, acceleration: Array, var_acc: float) -> None:
     """Move an estimate on by one tick under a measured acceleration.
 
@@ -70,7 +70,7 @@ def predict(model: np.record, x: Array, cov: Array, acceleration: Array, var_acc
         cov[i, i] += (1.0 - model.keep[i] ** 2) * model.variance[i]
 
 
-@njit(cache=True)
+@kernel()
 def correct(x: Array, cov: Array, first: int, second: int, z: Array, variance: float) -> None:
     """Take in a measurement z (k,) of the sum of two entries of the state, on both axes.
 

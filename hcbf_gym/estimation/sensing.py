@@ -1,9 +1,9 @@
 """What the sensors say of a true state, with all their errors."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.dynamics import GRAVITY
 from hcbf_gym.locomotion.matrices import apply, apply_transposed
 from hcbf_gym.locomotion.rotation import rotation_matrix, turned
@@ -51,7 +51,7 @@ ERRORS = np.dtype(
 SLOW = np.dtype((np.record, [("drift", "f8", 2), ("rotation", "f8", 3), ("slip", "f8", 2)]))
 
 
-@njit(cache=True)
+@kernel()
 def start_slow_errors(errors: np.record, slow: np.record, noise: np.record) -> None:
     """Draw the slow errors from their distribution in the long run."""
     slow.drift[:] = errors.drift * noise.drift
@@ -59,7 +59,7 @@ def start_slow_errors(errors: np.record, slow: np.record, noise: np.record) -> N
     slow.slip[:] = errors.slip * noise.slip
 
 
-@njit(cache=True)
+@kernel()
 def move_slow_errors(errors: np.record, slow: np.record, noise: np.record) -> None:
     """Move the slow errors on by one tick: ``e' = k e + √(1 − k²) σ w``."""
     _relax(slow.drift, errors.keep_drift, errors.drift, noise.drift)
@@ -70,14 +70,14 @@ def move_slow_errors(errors: np.record, slow: np.record, noise: np.record) -> No
         slow.rotation[i] += spread * errors.rotation[i] * noise.rotation[i]
 
 
-@njit(cache=True)
+@kernel()
 def _relax(value: Array, keep: float, deviation: float, noise: Array) -> None:
     spread = np.sqrt(1.0 - keep**2) * deviation
     for i in range(len(value)):
         value[i] = keep * value[i] + spread * noise[i]
 
 
-@njit(cache=True)
+@kernel()
 def sense(
     errors: np.record, slow: np.record, noise: np.record, truth: Array, sensed: Array
 ) -> None:
@@ -102,7 +102,7 @@ def sense(
             sensed[37 + foot] = 0.0 if truth[37 + foot] > 0.0 else 1.0
 
 
-@njit(cache=True)
+@kernel()
 def planar_acceleration(
     errors: np.record, noise: np.record, truth: Array, before: Array, R_sensed: Array
 ) -> Array:

@@ -1,9 +1,9 @@
 """One tick of the estimator: sense, predict, take in the feet, and a fix when it arrives."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.estimation.kalman import AXIS, MODEL, D, P, S, V, correct, predict
 from hcbf_gym.estimation.sensing import (
     ERRORS,
@@ -76,13 +76,13 @@ PAST = np.dtype(
 """An instant that a fix still to come may change: what was known then, and what came in."""
 
 
-@njit(cache=True)
+@kernel()
 def instant(past: Records, ticks: int) -> np.record:
     """Return the entry of an instant, from the ring that `past` is."""
     return past[ticks % len(past)]
 
 
-@njit(cache=True)
+@kernel()
 def start(
     settings: Records,
     memory: Records,
@@ -126,7 +126,7 @@ def start(
     tell(first.x, told)
 
 
-@njit(cache=True)
+@kernel()
 def tick(
     settings: Records,
     memory: Records,
@@ -165,14 +165,14 @@ def tick(
     tell(entry.x, told)
 
 
-@njit(cache=True)
+@kernel()
 def put_turned(measured: Array, columns: Array) -> None:
     """Write a measured vector (2,) into columns (4,), and how an error of the heading turns it."""
     columns[0], columns[1] = measured[0], measured[1]
     columns[2], columns[3] = -measured[1], measured[0]
 
 
-@njit(cache=True)
+@kernel()
 def average_feet(
     known: np.record, now: np.record, state: StateViews, R: Array, entry: np.record
 ) -> None:
@@ -203,7 +203,7 @@ def average_feet(
         entry.var_odometry = variance / count**2
 
 
-@njit(cache=True)
+@kernel()
 def take_fix(known: np.record, past: Records, taken: int, now: int) -> None:
     """Take in the fix of tick `taken`, and play again what came in since, up to tick `now`."""
     entry = instant(past, taken)
@@ -215,20 +215,20 @@ def take_fix(known: np.record, past: Records, taken: int, now: int) -> None:
         entry = following
 
 
-@njit(cache=True)
+@kernel()
 def _advance(known: np.record, before: np.record, entry: np.record) -> None:
     entry.x[:] = before.x
     entry.cov[:] = before.cov
     predict(known.model, entry.x, entry.cov, entry.acceleration, known.errors.accelerometer**2)
 
 
-@njit(cache=True)
+@kernel()
 def _take_odometry(entry: np.record) -> None:
     if entry.var_odometry > 0.0:
         correct(entry.x, entry.cov, V, S, entry.odometry, entry.var_odometry)
 
 
-@njit(cache=True)
+@kernel()
 def tell(x: Array, told: Array) -> None:
     """Write the estimated planar position and velocity into a state's vector (41,)."""
     told[0:2] = x[P, :2]

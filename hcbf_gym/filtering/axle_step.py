@@ -9,13 +9,13 @@ standing before it.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels, zone
 from hcbf_gym.barriers.margins import MARGIN, QUICKENING, RATE, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA2, PERIOD, SETTINGS_WIDTH, U_MAX, CbfRows
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering.plants import Plants, Work
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
@@ -30,13 +30,13 @@ MOVED = 1e-9
 """By how much an input must be changed before the robot slides along what stands [m/s²]."""
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def axle_of(c: Any) -> Axle:
     """Return what limits the drive, of `plants.CONSTANTS`."""
     return Axle(c.axle[0], c.axle[1], c.axle[2], c.axle[3])
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def moves(kind: int, parameters: Array) -> bool:
     """Return whether a condition binds the point: it moves, or is a user's own."""
     if kind == layout.SPEED_LIMIT or kind == layout.ZONE:
@@ -45,7 +45,7 @@ def moves(kind: int, parameters: Array) -> bool:
     return kind == layout.CUSTOM or not still
 
 
-@njit(cache=True)
+@kernel()
 def place(c: Any, plant: Any) -> Known:
     """Return what is known of the axle."""
     axle, heading = axle_of(c), plant.heading
@@ -56,7 +56,7 @@ def place(c: Any, plant: Any) -> Known:
     return Known(x, plant.time, model, body - model, plant.covariance, plant.growth)
 
 
-@njit(cache=True)
+@kernel()
 def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write margins, rows and U of one plant; those of users' own conditions are made later."""
     plant, axle = p.sensed[i], axle_of(c)
@@ -94,7 +94,7 @@ def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
     _rows_of_point(c, p, w, i)
 
 
-@njit(cache=True)
+@kernel()
 def _zone_row(axle: Axle, c: Array, w: Work, i: int, k: int, x: Array, settings: Array) -> float:
     """Return b of a zone: braking alone changes the speed, turning the position besides.
 
@@ -117,7 +117,7 @@ def _zone_row(axle: Axle, c: Array, w: Work, i: int, k: int, x: Array, settings:
     )[0]  # fmt: skip
 
 
-@njit(cache=True)
+@kernel()
 def carry_on(axle: Axle, plant: Any) -> None:
     """Let a plant that is not believed go on turning, as its model goes on."""
     plant.heading = plant.headed
@@ -131,7 +131,7 @@ def carry_on(axle: Axle, plant: Any) -> None:
     _turn(plant.believed[2:], cos, sin)
 
 
-@njit(cache=True)
+@kernel()
 def _rows_of_point(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write margins and rows of what moves, which bind the point."""
     some = False
@@ -157,7 +157,7 @@ def _rows_of_point(c: Any, p: Plants, w: Work, i: int) -> None:
             turn_row(c, p, w, i, k)
 
 
-@njit(cache=True)
+@kernel()
 def turn_row(c: Any, p: Plants, w: Work, i: int, k: int) -> None:
     """Write a row on the point as one in u: its velocity turns with the heading besides."""
     plant, n, b = p.sensed[i], w.a[i, k], w.rows[B, i, k]
@@ -167,7 +167,7 @@ def turn_row(c: Any, p: Plants, w: Work, i: int, k: int) -> None:
     )
 
 
-@njit(cache=True)
+@kernel()
 def _rows(p: Plants, w: Work, i: int, x: Array, settings: Array) -> None:
     """Write the rows of one plant, whose axle has the state x (4,)."""
     m = p.kind.shape[1]
@@ -177,7 +177,7 @@ def _rows(p: Plants, w: Work, i: int, x: Array, settings: Array) -> None:
     row_kernels.rows(kind, parameters, margin, at, time, settings, a, w.rows[:, i : i + 1, :m])
 
 
-@njit(cache=True)
+@kernel()
 def limit(c: Any, settings: Settings, p: Plants) -> None:
     """Write the corners of each plant's U into the program."""
     for i in range(p.sensed.size):
@@ -186,7 +186,7 @@ def limit(c: Any, settings: Settings, p: Plants) -> None:
         drives.corners(axle_of(c), plant.x, plant.heading, c.period, corners)
 
 
-@njit(cache=True)
+@kernel()
 def turn_memory(plant: Any) -> None:
     """Turn what was expected of the point's velocity with the heading since the last sample.
 
@@ -199,14 +199,14 @@ def turn_memory(plant: Any) -> None:
     plant.headed = plant.heading
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _turn(pair: Array, cos: float, sin: float) -> None:
     """Turn a vector in the plane."""
     one, other = pair[0], pair[1]
     pair[0], pair[1] = cos * one - sin * other, sin * one + cos * other
 
 
-@njit(cache=True)
+@kernel()
 def split_ranks(p: Plants, w: Work, i: int) -> None:
     """Let what stands come before what moves in rank 1: where both cannot be, the robot stays out.
 
@@ -219,7 +219,7 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
         w.priority[i, k] += 1 if later else 0
 
 
-@njit(cache=True)
+@kernel()
 def slide(settings: Settings, w: Work, i: int, m: int, heading: float) -> None:
     """Answer once more where rows changed u, with what a robot free to move would do for u*.
 
@@ -258,7 +258,7 @@ def slide(settings: Settings, w: Work, i: int, m: int, heading: float) -> None:
     filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)
 
 
-@njit(cache=True)
+@kernel()
 def _answer_of(answer: FilterResult, i: int) -> FilterResult:
     """Return the answer's part of one plant, with a leading 1."""
     return FilterResult(
@@ -270,7 +270,7 @@ def _answer_of(answer: FilterResult, i: int) -> FilterResult:
     )
 
 
-@njit(cache=True)
+@kernel()
 def _with(s: Settings, i: int, vertices: Array) -> Settings:
     """Return the program of one plant with a U of corners (4, 2)."""
     weights = s.weights[i : i + 1] if s.weights.shape[0] > 1 else s.weights
@@ -280,7 +280,7 @@ def _with(s: Settings, i: int, vertices: Array) -> Settings:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel()
 def face(plants: Records, gain: float) -> None:
     """Let guidance turn robots that face away from their way, by the point before the axle.
 
@@ -300,7 +300,7 @@ def face(plants: Records, gain: float) -> None:
         way[2] = gain * (speed - way[0] * plant.x[2] - way[1] * plant.x[3])
 
 
-@njit(cache=True)
+@kernel()
 def of_body(c: Any, p: Plants, i: int, h: Array, strict: Mask) -> Array:
     """Return h (m,) of the axle: of what binds the point it is no less than the point's less ℓ."""
     out = h.copy()

@@ -8,10 +8,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import margins
+from hcbf_gym.compilation import kernel, put
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
@@ -42,7 +42,7 @@ class State(NamedTuple):
     believed: Array
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def look(plant: Any, state: State) -> int:
     """Return why a plant is not believed, 0 if it is; a state after none is news.
 
@@ -52,7 +52,7 @@ def look(plant: Any, state: State) -> int:
     """
     time = plant.time
     if plant.has_model == 0:
-        state.model[:] = state.x
+        put(state.model, state.x)
     reason = plant.fault if plant.fault < ALARM else 0
     if reason == 0 and not _is_sound(state):
         reason = STATE
@@ -66,23 +66,23 @@ def look(plant: Any, state: State) -> int:
         return reason
     if plant.follows == 0:
         plant.news = 1
-    state.believed[:] = state.x
+    put(state.believed, state.x)
     plant.believed_at = time
     plant.known = 1
     return 0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def replace(plant: Any, state: State) -> None:
     """Write the state that was believed last, which the model has carried on, for the present."""
-    state.x[:] = state.believed
-    state.model[:] = state.believed
+    put(state.x, state.believed)
+    put(state.model, state.believed)
     state.lag[:] = 0.0
     state.covariance[:, :] = 0.0
     plant.time = plant.believed_at
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def believe(plant: Any) -> int:
     """Return why a planar double integrator is not believed, 0 if it is; then its model carries on.
 
@@ -97,14 +97,18 @@ def believe(plant: Any) -> int:
         return 0
     believed = plant.believed
     if plant.known and plant.elapsed > 0.0:
-        believed[0], believed[1], believed[2], believed[3] = double_integrator_step(
-            believed, plant.input, plant.elapsed, np.inf
-        )
+        carried = double_integrator_step(believed, plant.input, plant.elapsed, np.inf)
+        plant.known = 1
+        for value in carried:
+            if not abs(value) <= FARTHEST:
+                plant.known = 0
+        if plant.known:
+            believed[0], believed[1], believed[2], believed[3] = carried
     replace(plant, state)
     return reason
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def believe_all(plants: Records, states: State, velocity_at: int, told: Records) -> bool:
     """Look at N plants of any model, write the reasons, and return whether there is one.
 
@@ -125,7 +129,7 @@ def believe_all(plants: Records, states: State, velocity_at: int, told: Records)
     return some
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def replace_all(plants: Records, states: State, told: Records) -> None:
     """Write the states that models carried on where plants are not believed."""
     for i in range(plants.size):
@@ -133,7 +137,7 @@ def replace_all(plants: Records, states: State, told: Records) -> None:
             replace(plants[i], state_of(states, i))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def state_of(states: State, i: int) -> State:
     """Return what is told of plant i."""
     return State(
@@ -141,7 +145,7 @@ def state_of(states: State, i: int) -> State:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _grow(plant: Any, follows: int) -> None:
     """Note by how much the velocity's covariance grows in one period; a fix does not change that.
 
@@ -159,7 +163,7 @@ def _grow(plant: Any, follows: int) -> None:
     plant.vague[2] = covariance[3, 3]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _is_sound(state: State) -> bool:
     """Return whether a plant is where anything can be, and its covariance may be one."""
     near = are_near(state.x) and are_near(state.model) and are_near(state.lag)
@@ -195,7 +199,7 @@ def real_number(value: Any) -> float | None:
     return None if number is None else float(number.item())
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def are_near(values: Array) -> bool:
     """Return whether no entry is beyond `FARTHEST`; of what is not finite that is false, too."""
     near = True
@@ -204,7 +208,7 @@ def are_near(values: Array) -> bool:
     return near
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def is_covariance(matrix: Array) -> bool:
     """Return whether a matrix (n, n) is symmetric without negative eigenvalues, up to rounding.
 

@@ -2,7 +2,7 @@
 
 import warnings
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -103,6 +103,7 @@ class Configured:
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._make_program(held)
+        self._drives: Literal[True] | None = None if plant.axle is None else True
         self._parts = plants.parts_of(self.count, threads)
         self._programs = self._of_parts()
         self._threads = Threads(len(self._parts))
@@ -181,7 +182,7 @@ class Configured:
         numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
         axle, period = plant.axle, plant.period or 0.0
         if axle is not None:
-            numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
+            numbers |= {"axle": axle, "jerk": axle.jerk(period)}
             settings = self._axle_settings(held)
             numbers["axle_rows"] = settings.packed
             self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))

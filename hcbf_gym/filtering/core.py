@@ -38,8 +38,8 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 
-SceneArrays = tuple[Integers, Array, Integers, Array, Array]
-"""Kind, parameters, priority, own margin and atlas of N scenes."""
+SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
+"""Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
 
 
 class FilterCore(Configured, ABC):
@@ -197,16 +197,20 @@ class FilterCore(Configured, ABC):
         samples, buffer = self._samples, self._buffer
         if self._solver is None and len(self._parts) == 1:
             words, told = samples.words, buffer.words
-            return step.filter_plants(self._words, self._program, *scene, words, own, *told)
+            return step.filter_plants(
+                self._words, self._program, self._drives, *scene, words, own, *told
+            )
         if self._solver is None:
             return self._filter_parts(scene, own)
         plants, told = samples.plants, (buffer.plants, buffer.rows)
-        constants, program = self._constants, self._program
-        said, part, work, source = step.pose(constants, program, scene, plants, own, *told)
+        shared = self._constants, self._program, self._drives
+        kind, parameters, priority, own_margin, atlas = scene
+        barriers = kind, parameters, priority, own_margin
+        said, part, work, source = step.pose(*shared, barriers, atlas, plants, own, *told)
         if said != step.DONE:
             return said
         answered = solvers.answer(self._solver, work)
-        return step.close(constants, program, answered, (part, work, source), buffer.rows)
+        return step.close(*shared, answered, (part, work, source), buffer.rows)
 
     def _filter_parts(self, scene: SceneArrays, own: Array) -> int:
         """Filter parts of the plants at once, as `_filter` does all of them."""
@@ -224,6 +228,7 @@ class FilterCore(Configured, ABC):
             return step.filter_plants(
                 constants.view(np.float64),
                 program,
+                self._drives,
                 kind[these],
                 parameters[these],
                 priority[these],

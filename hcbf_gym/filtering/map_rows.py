@@ -1,34 +1,35 @@
 """What is at hand of a map, in the filter of N planar double integrators: taken, and told of."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.rows import U_MAX
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import axle_step
 
 
-@njit(cache=True)
-def of_plant(c: Any, scene: Scene, atlas: Array, plant: Any) -> Scene:
+@kernel()
+def of_plant(c: Any, drives: Literal[True] | None, scene: Scene, atlas: Array, plant: Any) -> Scene:
     """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
 
     Args:
         c: `plants.CONSTANTS`.
+        drives: None of points, True of robots with an axle.
         scene: the plant's conditions.
         atlas: where the pieces stand.
         plant: `plants.PLANT`, looked at.
     """
-    if c.drives:
+    if drives is not None:
         known = axle_step.place(c, plant)
         return mapped.nearby(c, c.axle_rows, c.axle_rows[U_MAX], scene, atlas, known)
     return mapped.nearby(c, c.rows, c.radius, scene, atlas, plant)
 
 
-@njit(cache=True)
+@kernel()
 def tell(source: Integers, part: Records, rows: Records) -> None:
     """Write what is said of the pieces at hand into the rows of their classes.
 

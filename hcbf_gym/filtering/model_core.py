@@ -169,8 +169,9 @@ class ModelCore(FilterCore):
             except UNREADABLE:
                 after = None
             carried = belief.real_numbers(after, last.shape)
-            records["known"][i] = carried is not None
-            states.believed[i] = last if carried is None else carried
+            near = carried is not None and belief.are_near(carried)
+            records["known"][i] = near
+            states.believed[i] = carried if near else last
 
     def _terms(self, x: Array) -> tuple[tuple[Array, Array], Mask]:
         """Return f and g at N states, and (N,) where the model gives them."""

@@ -13,10 +13,10 @@ takes velocities, belongs to the motion, too. `monitor` has what is made of them
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.barriers.relative_degree import samples
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filtering.belief import State
 from hcbf_gym.filtering.monitor import (
@@ -206,14 +206,14 @@ class ModelMonitor:
             out[:] = np.nan
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _compares(watched: Watched, plant: Any, believed: bool) -> bool:
     """Return whether two samples are one period apart, and both are believed."""
     period = watched.period
     return believed and plant.follows != 0 and period > 0.0 and plant.elapsed == period
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _arrivals(
     watched: Watched,
     plants: Records,
@@ -259,7 +259,7 @@ def _arrivals(
     return some
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def observe(
     watched: Watched,
     plants: Records,
@@ -303,7 +303,7 @@ def observe(
         plant.follows = 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _misses(
     watched: Watched,
     plant: Any,
@@ -339,7 +339,7 @@ def _misses(
     return account(plant, error, chosen, period / WINDOW, watched.radius)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _moves_off(
     watched: Watched,
     plant: Any,
@@ -389,7 +389,7 @@ def _moves_off(
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _unreached(g: Array, steered: Mask, to_input: Array, v: Array, scratch: Array) -> None:
     """Take Π v in the place of v (n,); g counts in the steered states alone."""
     scratch[:] = v
@@ -402,7 +402,7 @@ def _unreached(g: Array, steered: Mask, to_input: Array, v: Array, scratch: Arra
                 v[k] -= g[k, j] * along
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _unreached_trace(
     g: Array, steered: Mask, to_input: Array, covariance: Array, parts: Array
 ) -> float:
@@ -417,7 +417,7 @@ def _unreached_trace(
     return max(0.0, trace)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _trace(a: Array, covariance: Array) -> float:
     """Return tr(A P Aᵀ)."""
     trace = 0.0
@@ -428,7 +428,7 @@ def _trace(a: Array, covariance: Array) -> float:
     return trace
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pseudo_inverse(g: Array, out: Array, columns: Array, turns: Array) -> None:
     """Write g⁺ (n_u, n), by turning pairs of columns until all are orthogonal (Jacobi).
 
@@ -478,7 +478,7 @@ def pseudo_inverse(g: Array, out: Array, columns: Array, turns: Array) -> None:
                     out[i, k] += turns[i, j] / size * columns[k, j]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _turn(part: Array, i: int, j: int, cos: float, tan: float) -> None:
     """Turn two columns."""
     for k in range(part.shape[0]):
@@ -487,7 +487,7 @@ def _turn(part: Array, i: int, j: int, cos: float, tan: float) -> None:
         part[k, j] = cos * (second + tan * first)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _missed(x: float, expected: float) -> float:
     """Return x − expected, without the whole turn of an angle that is wrapped."""
     missed = x - expected

@@ -30,8 +30,8 @@ integrator s is ``Δp − T (v + v')/2``, which is exact, so that c is 0 of one 
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
 WINDOW = 0.5
@@ -80,7 +80,7 @@ PLANAR_MEMORY = [
 """What is remembered besides of the motion in the plane; zeros at a reset."""
 
 
-@njit(cache=True)
+@kernel()
 def account(memory: Any, error: float, chosen: float, rate: float, radius: float) -> bool:
     """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
 
@@ -101,7 +101,7 @@ def account(memory: Any, error: float, chosen: float, rate: float, radius: float
     return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
 
 
-@njit(cache=True)
+@kernel()
 def breaks_off(memory: Any) -> bool:
     """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
 
@@ -111,13 +111,13 @@ def breaks_off(memory: Any) -> bool:
     return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def fade(period: float) -> float:
     """Return by how much sums over τ fade in a period."""
     return max(0.0, 1.0 - period / WINDOW)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def strays(
     memory: Any, off: float, moved: float, change: float, rest: float, spread: float, period: float
 ) -> bool:
@@ -138,14 +138,14 @@ def strays(
     return memory.in_a_row >= IN_A_ROW
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def latch(plant: Any, alarm: int) -> None:
     """Raise an alarm until the next reset; the first one stays."""
     if plant.alarm == 0:
         plant.alarm = alarm
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: bool) -> None:
     """Compare a believed sample of a planar double integrator with the one before.
 
@@ -178,14 +178,14 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: 
     plant.follows = 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def note_body(memory: Any, body: tuple[float, float, float, float]) -> None:
     """Note where a body is, and its velocity, for the next sample."""
     for k in range(4):
         memory.body[k] = body[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def drifts(
     memory: Any,
     body: tuple[float, float, float, float],

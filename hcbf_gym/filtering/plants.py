@@ -2,15 +2,15 @@
 
 from functools import cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import monitor, verdict
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
@@ -19,39 +19,41 @@ from hcbf_gym.programs.result import FilterResult
 CONSTANTS = np.dtype(
     (
         np.record,
-        [
-            # the program, as `planar.records.Settings` has it
-            ("lower", "i8"),
-            ("by_level", "?"),
-            ("lock", "i8"),
-            ("ranks", "?"),
-            ("guided", "?"),
-            ("radius", "f8"),
-            ("lambda_u", "f8"),
-            ("known_offset", "?"),
-            ("corners", "i8"),  # of a U
-            ("input_sets", "i8"),  # 1, or one a plant
-            ("weights", "i8"),  # of a state
-            ("made", "?"),  # whether rows, alarms and braking inputs were made beforehand
-            # what the rows keep, and how they are made
-            *((name, "f8") for name in Uncertainty._fields),
-            ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
-            ("period", "f8"),  # T [s], 0 where it is not known
-            ("rounding", "f8"),  # of an input that is told in 32 bits, 0 for 64 [m/s²]
-            ("dip", "f8"),  # what usual rows reserve against dips between samples
-            ("sway", "f8"),  # what of d a robot may use that is not its model
-            ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
-            # a differential drive
-            ("drives", "?"),
-            ("axle", "f8", 4),  # `models.axle.Axle`
-            ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
-            ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
-            # guidance
-            ("has_way", "?"),
-            ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
-            ("brakes", "?"),  # whether an alarm makes the filter brake
-            ("moves_now", "i8"),  # whether position and velocity are of the present, and compared
-        ],
+        np.dtype(
+            [
+                # the program, as `planar.records.Settings` has it
+                ("lower", "i8"),
+                ("by_level", "?"),
+                ("lock", "i8"),
+                ("ranks", "?"),
+                ("guided", "?"),
+                ("radius", "f8"),
+                ("lambda_u", "f8"),
+                ("known_offset", "?"),
+                ("corners", "i8"),  # of a U
+                ("input_sets", "i8"),  # 1, or one a plant
+                ("weights", "i8"),  # of a state
+                ("made", "?"),  # whether rows, alarms and braking inputs were made beforehand
+                # what the rows keep, and how they are made
+                *((name, "f8") for name in Uncertainty._fields),
+                ("rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed`
+                ("period", "f8"),  # T [s], 0 where it is not known
+                ("rounding", "f8"),  # of an input that is told in 32 bits, 0 for 64 [m/s²]
+                ("dip", "f8"),  # what usual rows reserve against dips between samples
+                ("sway", "f8"),  # what of d a robot may use that is not its model
+                ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
+                # a differential drive
+                ("axle", "f8", 4),  # `models.axle.Axle`
+                ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
+                ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
+                # guidance
+                ("has_way", "?"),
+                ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
+                ("brakes", "?"),  # whether an alarm makes the filter brake
+                ("moves_now", "?"),  # whether positions and velocities are of the present
+            ],
+            align=True,  # so that it is made of whole numbers
+        ),
     )
 )
 """What a filter never changes."""
@@ -167,7 +169,6 @@ class Plants(NamedTuple):
         parameters: (N, m, WIDTH) likewise.
         priority: (N, m) likewise.
         own_margin: (N, m) likewise.
-        atlas: (L,) where the pieces of maps stand; of length 1 where there is no map.
         sensed: (N,) `PLANT`, written to.
         own: (N, m, WIDTH + n_u) rows that were made beforehand, see `barriers.general_kernels`;
             (0, 0, 0) where there are none.
@@ -179,7 +180,6 @@ class Plants(NamedTuple):
     parameters: Array
     priority: Integers
     own_margin: Array
-    atlas: Array
     sensed: Records
     own: Array
     told: Records
@@ -213,7 +213,7 @@ class Work(NamedTuple):
     polygons: Workspace
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def fits(p: Plants) -> bool:
     """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
 
@@ -235,9 +235,9 @@ def fits(p: Plants) -> bool:
     return True
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def make_work(
-    settings: Settings, n: int, m: int, total: int, n_u: int, drives: bool = False
+    settings: Settings, n: int, m: int, total: int, n_u: int, drives: Literal[True] | None = None
 ) -> Work:
     """Return room for n plants of n_u inputs with m rows, `total` with guidance.
 
@@ -253,7 +253,7 @@ def make_work(
         codes[: ends[0]].reshape(n, total),
         np.empty((4, n, m)),
         np.empty((n, m), dtype=np.bool_),
-        np.empty((n if drives else 0, total, 3)),
+        np.empty((n if drives is not None else 0, total, 3)),
         FilterResult(
             of_inputs[1],
             of_rows[4],
@@ -265,14 +265,14 @@ def make_work(
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def split(c: Any, numbers: Array) -> tuple[Array, Array]:
     """Return the corners of U (K, V, 2) and the weights (K, 1 + L) of a program."""
     end = 2 * c.corners * c.input_sets
     return numbers[:end].reshape(c.input_sets, c.corners, 2), numbers[end:].reshape(-1, c.weights)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
     """Return the program of the plants from `first` on and before `end`, with what is their own."""
     vertices, weights = split(c, numbers)
@@ -294,7 +294,7 @@ def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
     )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def some(p: Plants, first: int, end: int) -> Plants:
     """Return the plants from `first` on and before `end`."""
     return Plants(
@@ -302,7 +302,6 @@ def some(p: Plants, first: int, end: int) -> Plants:
         p.parameters[first:end],
         p.priority[first:end],
         p.own_margin[first:end],
-        p.atlas,
         p.sensed[first:end],
         p.own[first:end],
         p.told[first:end],

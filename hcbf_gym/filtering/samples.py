@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, real_numbers
 from hcbf_gym.filtering.plants import plant_dtype
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
@@ -129,7 +129,9 @@ class Samples:
         if elapsed is None:
             return True
         numbers = np.full(len(since), -1.0)
-        known = self._note(_bare(numbers), elapsed) and bool((numbers > 0.0).all())
+        known = self._note(_bare(numbers), elapsed) and bool(
+            ((numbers > 0.0) & (numbers <= LONGEST)).all()
+        )
         if known:
             since[:] = numbers
         return known

@@ -4,10 +4,9 @@ Of planar double integrators all of it happens here. Of other models the states 
 and rows, alarms and braking inputs were made beforehand.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask, Records
 from hcbf_gym.barriers import general_kernels, layout, margins, row_kernels
@@ -16,7 +15,7 @@ from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA1, CbfRows
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel, put
 from hcbf_gym.filtering import axle_step, map_rows, report, verdict
 from hcbf_gym.filtering.belief import believe
 from hcbf_gym.filtering.monitor import watch
@@ -49,15 +48,16 @@ BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.
 RESPONSE = int(Reason.RESPONSE)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def filter_plants(
     constants: Array,
     program: Array,
+    drives: Literal[True] | None,
     kind: Integers,
     parameters: Array,
     priority: Integers,
     own_margin: Array,
-    atlas: Array,
+    atlas: Array | None,
     sensed: Array,
     own: Array,
     told: Array,
@@ -66,16 +66,18 @@ def filter_plants(
     """Filter the nominal inputs of N plants of two inputs; `Plants` has the arrays.
 
     Records come as the numbers that they are made of, and arrays one by one: Python hands those
-    over in half the time.
+    over in half the time. Of an argument that is None Numba compiles nothing: a point asks for no
+    axle, a scene without a map for no pieces.
 
     Args:
         constants: the numbers of a `plants.CONSTANTS`.
         program: the corners of U and the weights, see `plants.constants`.
+        drives: None of points, True of robots with an axle.
         kind: of the scenes.
         parameters: likewise.
         priority: likewise.
         own_margin: likewise.
-        atlas: likewise.
+        atlas: (L,) where the pieces of maps stand; None where there is no map.
         sensed: the numbers of N `plants.PLANT`; what is not believed is replaced.
         own: where there are such rows, the states have been looked at, too.
         told: the numbers of N `report.PLANT`, with u*; with own rows, the reasons stand there
@@ -93,7 +95,6 @@ def filter_plants(
         borrowed(parameters),
         borrowed(priority),
         borrowed(own_margin),
-        borrowed(atlas),
         borrowed(sensed).view(PLANT),
         borrowed(own),
         borrowed(told).view(report.PLANT),
@@ -104,65 +105,74 @@ def filter_plants(
         return said
     count, m = plants.kind.shape
     asks = False
-    if plants.atlas.size > 1:
+    if atlas is not None:
+        pieces = borrowed(atlas)
         for i in range(count):
-            asks |= _filter_mapped(c, program_of(c, numbers, i, i + 1), plants, i)
+            settings = program_of(c, numbers, i, i + 1)
+            asks |= _filter_mapped(c, settings, drives, plants, pieces, i)
         return ASKS if asks else DONE
     work = make_work(
-        program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1], 2, c.drives
+        program_of(c, numbers, 0, 1), min(count, TOGETHER), m, plants.rows.shape[1], 2, drives
     )
     for first in range(0, count, TOGETHER):
         end = min(first + TOGETHER, count)
         settings = program_of(c, numbers, first, end)
-        asks |= _filter(c, settings, some(plants, first, end), work)
+        asks |= _filter(c, settings, drives, some(plants, first, end), work)
     return ASKS if asks else DONE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _rows_of(rows: Records, count: int) -> Records:
     """Return (N, M) the rows of N plants."""
     return rows.reshape(count, rows.size // max(1, count))
 
 
-@njit(cache=True)
-def _filter(c: Any, settings: Settings, some: Plants, work: Work) -> bool:
+@kernel()
+def _filter(
+    c: Any, settings: Settings, drives: Literal[True] | None, some: Plants, work: Work
+) -> bool:
     """Filter as many plants as there is room for, and return whether a warning is due."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count = p.kind.shape[0]
     asks = False
-    _make_rows(c, p, w)
-    if c.drives:
+    _make_rows(c, drives, p, w)
+    if drives is not None:
         axle_step.limit(c, settings, p)
     for i in range(count):
-        _ask(c, settings, p, w, i)
+        _ask(c, settings, drives, p, w, i)
     rows = CbfRows(w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI])
     filter_range(settings, w.u, rows, w.answer, w.polygons, 0, count)
-    if c.drives:
+    if drives is not None:
         for i in range(count):
             if p.told[i].reason == 0:
                 axle_step.slide(settings, w, i, p.kind.shape[1], p.sensed[i].heading)
     for i in range(count):
-        _conclude(c, p, w, i)
+        _conclude(c, drives, p, w, i)
         asks |= p.told[i].reason != 0
     return asks
 
 
-@njit(cache=True)
-def _filter_mapped(c: Any, settings: Settings, p: Plants, i: int) -> bool:
+@kernel()
+def _filter_mapped(
+    c: Any, settings: Settings, drives: Literal[True] | None, p: Plants, atlas: Array, i: int
+) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
-    part, source = _nearby(c, p, i)
+    part, source = _nearby(c, drives, p, atlas, i)
     count, total = part.kind.shape[1], part.rows.shape[1]
-    asks = _filter(c, settings, part, make_work(settings, 1, count, total, 2, c.drives))
+    work = make_work(settings, 1, count, total, 2, drives)
+    asks = _filter(c, settings, drives, part, work)
     map_rows.tell(source, part.rows[0], p.rows[i, : p.kind.shape[1]])
     return asks
 
 
-@njit(cache=True)
-def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
+@kernel()
+def _nearby(
+    c: Any, drives: Literal[True] | None, p: Plants, atlas: Array, i: int
+) -> tuple[Plants, Integers]:
     """Return plant `i` with the nearby pieces of its map, and which condition each row is of."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
-    hand = map_rows.of_plant(c, scene, p.atlas, p.sensed[i])
+    hand = map_rows.of_plant(c, drives, scene, atlas, p.sensed[i])
     count = hand.kind.size
     own = p.own[:0]
     if p.own.size > 0:
@@ -174,7 +184,6 @@ def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
         hand.parameters.reshape(1, count, layout.WIDTH),
         hand.priority.reshape(1, count),
         hand.own_margin.reshape(1, count),
-        p.atlas[:1],
         p.sensed[i : i + 1],
         own,
         p.told[i : i + 1],
@@ -183,11 +192,13 @@ def _nearby(c: Any, p: Plants, i: int) -> tuple[Plants, Integers]:
     return part, hand.source
 
 
-@njit(cache=True)
+@kernel()
 def pose(
     constants: Records,
     program: Array,
-    scene: tuple[Integers, Array, Integers, Array, Array],
+    drives: Literal[True] | None,
+    scene: tuple[Integers, Array, Integers, Array],
+    atlas: Array | None,
     sensed: Records,
     own: Array,
     told: Records,
@@ -207,21 +218,22 @@ def pose(
     said = _begin(c, plants)
     settings = program_of(c, borrowed(program), 0, 1)
     part, source = plants, np.empty(0, dtype=np.int64)
-    if said == DONE and not c.made:
-        part, source = _nearby(c, plants, 0)
+    if atlas is not None and said == DONE and not c.made:
+        part, source = _nearby(c, drives, plants, atlas, 0)
     count, m = part.kind.shape
-    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size, c.drives)
+    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size, drives)
     if said == DONE:
-        _make_rows(c, part, work)
+        _make_rows(c, drives, part, work)
         for i in range(count):
-            _ask(c, settings, part, work, i)
+            _ask(c, settings, drives, part, work, i)
     return said, part, work, source
 
 
-@njit(cache=True)
+@kernel()
 def close(
     constants: Records,
     program: Array,
+    drives: Literal[True] | None,
     answered: Mask,
     posed: tuple[Plants, Work, Integers],
     rows: Records,
@@ -231,6 +243,7 @@ def close(
     Args:
         constants: (1,) `plants.CONSTANTS`.
         program: see `plants.constants`.
+        drives: as `filter_plants` takes it.
         answered: (N,) whether the answer stands in `work`; if not, the plant is brought to rest.
         posed: by `pose`: plants, problems and sources.
         rows: (N, M) `report.ROW`, written to.
@@ -246,7 +259,7 @@ def close(
                 told.reason = SOLVER
                 _wish_to_stop(c, own_of(settings, i).vertices, plant, work.u[i])
             _apply(work, i)
-        _conclude(c, part, work, i)
+        _conclude(c, drives, part, work, i)
         asks |= told.reason != 0
     if source.size > 0:
         m = rows.shape[1] - part.rows.shape[1] + part.kind.shape[1]
@@ -254,7 +267,7 @@ def close(
     return ASKS if asks else DONE
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _begin(c: Any, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
@@ -270,8 +283,8 @@ def _begin(c: Any, plants: Plants) -> int:
     return DONE
 
 
-@njit(cache=True, inline="always")
-def _make_rows(c: Any, p: Plants, w: Work) -> None:
+@kernel(inline="always")
+def _make_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
     """Write the margins and the rows."""
     count, m = p.kind.shape
     for i in range(count):
@@ -280,9 +293,9 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
     if c.made:
         w.margin[:, :, :] = 0.0
     else:
-        _make_planar_rows(c, p, w)
+        _make_planar_rows(c, drives, p, w)
     if p.own.size > 0:
-        _take_rows(c, p, w)
+        _take_rows(c, drives, p, w)
     if c.rounding > 0.0:
         for i in range(count):
             for k in range(m):
@@ -293,28 +306,28 @@ def _make_rows(c: Any, p: Plants, w: Work) -> None:
                     w.rows[B, i, k] += c.rounding * size
 
 
-@njit(cache=True, inline="always")
-def _make_planar_rows(c: Any, p: Plants, w: Work) -> None:
+@kernel(inline="always")
+def _make_planar_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
     """Write the margins and rows of planar double integrators, users' own barriers left out."""
     count, m = p.kind.shape
     for i in range(count):
         for k in range(m):
             placed = p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE
             w.strict[i, k] = placed and p.priority[i, k] == 1
-        if c.drives:
+        if drives is not None:
             axle_step.make_rows(c, p, w, i)
-            continue
-        plant = p.sensed[i]
-        margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
-        for k in range(m):
-            w.margin[0, i, k] += p.own_margin[i, k]
-    if not c.drives:
+        else:
+            plant = p.sensed[i]
+            margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, w.margin[:, i])
+            for k in range(m):
+                w.margin[0, i, k] += p.own_margin[i, k]
+    if drives is None:
         x, t = p.sensed["x"], p.sensed["time"]
         row_kernels.rows(p.kind, p.parameters, w.margin, x, t, c.rows, w.a, w.rows)
 
 
-@njit(cache=True, inline="always")
-def _take_rows(c: Any, p: Plants, w: Work) -> None:
+@kernel(inline="always")
+def _take_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
@@ -327,23 +340,25 @@ def _take_rows(c: Any, p: Plants, w: Work) -> None:
                 w.rows[q, i, k] = row[q]
             w.margin[0, i, k] = row[general_kernels.MARGIN]
             w.strict[i, k] = row[PLACED] != 0.0 and p.priority[i, k] == 1
-            if c.drives:
+            if drives is not None:
                 axle_step.turn_row(c, p, w, i, k)
 
 
-@njit(cache=True, inline="always")
-def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
+@kernel(inline="always")
+def _ask(
+    c: Any, settings: Settings, drives: Literal[True] | None, p: Plants, w: Work, i: int
+) -> None:
     """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
     plant = p.sensed[i]
     told = p.told[i]
     if not _are_finite(p, w, i) and told.reason == 0:
         told.reason = BARRIERS
-    if c.drives:
+    if drives is not None:
         axle_step.turn_memory(plant)
     if told.reason == 0:
         if not c.made:
-            exact = c.settles == 0.0 and not c.drives
-            watch(plant, c.radius, c.confidence, exact, c.moves_now != 0)
+            exact = c.settles == 0.0 and drives is None
+            watch(plant, c.radius, c.confidence, exact, c.moves_now)
         told.reason = plant.alarm
     else:
         plant.follows = 0
@@ -352,7 +367,7 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if _stops(told.reason, plant.alarm, c.brakes):
         _wish_to_stop(c, own_of(settings, i).vertices, plant, w.u[i])
         _guide_nowhere(c, p, w, i)
-        if c.drives and c.by_level:
+        if drives is not None and c.by_level:
             axle_step.split_ranks(p, w, i)
         return
     for j in range(told.u_nominal.size):
@@ -360,11 +375,11 @@ def _ask(c: Any, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if c.has_way:
         told.reachable = plant.reachable
         _guide(c, p, w, i)
-    if c.drives and c.by_level:
+    if drives is not None and c.by_level:
         axle_step.split_ranks(p, w, i)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _are_finite(p: Plants, w: Work, i: int) -> bool:
     """Return whether the safety rows of a state are finite; where they are not, take them out."""
     finite = True
@@ -383,13 +398,13 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
     return finite
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _stops(reason: int, alarm: int, brakes: bool) -> bool:
     """Return whether a plant is brought to rest: it is not known, or an alarm asks for that."""
     return reason != 0 and (reason != alarm or brakes)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
     """Write the input of U nearest to what stops the plant's model, to 0 where no state is known.
 
@@ -405,7 +420,7 @@ def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
     u[0], u[1] = nearest(vertices, vertices.shape[0], wanted_x, wanted_y)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let guidance act on one state.
 
@@ -423,7 +438,7 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
     w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = b, 0.0, 0.0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
     """Let the row of guidance, where there is one, ask for nothing."""
     last = p.kind.shape[1]
@@ -433,8 +448,8 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
         w.rows[B, i, last], w.rows[H, i, last], w.rows[ALPHA2_PSI, i, last] = -1.0, 0.0, 0.0
 
 
-@njit(cache=True, inline="always")
-def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
+@kernel(inline="always")
+def _conclude(c: Any, drives: Literal[True] | None, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
     plant = p.sensed[i]
     told = p.told[i]
@@ -464,7 +479,7 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
         lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
         told.proved = 0 if lacks.any else 1
-    if c.drives:
+    if drives is not None:
         for k in range(m):
             violated |= p.priority[i, k] == 1 and slack[k] > 0.0
         h_body = axle_step.of_body(c, p, i, h, w.strict[i])
@@ -493,13 +508,13 @@ def _conclude(c: Any, p: Plants, w: Work, i: int) -> None:
             row.conditioning = 1.0
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _apply(w: Work, i: int) -> None:
     """Make the braking input the answer, as it is: the rows say nothing, or no solver answered.
 
     After an alarm the state is believed, but the plant no longer: what it does by itself may bring
     it to a region, and the program's answer to the braking input keeps it away.
     """
-    w.answer.u[i, :] = w.u[i]
+    put(w.answer.u[i], w.u[i])
     w.answer.slack[i, :], w.answer.delta[i, :] = 0.0, 0.0
     w.answer.fallbacks[i] = 0

@@ -14,10 +14,10 @@ news left it so. A robot that is its model has e = 0.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import class_k
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.programs.result import FilterStatus
 
@@ -50,7 +50,7 @@ class Shortfall(NamedTuple):
     fast: bool
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def shortfall(
     strict: Mask,
     h: Array,
@@ -89,7 +89,7 @@ def shortfall(
     return Shortfall(lacks, near, fast)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) -> bool:
     """Return whether a step is VIOLATED for what its strict conditions lack, and remember.
 
@@ -107,7 +107,7 @@ def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) ->
     return memory.unproved != 0 or lacks.near or lasts
 
 
-@njit(cache=True)
+@kernel()
 def conclude(status: int, moved: bool, unsafe: bool, violated: bool, slack: Array) -> int:
     """Return the status of a step.
 
@@ -132,7 +132,7 @@ def conclude(status: int, moved: bool, unsafe: bool, violated: bool, slack: Arra
     return max(status, VIOLATED) if violated else status
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def is_unsafe(
     priority: Integers, strict: Mask, a: Array, h: Array, body: float, made: bool
 ) -> bool:
@@ -155,7 +155,7 @@ def is_unsafe(
     return False
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def stands(speed2: float, asked2: float) -> float:
     """Return 1 where a plant stands though u* asks it to move, by the squares of both."""
     return 1.0 if speed2 < STANDING * STANDING and asked2 > ASKING * ASKING else 0.0

@@ -4,11 +4,11 @@ Its geometry (7,) says where the cells lie, see `guidance.field`.
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, shapes
 from hcbf_gym.barriers.shapes import half_plane
+from hcbf_gym.compilation import kernel
 from hcbf_gym.models.grid import Grid
 
 PAD = 1.5
@@ -24,7 +24,7 @@ MAX_CELLS = 10_000
 may be as many as on the same area, and it takes 20 ms."""
 
 
-@njit(cache=True)
+@kernel()
 def scene_extent(
     kind: Integers,
     parameters: Array,
@@ -53,8 +53,9 @@ def scene_extent(
             low_x, low_y, high_x, high_y = shapes.bounds(kind[k], parameters[k])
             extent[0, 0], extent[0, 1] = min(extent[0, 0], low_x), min(extent[0, 1], low_y)
             extent[1, 0], extent[1, 1] = max(extent[1, 0], high_x), max(extent[1, 1], high_y)
-    extent[0] -= PAD
-    extent[1] += PAD
+    for axis in range(2):
+        extent[0, axis] -= PAD
+        extent[1, axis] += PAD
     for k in range(kind.size):
         if kind[k] == half_plane.CODE and priority[k] == 1:
             for axis in range(2):
@@ -66,7 +67,7 @@ def scene_extent(
                     extent[1, axis] = min(extent[1, axis], BEHIND_WALL - wall)
 
 
-@njit(cache=True)
+@kernel()
 def geometry_over(extent: Array, cell: float, geometry: Array) -> None:
     """Write the geometry (7,) of a grid over an extent, its cells larger where it is large."""
     width, height = extent[1, 0] - extent[0, 0], extent[1, 1] - extent[0, 1]

@@ -7,9 +7,9 @@ centre, side of a cell [m], ny, nx, and cos and sin of the angle by which the gr
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Field, Ranks
+from hcbf_gym.compilation import kernel
 from hcbf_gym.guidance.ground import Ground
 from hcbf_gym.guidance.march import Cells, is_open, march
 
@@ -17,14 +17,14 @@ Number = TypeVar("Number", float, Array)
 Kept = TypeVar("Kept", Field, Ranks)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def grid(values: Kept, geometry: Array) -> Kept:
     """Return the (ny, nx) view of one scene's flat values."""
     ny, nx = int(geometry[3]), int(geometry[4])
     return values[: ny * nx].reshape(ny, nx)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def to_cells(x: float, y: float, geometry: Array) -> tuple[float, float]:
     """Return row and column of a point, whole numbers at the cells' centres."""
     away_x, away_y = x - geometry[0], y - geometry[1]
@@ -32,7 +32,7 @@ def to_cells(x: float, y: float, geometry: Array) -> tuple[float, float]:
     return (cos * away_y - sin * away_x) / geometry[2], (cos * away_x + sin * away_y) / geometry[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def to_world(row: Number, column: Number, geometry: Array) -> tuple[Number, Number]:
     """Return the point of a row and a column, or those of many; see `to_cells`."""
     along, up = column * geometry[2], row * geometry[2]
@@ -40,7 +40,7 @@ def to_world(row: Number, column: Number, geometry: Array) -> tuple[Number, Numb
     return geometry[0] + cos * along - sin * up, geometry[1] + sin * along + cos * up
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def cell_of(x: float, y: float, geometry: Array) -> tuple[int, int]:
     """Return row and column of the cell nearest a point."""
     row, column = to_cells(x, y, geometry)
@@ -49,7 +49,7 @@ def cell_of(x: float, y: float, geometry: Array) -> tuple[int, int]:
     return round(j), round(i)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def solve(
     ground: Ground, geometry: Array, goal: Array, opened: int, field: Field, through: Ranks
 ) -> None:
@@ -68,11 +68,14 @@ def solve(
     cells = Cells(ground.cost.ravel(), ground.rank.ravel(), nx, arrival, ranks)
     j, i = cell_of(goal[0], goal[1], geometry)
     march(cells, geometry[2], opened, (j + 1) * nx + i + 1)
-    grid(field, geometry)[:, :] = arrival.reshape(rows, nx)[1:-1, 1:-1]
-    grid(through, geometry)[:, :] = ranks.reshape(rows, nx)[1:-1, 1:-1]
+    for j in range(rows - 2):
+        here, there = j * (nx - 2), (j + 1) * nx + 1
+        for i in range(nx - 2):
+            field[here + i] = arrival[there + i]
+            through[here + i] = ranks[there + i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def crossing(rank: Ranks, view: Field, j: int, i: int, opened: int) -> tuple[int, int, int]:
     """Return rank, row and column of the first closed region that the path from a cell enters.
 

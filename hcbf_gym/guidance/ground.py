@@ -9,11 +9,11 @@ radius and what the edges reserve.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Field, Integers, Mask, Ranks
 from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.shapes import half_plane
+from hcbf_gym.compilation import kernel
 from hcbf_gym.guidance.march import is_open
 
 CLOSED_COST = 100.0
@@ -38,7 +38,7 @@ class Ground(NamedTuple):
     rank: Ranks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def open_ground(ny: int, nx: int, side: float) -> Ground:
     """Return ground without regions, of cells with that side [m]."""
     ground = Ground(
@@ -49,7 +49,7 @@ def open_ground(ny: int, nx: int, side: float) -> Ground:
     return ground
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _paint(
     ground: Ground, j: int, i: int, free: float, priority: int, opened: int, side: float
 ) -> None:
@@ -66,7 +66,7 @@ def _paint(
         ground.cost[j, i] = max(ground.cost[j, i], (1.0 + HALO_COST * near**4) * side)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _paint_barrier(
     ground: Ground,
     geometry: Array,
@@ -98,7 +98,7 @@ def _paint_barrier(
             _paint(ground, j + 1, i + 1, h - clearance, priority, opened, side)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def paint_barriers(
     ground: Ground,
     geometry: Array,
@@ -128,7 +128,7 @@ def paint_barriers(
             )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def distances(cells: Mask, reach: int) -> Field:
     """Return (ny, nx) exact distances of the cells' centres from the nearest occupied square.
 
@@ -166,7 +166,7 @@ def distances(cells: Mask, reach: int) -> Field:
     return np.sqrt(least)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def paint_cells(
     ground: Ground,
     window: tuple[int, int, int, int],

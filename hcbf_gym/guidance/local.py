@@ -17,11 +17,11 @@ with circulation inequalities, IEEE TCST 2024, with a latched side.
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.row import Pull
 
@@ -35,7 +35,7 @@ STUCK = 1.0
 """Standing for so long flips the side [s]."""
 
 
-@njit(cache=True)
+@kernel()
 def circulation(
     kind: Integers,
     parameters: Array,
@@ -85,7 +85,7 @@ def circulation(
     return ax, ay, -pull.gain * (ax * x[2] + ay * x[3] - pull.speed)
 
 
-@njit(cache=True)
+@kernel()
 def rows(
     kind: Integers,
     parameters: Array,

@@ -21,9 +21,9 @@ algorithm, Journal of Computational Physics 212, 2006.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Field, Mask, Places, Ranks
+from hcbf_gym.compilation import kernel
 
 BUCKETS = 1 << 15
 """So many lists of waiting cells, in a ring."""
@@ -68,7 +68,7 @@ class Queue(NamedTuple):
     waiting: Mask
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _make_queue(cells: int) -> Queue:
     """Return an empty queue."""
     return Queue(
@@ -79,7 +79,7 @@ def _make_queue(cells: int) -> Queue:
     )
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _take(queue: Queue, cell: int) -> None:
     """Take a cell out of its list."""
     before, after = queue.before[cell], queue.after[cell]
@@ -92,7 +92,7 @@ def _take(queue: Queue, cell: int) -> None:
     queue.waiting[cell] = False
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _put(queue: Queue, cell: int, bucket: int) -> None:
     """Put a cell into a list, out of the one that it may be in."""
     if queue.waiting[cell]:
@@ -106,13 +106,13 @@ def _put(queue: Queue, cell: int, bucket: int) -> None:
     queue.waiting[cell] = True
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def is_open(rank: int, level: int) -> bool:
     """Return whether a cell of this rank may be entered: ranks from `level` on may, for 0 none."""
     return rank == 0 or (level > 0 and rank >= level)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _worst(rank: int, other: int) -> int:
     """Return the higher of two ranks, 0 where both are none."""
     if rank == 0 or other == 0:
@@ -120,7 +120,7 @@ def _worst(rank: int, other: int) -> int:
     return min(rank, other)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _lower(field: Field, level: int, toll: float, one: int, other: int) -> tuple[float, int]:
     """Return the lower T of two neighbours and which; what settled in stages before pays toll.
 
@@ -134,7 +134,7 @@ def _lower(field: Field, level: int, toll: float, one: int, other: int) -> tuple
     return (t, one) if t <= u else (u, other)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _arrive(
     field: Field, nx: int, level: int, toll: float, step: float, cell: int
 ) -> tuple[float, int]:
@@ -151,7 +151,7 @@ def _arrive(
     return 0.5 * (along_x + along_y + np.sqrt(2.0 * step * step - apart * apart)), source
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always", error_model="numpy")
 def _reached(rank: Ranks, through: Ranks, cell: int, source: int) -> int:
     """Return through which rank the goal is reached from a cell over a neighbour.
 
@@ -165,7 +165,7 @@ def _reached(rank: Ranks, through: Ranks, cell: int, source: int) -> int:
     return _worst(rank[cell], through[source])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _begin(cells: Cells, level: int, toll: float, queue: Queue) -> tuple[int, float]:
     """Put what a stage can settle from what is settled into the queue; return how many, and width.
 
@@ -198,7 +198,7 @@ def _begin(cells: Cells, level: int, toll: float, queue: Queue) -> tuple[int, fl
     return count, width
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _relax(
     cells: Cells, level: int, toll: float, width: float, queue: Queue, waiting: int
 ) -> float:
@@ -243,7 +243,7 @@ def _relax(
     return highest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _stages(rank: Ranks, opened: int) -> Ranks:
     """Return the level of every stage, as `is_open` takes it: what is open first, rank 1 last.
 
@@ -264,7 +264,7 @@ def _stages(rank: Ranks, opened: int) -> Ranks:
     return levels[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def march(cells: Cells, side: float, opened: int, goal: int) -> None:
     """Write T and `through` of a whole grid.
 

@@ -12,9 +12,9 @@ last rank of all, so that no safety row pays for it.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Field, Integers, Ranks
+from hcbf_gym.compilation import kernel
 from hcbf_gym.guidance.field import cell_of, grid, to_cells, to_world
 
 AHEAD = 2.0
@@ -38,7 +38,7 @@ class Pull(NamedTuple):
     ease: float = 0.3
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def interpolate(view: Field, row: float, column: float) -> tuple[float, float, float]:
     """Return T and its slope by row and by column, bilinear between the cells' centres."""
     ny, nx = view.shape
@@ -53,7 +53,7 @@ def interpolate(view: Field, row: float, column: float) -> tuple[float, float, f
     return (1.0 - q) * lower + q * upper, by_row, by_column
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def lowest_neighbour(view: Field, row: float, column: float) -> tuple[float, float]:
     """Return row and column of the lowest cell around the one nearest a place."""
     ny, nx = view.shape
@@ -69,7 +69,7 @@ def lowest_neighbour(view: Field, row: float, column: float) -> tuple[float, flo
     return float(low_j), float(low_i)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def descent(
     view: Field, geometry: Array, goal: Array, x: float, y: float, length: float
 ) -> tuple[float, float]:
@@ -94,14 +94,14 @@ def descent(
     return to_world(row, column, geometry)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def has_field(capacity: int, geometry: Array) -> bool:
     """Return whether a scene's field was computed: nothing else here checks an index."""
     ny, nx = int(geometry[3]), int(geometry[4])
     return ny >= 2 and nx >= 2 and ny * nx <= capacity
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def row(
     field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, last: Array
 ) -> tuple[float, float, float]:
@@ -135,7 +135,7 @@ def row(
     return dx, dy, -pull.gain * (dx * x[2] + dy * x[3] - speed)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def on_the_same_side(
     view: Field,
     geometry: Array,
@@ -172,7 +172,7 @@ def on_the_same_side(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def rows(field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, out: Array) -> None:
     """Write a_x, a_y and b of N states, each in its own field, see `row`.
 
@@ -189,7 +189,7 @@ def rows(field: Field, geometry: Array, goal: Array, x: Array, pull: Pull, out: 
         last[0], last[1], last[2] = row(field[n], geometry[n], goal[n], x[n], pull, last)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
     """Return what stands at a point's cell in (capacity,) ranks, of paths or zones; 0 for none.
 
@@ -201,7 +201,7 @@ def rank_at(ranks: Ranks, geometry: Array, x: float, y: float) -> int:
     return ranks[j * int(geometry[4]) + i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def ranks_at(
     through: Ranks, zones: Ranks, geometry: Array, x: Array, reachable: Array, zone: Array
 ) -> None:
@@ -220,7 +220,7 @@ def ranks_at(
         zone[n] = rank_at(zones[n], geometry[n], x[n, 0], x[n, 1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def insert(priority: Integers, reachable: int, zone: int, through: int, out: Integers) -> None:
     """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
 
@@ -250,7 +250,7 @@ def insert(priority: Integers, reachable: int, zone: int, through: int, out: Int
         out[k] = priority[k] + 1 if priority[k] >= place else priority[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def shape(ux: float, uy: float, ax: float, ay: float, b: float) -> tuple[float, float]:
     """Return the input nearest u* that meets the guidance row.
 

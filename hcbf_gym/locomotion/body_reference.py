@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.rotation import wrap_angle
 
 LEASH = 0.15  # [m] the reference never runs further ahead of the robot
@@ -57,7 +57,7 @@ REFERENCE = np.dtype(
 )
 
 
-@njit(cache=True)
+@kernel()
 def advance(
     reference: np.record,
     u: Array,

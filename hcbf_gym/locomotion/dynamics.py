@@ -11,9 +11,9 @@ Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 and 6
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.models.constants import GRAVITY
@@ -77,7 +77,7 @@ BODIES = np.dtype(
 )
 
 
-@njit(cache=True)
+@kernel()
 def add_motion_cross(out: Array, velocity: Array, motion: Array) -> None:
     """Add to `out` (6,) how a velocity (6,) carries a motion vector (6,) along."""
     add_cross(out[:3], velocity[3:], motion[:3])
@@ -85,7 +85,7 @@ def add_motion_cross(out: Array, velocity: Array, motion: Array) -> None:
     add_cross(out[3:], velocity[3:], motion[3:])
 
 
-@njit(cache=True)
+@kernel()
 def add_force_cross(out: Array, velocity: Array, force: Array) -> None:
     """Add to `out` (6,) how a velocity (6,) carries a force vector (6,) along."""
     add_cross(out[:3], velocity[3:], force[:3])
@@ -93,7 +93,7 @@ def add_force_cross(out: Array, velocity: Array, force: Array) -> None:
     add_cross(out[3:], velocity[:3], force[:3])
 
 
-@njit(cache=True)
+@kernel()
 def add_inertia(inertia: Array, mass: float, com: Array, about_com: Array, turn: Array) -> None:
     """Add a body to the spatial inertia (6, 6) about the trunk's origin.
 
@@ -134,7 +134,7 @@ def add_inertia(inertia: Array, mass: float, com: Array, about_com: Array, turn:
         inertia[3 + k, j] += mass * com[i]
 
 
-@njit(cache=True)
+@kernel()
 def place_leg(
     legs: LegGeometry, leg: int, joints: Array, axes: Array, joint_places: Array, turns: Array
 ) -> None:
@@ -164,7 +164,7 @@ def place_leg(
         joint_places[2, i] = joint_places[1, i] - legs.thigh * turns[1, i, 2]
 
 
-@njit(cache=True)
+@kernel()
 def rigid_body_terms(
     bodies: Bodies, legs: LegGeometry, R: Array, v: Array, joints: Array
 ) -> tuple[Array, Array]:
@@ -249,7 +249,7 @@ def rigid_body_terms(
     return M, bias
 
 
-@njit(cache=True)
+@kernel()
 def add_force(force: Array, inertia: Array, V: Array, A: Array, momentum: Array) -> None:
     """Add ``I A + V ×* I V``, the force that moves a body so; `momentum` (6,) is overwritten."""
     for i in range(6):

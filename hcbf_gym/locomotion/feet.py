@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.foothold import Trunk, foothold
 from hcbf_gym.locomotion.gait import FootPhases, Gait
@@ -36,7 +36,7 @@ TARGETS = np.dtype(
 )
 
 
-@njit(cache=True)
+@kernel()
 def stand(targets: FootTargets, foot: int, place: Array) -> None:
     """Let a foot carry where it is, at `place` (3,) [m]."""
     targets.stance[foot] = 1
@@ -59,7 +59,7 @@ class Places(NamedTuple):
     touchdown: float
 
 
-@njit(cache=True)
+@kernel()
 def plan_feet(
     targets: FootTargets,
     phases: FootPhases,

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.models.constants import GRAVITY
 
@@ -14,7 +14,7 @@ VELOCITY_GAIN = 0.08  # [s] below √(h/g) = .166, which sways with the instanta
 MAX_OFFSET = 0.16  # [m] from below the hip
 
 
-@njit(cache=True)
+@kernel()
 def nominal_stance(hip: Array) -> Array:
     """Return (4, 2) the footholds at rest in the trunk's axes, from the abad joints (4, 3) [m]."""
     nominal = np.empty((4, 2))
@@ -40,7 +40,7 @@ class Trunk(NamedTuple):
     height: float
 
 
-@njit(cache=True)
+@kernel()
 def foothold(
     nominal: Array, trunk: Trunk, reference: BodyReference, remaining: float, stance_time: float
 ) -> Array:

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 
 EARLY_TOUCHDOWN = 0.6  # share of the swing after which a touching foot becomes stance
 RESTING = -1.0  # what the clock shows while all feet are held down
@@ -66,7 +66,7 @@ class FootPhases(NamedTuple):
     remaining: Array
 
 
-@njit(cache=True)
+@kernel()
 def foot_phases(gait: Gait, clock: float, contact: Mask) -> FootPhases:
     """Return what each foot does at `clock` [s], given which feet (4,) touch."""
     stance = np.ones(4, dtype=np.bool_)
@@ -83,7 +83,7 @@ def foot_phases(gait: Gait, clock: float, contact: Mask) -> FootPhases:
     return FootPhases(stance, remaining)
 
 
-@njit(cache=True)
+@kernel()
 def advance_clock(gait: Gait, clock: float, quiet: bool, dt: float) -> float:
     """Return the clock [s] one tick later.
 

@@ -1,9 +1,9 @@
 """Joint impedance: feedback around the torques that the program feeds forward."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics, LegGeometry, inverse_kinematics
@@ -14,7 +14,7 @@ SWING_KP, SWING_KD = 20.0, 1.0  # [N·m/rad], [N·m·s/rad]
 STANCE_KD = 1.0  # a standing leg's place is the ground's business
 
 
-@njit(cache=True)
+@kernel()
 def joint_feedback(
     state: StateViews,
     R: Array,

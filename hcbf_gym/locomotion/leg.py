@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.matrices import add_cross
 from hcbf_gym.locomotion.rotation import wrap_angle
 
@@ -46,7 +46,7 @@ class FootKinematics(NamedTuple):
     bias: Array
 
 
-@njit(cache=True)
+@kernel()
 def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> FootKinematics:
     """Return the feet's positions, Jacobians and J̇q̇ for joints (12,) and velocities (12,)."""
     position = np.empty((4, 3))
@@ -87,7 +87,7 @@ def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> Fo
     return FootKinematics(position, jacobian, bias)
 
 
-@njit(cache=True)
+@kernel()
 def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) -> Array:
     """Return (3,) a foot's acceleration, in the trunk's axes, when all generalised ones are zero.
 
@@ -107,7 +107,7 @@ def foot_bias(v: Array, r: Array, J: Array, bias: Array, joint_velocity: Array) 
     return acceleration
 
 
-@njit(cache=True)
+@kernel()
 def inverse_kinematics(geometry: LegGeometry, leg: int, foot: Array) -> Array:
     """Return (3,) the joints that bring the foot to `foot` (3,), knee backwards [rad].
 

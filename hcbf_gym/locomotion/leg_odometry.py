@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.leg import FootKinematics
 from hcbf_gym.locomotion.matrices import add_cross, apply
 from hcbf_gym.locomotion.state import StateViews
@@ -23,7 +23,7 @@ class FootVelocity(NamedTuple):
     gain: float
 
 
-@njit(cache=True)
+@kernel()
 def trunk_velocity(
     feet: FootKinematics, radius: float, leg: int, state: StateViews, R: Array
 ) -> FootVelocity:

@@ -5,12 +5,12 @@ the arithmetic, and a result that no library decides is the same on every machin
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 
 
-@njit(cache=True)
+@kernel()
 def cross(a: Array, b: Array) -> Array:
     """Return (3,) a × b."""
     c = np.empty(3)
@@ -20,7 +20,7 @@ def cross(a: Array, b: Array) -> Array:
     return c
 
 
-@njit(cache=True)
+@kernel()
 def add_cross(out: Array, a: Array, b: Array) -> None:
     """Add a × b to `out` (3,)."""
     out[0] += a[1] * b[2] - a[2] * b[1]
@@ -28,7 +28,7 @@ def add_cross(out: Array, a: Array, b: Array) -> None:
     out[2] += a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel()
 def apply(A: Array, x: Array) -> Array:
     """Return (m,) A x."""
     y = np.empty(A.shape[0])
@@ -40,7 +40,7 @@ def apply(A: Array, x: Array) -> Array:
     return y
 
 
-@njit(cache=True)
+@kernel()
 def apply_transposed(A: Array, x: Array) -> Array:
     """Return (n,) Aᵀ x."""
     y = np.empty(A.shape[1])
@@ -52,7 +52,7 @@ def apply_transposed(A: Array, x: Array) -> Array:
     return y
 
 
-@njit(cache=True)
+@kernel()
 def inverse_3x3(A: Array) -> Array:
     """Return the inverse of a (3, 3) matrix by cofactors.
 
@@ -81,7 +81,7 @@ def inverse_3x3(A: Array) -> Array:
     return inverse
 
 
-@njit(cache=True)
+@kernel()
 def solve_in_place(A: Array, B: Array) -> None:
     """Turn B (n, m) into A⁻¹B by Gaussian elimination with row pivoting; A (n, n) is used up."""
     n = A.shape[0]

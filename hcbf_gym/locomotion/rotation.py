@@ -1,12 +1,12 @@
 """Rotations as the compiled kernels need them."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 
 
-@njit(cache=True)
+@kernel()
 def rotation_matrix(quaternion: Array) -> Array:
     """Return (3, 3) the rotation body → world of a unit quaternion (4,), w first."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -23,13 +23,13 @@ def rotation_matrix(quaternion: Array) -> Array:
     return R
 
 
-@njit(cache=True)
+@kernel()
 def yaw_of(R: Array) -> float:
     """Return the heading [rad] of a rotation body → world."""
     return np.arctan2(R[1, 0], R[0, 0])
 
 
-@njit(cache=True)
+@kernel()
 def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
     """Return (3,) log(Rᵀ R_z(yaw)): the turn, in body axes, that levels the body at `yaw`."""
     c, s = np.cos(yaw), np.sin(yaw)
@@ -47,7 +47,7 @@ def rotation_vector_to_yaw(R: Array, yaw: float) -> Array:
     return axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
 
 
-@njit(cache=True)
+@kernel()
 def turned(quaternion: Array, rotation: Array) -> Array:
     """Return (4,) an orientation turned by a small `rotation` (3,) about the world's axes [rad]."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -60,7 +60,7 @@ def turned(quaternion: Array, rotation: Array) -> Array:
     return result / np.sqrt((result**2).sum())
 
 
-@njit(cache=True)
+@kernel()
 def wrap_angle(angle: float) -> float:
     """Return the equal angle in [−π, π)."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -5,9 +5,8 @@ A state travels as one vector: entering compiled code costs time per argument.
 
 from typing import NamedTuple
 
-from numba import njit
-
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 
 STATE_SIZE = 41
 
@@ -75,7 +74,7 @@ class StateViews(NamedTuple):
     foot_contact: Mask
 
 
-@njit(cache=True)
+@kernel()
 def state_views(vector: Array) -> StateViews:
     """Return the parts of a state's vector (41,)."""
     return StateViews(

@@ -1,9 +1,9 @@
 """How a foot travels from lift-off to its foothold."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 
 SWING_HEIGHT = 0.055  # [m] of the apex above the foothold
 # acceleration at lift-off, in the plane and upwards, as a multiple of distance / time²: a foot that
@@ -11,7 +11,7 @@ SWING_HEIGHT = 0.055  # [m] of the apex above the foothold
 LIFT_OFF_PLANE, LIFT_OFF_UP = 4.0, 8.0
 
 
-@njit(cache=True)
+@kernel()
 def minimum_jerk_step(
     position: float,
     velocity: float,
@@ -43,7 +43,7 @@ def minimum_jerk_step(
     )
 
 
-@njit(cache=True)
+@kernel()
 def swing_step(
     now: Array, foothold: Array, touchdown: float, remaining: float, duration: float, dt: float
 ) -> Array:

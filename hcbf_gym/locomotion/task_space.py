@@ -17,9 +17,9 @@ The tests hold its torques to those of the program as the paper poses it.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.dynamics import Dynamics
 from hcbf_gym.locomotion.leg import foot_bias
 from hcbf_gym.locomotion.matrices import (
@@ -68,7 +68,7 @@ class Accelerations(NamedTuple):
     rest: Array
 
 
-@njit(cache=True)
+@kernel()
 def accelerations(robot: Dynamics, beta: Array) -> Accelerations:
     """Return q̈ as it depends on z, from the trunk's rows of the dynamics.
 
@@ -110,7 +110,7 @@ def accelerations(robot: Dynamics, beta: Array) -> Accelerations:
     return Accelerations(trunk, lever, rest)
 
 
-@njit(cache=True)
+@kernel()
 def condense(
     robot: Dynamics, tasks: TaskAccelerations, friction: float, limits: Array, out: np.record
 ) -> int:
@@ -158,7 +158,7 @@ def condense(
     return contacts
 
 
-@njit(cache=True)
+@kernel()
 def trunk_errors(error: Array, robot: Dynamics, trunk: Array, tasks: TaskAccelerations) -> None:
     """Add the errors of the trunk's tasks, ``error[:6] [z; 1]``, weighted.
 
@@ -182,7 +182,7 @@ def trunk_errors(error: Array, robot: Dynamics, trunk: Array, tasks: TaskAcceler
         error[3 + i, 12] -= tasks.angular[i]
 
 
-@njit(cache=True)
+@kernel()
 def swing_errors(error: Array, robot: Dynamics, trunk: Array, foot: int, missing: Array) -> None:
     """Add the errors of a swinging foot, ``a + α × r + J q̈ + β − ÿ`` in the trunk's axes.
 
@@ -204,7 +204,7 @@ def swing_errors(error: Array, robot: Dynamics, trunk: Array, foot: int, missing
         error[i, 12] -= missing[i]
 
 
-@njit(cache=True)
+@kernel()
 def joint_torque(torque: Array, robot: Dynamics, q: Accelerations, foot: int, k: int) -> None:
     """Add a leg's row of the dynamics, ``τ = torque [z; 1]``.
 
@@ -237,7 +237,7 @@ def joint_torque(torque: Array, robot: Dynamics, q: Accelerations, foot: int, k:
             torque[x + n] -= R[n, m] * J[m, k]
 
 
-@njit(cache=True)
+@kernel()
 def bound_force(out: np.record, foot: int, contact: int, friction: float) -> None:
     """Confine a standing foot's force to its friction pyramid, ``|F_x|, |F_y| ≤ µ F_z``, and small.
 
@@ -260,7 +260,7 @@ def bound_force(out: np.record, foot: int, contact: int, friction: float) -> Non
         out.H[i, i] = FORCE_WEIGHT
 
 
-@njit(cache=True)
+@kernel()
 def add_squares(H: Array, f: Array, error: Array) -> None:
     """Add ``½ ‖error [z; 1]‖²`` of errors (k, 13) to the objective."""
     for miss in error:
@@ -271,7 +271,7 @@ def add_squares(H: Array, f: Array, error: Array) -> None:
             f[i] += e * miss[12]
 
 
-@njit(cache=True)
+@kernel()
 def free_minimiser(program: np.record, rows: int) -> bool:
     """Set ``z = −H⁻¹f`` and return whether it meets every bound: then it is optimal.
 
@@ -316,7 +316,7 @@ def free_minimiser(program: np.record, rows: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel()
 def set_torque(work: np.record) -> None:
     """Add up feedforward and feedback within the limits."""
     for joint in range(12):
@@ -324,7 +324,7 @@ def set_torque(work: np.record) -> None:
         work.torque[joint] = min(max(total, work.limits[0, joint]), work.limits[1, joint])
 
 
-@njit(cache=True)
+@kernel()
 def take_solution(work: np.record) -> None:
     """Set the torques of the solution in ``work.z``."""
     work.feedforward[:] = apply(work.A[:12], work.z) + work.torque_offset

@@ -1,9 +1,9 @@
 """The task-space QP of each tick: compiled up to its bounds, DAQP where one binds."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space import WORKSPACE, set_torque, take_solution
@@ -58,7 +58,7 @@ class TaskSpaceQp:
         return self._torque.copy(), solution
 
 
-@njit(cache=True)
+@kernel()
 def finish(workspace: Records, solved: bool) -> None:
     """Set the torques after the solver has been asked."""
     if solved:

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.body_reference import BodyReference
 from hcbf_gym.locomotion.feet import FootTargets
 from hcbf_gym.locomotion.leg import FootKinematics
@@ -41,7 +41,7 @@ class TaskAccelerations(NamedTuple):
     feet: Array
 
 
-@njit(cache=True)
+@kernel()
 def task_accelerations(
     state: StateViews,
     R: Array,

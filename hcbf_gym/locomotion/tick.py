@@ -7,9 +7,9 @@ to tick travel as one record each.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.body_reference import REFERENCE, BodyReference, advance
 from hcbf_gym.locomotion.dynamics import BODIES, Dynamics, rigid_body_terms
 from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet
@@ -83,7 +83,7 @@ class TickPlan(NamedTuple):
     feedback: Array
 
 
-@njit(cache=True)
+@kernel()
 def generalised_velocity(state: StateViews, R: Array) -> Array:
     """Return v (18,): trunk linear and angular in the trunk's axes, then the joints."""
     v = np.empty(18)
@@ -93,7 +93,7 @@ def generalised_velocity(state: StateViews, R: Array) -> Array:
     return v
 
 
-@njit(cache=True)
+@kernel()
 def is_quiet(state: StateViews, reference: BodyReference, u: Array, resting: bool) -> bool:
     """Return whether nothing is asked and nothing disturbs; at rest twice as much is tolerated."""
     scale = 2.0 if resting else 1.0
@@ -107,7 +107,7 @@ def is_quiet(state: StateViews, reference: BodyReference, u: Array, resting: boo
     )
 
 
-@njit(cache=True)
+@kernel()
 def ground_height(ground: float, feet: Array, carrying: Mask, radius: float) -> float:
     """Return the ground's height [m], drawn slowly towards the feet (4, 3) that carry (4,)."""
     total, count = 0.0, 0
@@ -118,7 +118,7 @@ def ground_height(ground: float, feet: Array, carrying: Mask, radius: float) -> 
     return ground + GROUND_GAIN * (total / count - ground) if count else ground
 
 
-@njit(cache=True)
+@kernel()
 def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) -> TickPlan:
     """Return what comes before the QP: gait → footholds → swing → tasks, and the impedance.
 
@@ -156,7 +156,7 @@ def plan(settings: np.record, memory: np.record, state: StateViews, u: Array) ->
     return TickPlan(Dynamics(M, bias, v, R, feet, targets.stance), tasks, feedback)
 
 
-@njit(cache=True)
+@kernel()
 def tick(
     settings: Records,
     memory: Records,

@@ -8,10 +8,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Integers, Mask, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion.leg import LEGS, LegGeometry, foot_kinematics
 from hcbf_gym.locomotion.leg_odometry import trunk_velocity
 from hcbf_gym.locomotion.rotation import rotation_matrix
@@ -200,7 +200,7 @@ class Watch:
         return Fault.LIFT if self.lift > self.bounds.lift else Fault.NONE
 
 
-@njit(cache=True)
+@kernel()
 def add_up(
     memory: Memory,
     row: int,
@@ -244,7 +244,7 @@ def add_up(
     memory.changes[:] = changes[-delays:]
 
 
-@njit(cache=True)
+@kernel()
 def _add_slip(
     sums: Array, legs: LegGeometry, foot_radius: float, vector: Array, standing: Mask
 ) -> None:
@@ -259,7 +259,7 @@ def _add_slip(
             sums[STOOD] += 1.0
 
 
-@njit(cache=True)
+@kernel()
 def _correlate(sums: Array, rates: Array, changes: Array, first: int) -> None:
     """Add a leg's share of the correlations.
 
@@ -279,7 +279,7 @@ def _correlate(sums: Array, rates: Array, changes: Array, first: int) -> None:
             sums[SUMS + delays + delay] += change * change
 
 
-@njit(cache=True)
+@kernel()
 def signals(sums: Array, judgements: int, declared: int) -> tuple[float, float, float]:
     """Return slip [m/s], lag and lift [m/s²] over the window; see `Watch`.
 

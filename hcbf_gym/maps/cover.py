@@ -9,9 +9,9 @@ lost, and a gap narrows by at most one cell from each side.
 from typing import NamedTuple, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Mask, Places
+from hcbf_gym.compilation import kernel
 
 MOST_CORNERS = 8
 """Of a piece, as many as a convex polygon's block of numbers holds."""
@@ -88,7 +88,7 @@ def boxes(cells: Mask) -> Array:
     return found[:, [[1, 0], [3, 0], [3, 2], [1, 2]]].astype(np.float64)
 
 
-@njit(cache=True)
+@kernel()
 def _cover(
     cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Places, first: int
 ) -> tuple[Integers, Integers]:
@@ -121,7 +121,7 @@ def _cover(
     return corners, count
 
 
-@njit(cache=True)
+@kernel()
 def _rectangles(
     cells: Mask, r0: int, c0: int, r1: int, c1: int, owner: Places, first: int
 ) -> Integers:
@@ -166,7 +166,7 @@ def _rectangles(
     return boxes[:total]
 
 
-@njit(cache=True)
+@kernel()
 def _strangers(cells: Mask, r0: int, c0: int, r1: int, c1: int) -> Places:
     """Return (h, w + 1) how many cells left of here in their row share no edge with a true one."""
     rows, columns = cells.shape
@@ -180,7 +180,7 @@ def _strangers(cells: Mask, r0: int, c0: int, r1: int, c1: int) -> Places:
     return counted
 
 
-@njit(cache=True)
+@kernel()
 def _merge(
     boxes: Integers,
     strangers: Places,
@@ -236,7 +236,7 @@ def _merge(
     return corners[:pieces].copy(), count[:pieces].copy()
 
 
-@njit(cache=True)
+@kernel()
 def _box_corners(box: Integers, out: Integers, at: int) -> None:
     """Write the corners (column, row) of a box, counter-clockwise, from out[at] on."""
     low_row, low_column, high_row, high_column = box
@@ -246,7 +246,7 @@ def _box_corners(box: Integers, out: Integers, at: int) -> None:
     out[at + 3, 0], out[at + 3, 1] = low_column, high_row
 
 
-@njit(cache=True)
+@kernel()
 def _hull(points: Integers, out: Integers) -> int:
     """Write the convex hull of points (n, 2), strictly convex, counter-clockwise; return its size.
 
@@ -274,13 +274,13 @@ def _hull(points: Integers, out: Integers) -> int:
     return size - 1
 
 
-@njit(cache=True)
+@kernel()
 def _turn(a: Integers, b: Integers, x: int, y: int) -> int:
     """Return twice the area of the triangle a, b, (x, y), positive where it turns left."""
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
 
 
-@njit(cache=True)
+@kernel()
 def _meets(hull: Integers, strangers: Places, r0: int, c0: int) -> bool:
     """Return whether a hull meets the inside of a stranger, row by row.
 
@@ -309,7 +309,7 @@ def _meets(hull: Integers, strangers: Places, r0: int, c0: int) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel()
 def _grow(corners: Array, count: Integers) -> None:
     """Move each corner (P, 8, 2) outwards; see `Cover.grown`."""
     for p in range(len(count)):

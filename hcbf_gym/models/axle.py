@@ -13,9 +13,9 @@ as it turns while it rolls. What limits a, v and ω is a rectangle of inputs alo
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 
 SPIN_UP = 0.25
@@ -85,20 +85,20 @@ class Axle(NamedTuple):
         return fastest * period**3 / 12.0 + 0.5 * self.jerk(period) * period**2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def across(axle: Axle) -> float:
     """Return the greatest acceleration of the point across the heading, A⊥ [m/s²]."""
     return min(axle.braking, axle.look_ahead * axle.turn / SPIN_UP)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def speeds(axle: Axle, x: Array, heading: float) -> tuple[float, float]:
     """Return v [m/s] and ω [rad/s] of the point's state x (4,)."""
     cos, sin = np.cos(heading), np.sin(heading)
     return cos * x[2] + sin * x[3], (cos * x[3] - sin * x[2]) / axle.look_ahead
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def place(axle: Axle, x: Array, heading: float, out: Array) -> None:
     """Write position and velocity (4,) of the axle whose point has the state x (4,)."""
     cos, sin = np.cos(heading), np.sin(heading)
@@ -107,7 +107,7 @@ def place(axle: Axle, x: Array, heading: float, out: Array) -> None:
     out[2], out[3] = v * cos, v * sin
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> None:
     """Write the corners (4, 2) of U at one state, counter-clockwise [m/s²].
 
@@ -129,7 +129,7 @@ def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> 
         out[k, 0], out[k, 1] = cos * along - sin * side, sin * along + cos * side
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _room(hardest: float, now: float, most: float, period: float) -> tuple[float, float]:
     """Return the least and the greatest acceleration that retain ±`most` one period later."""
     low, high = -hardest, hardest

@@ -5,6 +5,8 @@ GRAVITY = 9.81
 
 FARTHEST = 1e4
 """Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
+LONGEST = 1e4
+"""Of the time between two samples [s]: beyond, nothing that is carried on says anything."""
 ON_EARTH = 5e7
 """Of regions and maps from the origin of a survey, such as UTM's, before they are shifted [m]."""
 STANDING = 0.05

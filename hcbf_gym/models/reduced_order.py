@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 
@@ -241,7 +241,7 @@ class DoubleIntegrator(ReducedOrderModel):
         return _damped_steps(x, u, dt, self.drag) if own else super().steps_of(x, u, dt)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _damped_drift(x: Array, drag: float) -> Array:
     """Return (v, −c v) at x = (p, v)."""
     k = x.size // 2
@@ -250,7 +250,7 @@ def _damped_drift(x: Array, drag: float) -> Array:
     return f
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _damped_drifts(x: Array, drag: float) -> Array:
     """Return (N, n) the drifts at N states."""
     f = np.empty(x.shape)
@@ -259,7 +259,7 @@ def _damped_drifts(x: Array, drag: float) -> Array:
     return f
 
 
-@njit(cache=True)
+@kernel()
 def _driven(x: Array, first: int) -> Array:
     """Return g (N, n, n − first) of N states, of which those from `first` on are driven."""
     g = np.zeros((*x.shape, x.shape[1] - first))
@@ -269,7 +269,7 @@ def _driven(x: Array, first: int) -> Array:
     return g
 
 
-@njit(cache=True)
+@kernel()
 def _repeated(matrix: Array, count: int) -> Array:
     """Return a matrix N times."""
     out = np.empty((count, *matrix.shape))
@@ -278,7 +278,7 @@ def _repeated(matrix: Array, count: int) -> Array:
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _damped_jacobian(k: int, drag: float) -> Array:
     """Return (2 k, 2 k) ∂f/∂x."""
     jacobian = np.zeros((2 * k, 2 * k))
@@ -287,7 +287,7 @@ def _damped_jacobian(k: int, drag: float) -> Array:
     return jacobian
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _damped_step(x: Array, u: Array, dt: float, drag: float) -> Array:
     """Return x (n,) after dt; see `ReducedOrderModel.step`."""
     after = np.empty(x.size)
@@ -305,7 +305,7 @@ def _damped_step(x: Array, u: Array, dt: float, drag: float) -> Array:
     return after
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _damped_steps(x: Array, u: Array, dt: float, drag: float) -> Array:
     """Return N states x (N, n) after dt."""
     after = np.empty(x.shape)
@@ -314,7 +314,7 @@ def _damped_steps(x: Array, u: Array, dt: float, drag: float) -> Array:
     return after
 
 
-@njit(cache=True)
+@kernel()
 def double_integrator_step(
     x: Array, u: Array, dt: float, v_max: float
 ) -> tuple[float, float, float, float]:

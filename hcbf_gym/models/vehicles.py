@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.reduced_order import ReducedOrderModel, namespace
 
@@ -145,7 +145,7 @@ class KinematicBicycle(ReducedOrderModel):
         return _bicycles_steps(x, u, dt, self.rear) if own else super().steps_of(x, u, dt)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _unicycle_inputs(x: Array) -> Array:
     """Return g (3, 2) at x (3,)."""
     g = np.zeros((3, 2))
@@ -153,7 +153,7 @@ def _unicycle_inputs(x: Array) -> Array:
     return g
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _unicycle_step(x: Array, u: Array, dt: float) -> Array:
     """Return x (3,) after dt; where θ̇ is constant, the four rates are those of Simpson's rule."""
     half, end = x[2] + 0.5 * dt * u[1], x[2] + dt * u[1]
@@ -165,7 +165,7 @@ def _unicycle_step(x: Array, u: Array, dt: float) -> Array:
     return after
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _bicycle_inputs(x: Array, rear: float) -> Array:
     """Return g (4, 2) at x (4,)."""
     g = np.zeros((4, 2))
@@ -174,7 +174,7 @@ def _bicycle_inputs(x: Array, rear: float) -> Array:
     return g
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _bicycle_rate(x: Array, a: float, slip: float, rear: float) -> Array:
     """Return ẋ (4,) under the inputs a and β."""
     cos, sin = np.cos(x[2]), np.sin(x[2])
@@ -184,7 +184,7 @@ def _bicycle_rate(x: Array, a: float, slip: float, rear: float) -> Array:
     return rate
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _bicycle_step(x: Array, u: Array, dt: float, rear: float) -> Array:
     """Return x (4,) after dt; see `ReducedOrderModel.step`."""
     a, slip = u[0], u[1]
@@ -195,7 +195,7 @@ def _bicycle_step(x: Array, u: Array, dt: float, rear: float) -> Array:
     return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _unicycles_inputs(x: Array) -> Array:
     """Return g (N, 3, 2) at N states."""
     g = np.empty((len(x), 3, 2))
@@ -204,7 +204,7 @@ def _unicycles_inputs(x: Array) -> Array:
     return g
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _unicycles_steps(x: Array, u: Array, dt: float) -> Array:
     """Return N states x (N, 3) after dt."""
     after = np.empty(x.shape)
@@ -213,7 +213,7 @@ def _unicycles_steps(x: Array, u: Array, dt: float) -> Array:
     return after
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _bicycles_terms(x: Array, rear: float) -> tuple[Array, Array]:
     """Return f (N, 4) and g (N, 4, 2) at N states."""
     f, g = np.empty(x.shape), np.empty((len(x), 4, 2))
@@ -222,7 +222,7 @@ def _bicycles_terms(x: Array, rear: float) -> tuple[Array, Array]:
     return f, g
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _bicycles_steps(x: Array, u: Array, dt: float, rear: float) -> Array:
     """Return N states x (N, 4) after dt."""
     after = np.empty(x.shape)

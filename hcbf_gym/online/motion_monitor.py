@@ -8,9 +8,9 @@ position differs by ``u_max T²/4`` at most.
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import monitor
 
 PAUSE = 1.5
@@ -49,7 +49,7 @@ class MotionMonitor:
         return bool(_observe(self._notes, body, time, self._longest, self._hardest))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _observe(notes: Records, body: Array, time: float, longest: float, hardest: float) -> bool:
     note, passed = notes[0], time - notes[0].time
     if note.begun and -LONGEST < passed <= 0.0:

@@ -4,11 +4,11 @@ from abc import ABC, abstractmethod
 from typing import NoReturn
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.plans import Plan
@@ -101,7 +101,7 @@ def explain(rows: CbfRows) -> NoReturn:
     )
 
 
-@njit(cache=True)
+@kernel()
 def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
     """Return whether the rows of one state are finite, with priorities 1, 2, … without a gap.
 
@@ -114,7 +114,7 @@ def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
     return are_finite(a, b, h) and has_no_gap(priority)
 
 
-@njit(cache=True)
+@kernel()
 def are_finite(a: Array, b: Array, h: Array) -> bool:
     """Return whether the rows of one state are made of finite numbers."""
     for k in range(b.size):
@@ -126,7 +126,7 @@ def are_finite(a: Array, b: Array, h: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel()
 def has_no_gap(priority: Integers) -> bool:
     """Return whether priorities (m,) are 1, 2, … without a gap."""
     levels = 0

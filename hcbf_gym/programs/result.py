@@ -4,10 +4,10 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.tolerances import NOMINAL, SLACK
 
 
@@ -64,7 +64,7 @@ def violation(rows: CbfRows, u: Array, radius: float) -> Array:
     return _violation(rows.a, rows.b, u, radius)
 
 
-@njit(cache=True)
+@kernel()
 def _violation(a: Array, b: Array, u: Array, radius: float) -> Array:
     slack = np.empty(b.size)
     for k in range(b.size):
@@ -77,7 +77,7 @@ def _violation(a: Array, b: Array, u: Array, radius: float) -> Array:
     return slack
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def slack_of(lack: float, norm: float, b: float, radius: float) -> float:
     """Return by how much a row is violated, 0 where that is rounding.
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 
 
@@ -83,13 +83,13 @@ class Weights(NamedTuple):
             )
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def gamma0_of(table: Array, priority: int) -> float:
     """Return γ₀ of a priority, `table` a row of that of `Weights`; infinity for a strict level."""
     return np.inf if priority == 1 else table[min(priority - 1, table.size - 1)]
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def weight_of(table: Array, priority: int, h: float) -> float:
     """Return λ_δ(h) of one row; infinity for one of a strict level."""
     return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h))

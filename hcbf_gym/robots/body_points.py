@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.compilation import kernel
 
 ALONG = 5
 """Points along the axis of a capsule, and along each edge of a box."""
@@ -92,7 +92,7 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
     return np.zeros((1, 3)), float(model.geom_rbound[geom])
 
 
-@njit(cache=True)
+@kernel()
 def reach(body: BodyPoints, position: Array, rotation: Array, centre: Array) -> float:
     """Return the greatest horizontal distance of the body from a point (2,) [m].
 
@@ -111,7 +111,7 @@ def reach(body: BodyPoints, position: Array, rotation: Array, centre: Array) -> 
     return farthest
 
 
-@njit(cache=True)
+@kernel()
 def in_plane(place: Array, position: Array, rotation: Array) -> tuple[float, float]:
     """Return where a point of a geom is in the plane of the world [m]."""
     return (

@@ -1,12 +1,12 @@
 """What a motor can give: less torque, the faster it turns."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 
 
-@njit(cache=True)
+@kernel()
 def torque_limits(stall: Array, no_load_speed: Array, rate: Array, limits: Array) -> None:
     """Fill in the least and the largest torque (2, 12) that the motors give at `rate` [N·m].
 
@@ -28,7 +28,7 @@ def torque_limits(stall: Array, no_load_speed: Array, rate: Array, limits: Array
         limits[1, joint] = stall[joint] * min(max(1.0 - share, 0.0), 1.0)
 
 
-@njit(cache=True)
+@kernel()
 def drive(
     stall: Array,
     no_load_speed: Array,

@@ -34,9 +34,9 @@ window is judged once it has seen W₀/k of motion, up to where sway may correla
 import math
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
@@ -200,7 +200,7 @@ class ResponseMonitor:
         return float(self._notes[0]["worst"])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _tell(notes: Records, moves: tuple[float, float, float], time: float, ends: bool) -> None:
     note = notes[0]
     while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
@@ -213,7 +213,7 @@ def _tell(notes: Records, moves: tuple[float, float, float], time: float, ends: 
     note.count += 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _lapsed(note: np.record, acting: int) -> float:
     """Return the speed of a command that was to end [m/s], and that a robot may still do.
 
@@ -227,7 +227,7 @@ def _lapsed(note: np.record, acting: int) -> float:
     return np.hypot(note.told[before, 0], note.told[before, 1])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _beyond(note: np.record, law: np.record, k: int) -> float:
     """Return the way that a robot makes because it cannot follow the step of the k-th command [m].
 
@@ -241,7 +241,7 @@ def _beyond(note: np.record, law: np.record, k: int) -> float:
     return (x * x + y * y) / (2.0 * law.braking) if x * x + y * y > most * most else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: float) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
@@ -279,7 +279,7 @@ def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: 
     return note.worst > 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _strays(
     note: np.record, law: np.record, off: Pair, length: float, passed: float, doubt: float
 ) -> float:
@@ -299,7 +299,7 @@ def _strays(
     return worst
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _bound(law: np.record, seen: float, moved: float) -> float:
     """Return what a robot's motion may be off over a time [m].
 
@@ -312,7 +312,7 @@ def _bound(law: np.record, seen: float, moved: float) -> float:
     return law.lasting * seen + max(0.0, law.most - law.lasting) * swaying + law.share * moved
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _differs(
     note: np.record, law: np.record, off: Pair, went: Pair, passed: float, hidden: float
 ) -> float:
@@ -340,7 +340,7 @@ def _differs(
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _follow(
     note: np.record, law: np.record, start: float, end: float, moves: bool
 ) -> tuple[float, float, float, float]:
@@ -380,7 +380,7 @@ def _follow(
     return ahead, aside, length, doubt
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _carry(
     notes: Records, laws: Records, ahead: float, pose: Array, twist: Array, since: float, now: float
 ) -> float:

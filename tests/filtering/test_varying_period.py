@@ -9,6 +9,7 @@ from hcbf_gym import models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.programs import FilterStatus
 
 PERIOD = 0.02
 FAR = Disc("far", 1, center=(90.0, 0.0), radius=1.0)
@@ -52,3 +53,41 @@ def test_a_varying_period_alarms_only_where_it_is_not_told(model, told):
         *_, info = env.step(action)
         reasons.add(int(info["safety_filter"]["reason"]))
     assert (reasons == {Reason.NONE}) == told
+
+
+@pytest.mark.parametrize("age", [0.0, np.inf])
+@pytest.mark.parametrize("elapsed", [2e4, 1e160, 1e306])
+@pytest.mark.parametrize("solver", [None, "daqp"])
+@pytest.mark.parametrize("model", [models.DoubleIntegrator(), models.Unicycle()])
+@pytest.mark.filterwarnings("ignore")
+def test_a_time_between_samples_that_is_none_brakes_and_no_model_carries_a_state_away(
+    model, solver, elapsed, age
+):
+    env = Jittering(model, told=True)
+    env = hcbf_gym.wrappers.SafetyFilter(env, solver=solver, allow_late_inputs=True)
+    env.reset(seed=0)
+    env.step(np.ones(2))
+    x = env.unwrapped.x.copy()
+    env.unwrapped.sample = lambda: Estimate(x, age=age, elapsed=elapsed)
+    for _ in range(4):
+        *_, info = env.step(np.ones(2))
+        report = info["safety_filter"]
+        assert report["status"] == FilterStatus.BACKUP
+        assert np.isfinite(report["u_safe"]).all()
+    env.unwrapped.sample = lambda: Estimate(x)  # it goes on by itself
+    *_, info = env.step(np.ones(2))
+    assert info["safety_filter"]["reason"] in (Reason.NONE, Reason.CLOCK)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_state_that_would_be_carried_beyond_all_bounds_is_not_known():
+    model = models.DoubleIntegrator()
+    env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, told=True))
+    env.reset(seed=0)
+    env.unwrapped.sample = lambda: Estimate(np.array([9.9e3, 0.0, 9.9e3, 0.0]), elapsed=0.02)
+    env.step(np.ones(2))
+    env.unwrapped.sample = lambda: Estimate(np.zeros(4), age=np.inf, elapsed=9e3)
+    for _ in range(4):
+        *_, info = env.step(np.ones(2))
+        assert info["safety_filter"]["status"] == FilterStatus.BACKUP
+        np.testing.assert_array_equal(info["safety_filter"]["u_safe"], 0.0)

@@ -4,7 +4,6 @@ A new shape is a file here and its name in this one: in `SHAPES`, and a line in 
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import PlanarJet, Shape
@@ -14,13 +13,14 @@ from hcbf_gym.barriers.shapes.convex_polygon import ConvexPolygon
 from hcbf_gym.barriers.shapes.disc import Disc
 from hcbf_gym.barriers.shapes.ellipse import Ellipse
 from hcbf_gym.barriers.shapes.half_plane import HalfPlane
+from hcbf_gym.compilation import kernel
 
 __all__ = ["Capsule", "ConvexPolygon", "Disc", "Ellipse", "HalfPlane"]
 
 SHAPES: tuple[type[Shape], ...] = (HalfPlane, Disc, Ellipse, ConvexPolygon, Capsule)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives at a point of the shape's frame, infinity for what is no shape.
 
@@ -40,7 +40,7 @@ def jet(kind: int, c: Array, x: float, y: float) -> PlanarJet:
     return np.inf, 0.0, 0.0, np.inf, 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def core(
     kind: int, c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -68,7 +68,7 @@ def core(
     return np.inf, np.inf, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(kind: int, c: Array) -> tuple[float, float, float, float]:
     """Return least x and y and greatest x and y of a region at time 0 [m]; see `Compiled`."""
     if kind == disc.CODE:

@@ -5,7 +5,6 @@ from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
@@ -20,6 +19,7 @@ from hcbf_gym.barriers.shape import (
     shifted,
     traced_norm,
 )
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -29,7 +29,7 @@ ALONG_X, ALONG_Y, LENGTH = 4, 5, 6  # the unit vector along the segment, and its
 RADIUS = 7  # [m]
 
 
-@njit(cache=True)
+@kernel()
 def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> int:
     """Write the outside of a capsule into the block c (WIDTH,)."""
     c[:] = 0.0
@@ -42,7 +42,7 @@ def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> in
     return CODE
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     dx = x - c[START_X]
@@ -59,7 +59,7 @@ def jet(c: Array, x: float, y: float) -> PlanarJet:
     return n - c[RADIUS], nx, ny, distance, tx, ty
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -79,7 +79,7 @@ def core(
     return away, radius, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the box around the capsule."""
     x, y, radius = c[START_X], c[START_Y], c[RADIUS]

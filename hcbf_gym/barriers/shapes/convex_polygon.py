@@ -5,7 +5,6 @@ from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
@@ -20,6 +19,7 @@ from hcbf_gym.barriers.shape import (
     shifted,
     traced_norm,
 )
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -29,7 +29,7 @@ MAX_VERTICES = (layout.WIDTH - FIRST) // 2
 """Most corners of a polygon."""
 
 
-@njit(cache=True)
+@kernel()
 def write(c: Array, velocity: Pair, vertices: Array) -> int:
     """Write the outside of a polygon with the corners (k, 2) into the block c (WIDTH,)."""
     c[:] = 0.0
@@ -40,14 +40,14 @@ def write(c: Array, velocity: Pair, vertices: Array) -> int:
     return CODE
 
 
-@njit(cache=True)
+@kernel()
 def _count(c: Array) -> int:
     """Return how many corners there are, within what a block can hold."""
     count = c[COUNT]
     return int(count) if 1.0 <= count <= MAX_VERTICES else 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     corners = _count(c)
@@ -76,7 +76,7 @@ def jet(c: Array, x: float, y: float) -> PlanarJet:
     return nearest if outside else -nearest, nx, ny, np.inf, -ny, nx
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -103,7 +103,7 @@ def core(
     return h, 0.0, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _edge(c: Array, i: int, corners: int) -> tuple[float, float, float, float]:
     """Return the start (x, y) and the vector (x, y) of edge i [m]."""
     j = i + 1 if i + 1 < corners else 0
@@ -111,7 +111,7 @@ def _edge(c: Array, i: int, corners: int) -> tuple[float, float, float, float]:
     return ax, ay, c[FIRST + 2 * j] - ax, c[FIRST + 1 + 2 * j] - ay
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the box around the polygon."""
     low_x = np.inf

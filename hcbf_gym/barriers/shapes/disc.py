@@ -5,7 +5,6 @@ from types import ModuleType
 from typing import ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
@@ -21,6 +20,7 @@ from hcbf_gym.barriers.shape import (
     shifted,
     traced_norm,
 )
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -28,7 +28,7 @@ CODE = 1
 CENTER_X, CENTER_Y, RADIUS = 2, 3, 4  # [m]
 
 
-@njit(cache=True)
+@kernel()
 def write(c: Array, velocity: Pair, center: Pair, radius: float) -> int:
     """Write the outside of a disc into the block c (WIDTH,)."""
     c[:] = 0.0
@@ -38,14 +38,14 @@ def write(c: Array, velocity: Pair, center: Pair, radius: float) -> int:
     return CODE
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     n, nx, ny, distance, tx, ty = point_jet(x - c[CENTER_X], y - c[CENTER_Y])
     return n - c[RADIUS], nx, ny, distance, tx, ty
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -53,7 +53,7 @@ def core(
     return distance, c[RADIUS], True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the square around the disc."""
     x, y, radius = c[CENTER_X], c[CENTER_Y], c[RADIUS]

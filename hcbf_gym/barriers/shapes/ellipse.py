@@ -5,7 +5,6 @@ from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
@@ -19,6 +18,7 @@ from hcbf_gym.barriers.shape import (
     set_pairs,
     shifted,
 )
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -35,7 +35,7 @@ SURE_STEPS, DIFFERENTIATED = 8, 3
 """What JAX takes of them, without derivatives and with."""
 
 
-@njit(cache=True)
+@kernel()
 def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float) -> int:
     """Write the outside of an ellipse into the block c (WIDTH,)."""
     c[:] = 0.0
@@ -49,7 +49,7 @@ def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float)
     return CODE
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`.
 
@@ -85,7 +85,7 @@ def jet(c: Array, x: float, y: float) -> PlanarJet:
     return h, nx, ny, distance, -ny, nx
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -94,7 +94,7 @@ def core(
     return h + radius, radius, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return the corners of the square around the circle around the ellipse."""
     x, y, longer = c[CENTER_X], c[CENTER_Y], c[LONGER]

@@ -5,11 +5,11 @@ from types import ModuleType
 from typing import ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import Compiled, Planar, PlanarJet, Shape, Wall
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -17,7 +17,7 @@ CODE = 0
 NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
 
 
-@njit(cache=True)
+@kernel()
 def write(c: Array, normal: Pair, offset: float) -> int:
     """Write ``h = n·p − offset`` into the block c (WIDTH,)."""
     c[:] = 0.0
@@ -26,14 +26,14 @@ def write(c: Array, normal: Pair, offset: float) -> int:
     return CODE
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
     """Return H and its derivatives; see `Compiled`."""
     nx, ny = c[NORMAL_X], c[NORMAL_Y]
     return nx * x + ny * y - c[OFFSET], nx, ny, np.inf, -ny, nx
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def core(
     c: Array, x: float, y: float, h: float, distance: float, reach: float
 ) -> tuple[float, float, bool]:
@@ -41,7 +41,7 @@ def core(
     return np.inf, np.inf, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bounds(c: Array) -> tuple[float, float, float, float]:
     """Return none."""
     return np.inf, np.inf, -np.inf, -np.inf

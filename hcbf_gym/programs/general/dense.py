@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, NEGLIGIBLE, ZERO_GRADIENT
 
 
-@njit(cache=True)
+@kernel()
 def unit_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
     """Return the rows ``a x ≥ b`` scaled to unit norm, without those of norm `least` or below.
 
@@ -21,7 +21,7 @@ def unit_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
     return _scaled_rows(a, b, least, False)
 
 
-@njit(cache=True)
+@kernel()
 def level_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
     """Return the rows ``a x ≥ b`` scaled to norms from 1/2 to 1, without those of norm `least`.
 
@@ -32,7 +32,7 @@ def level_rows(a: Array, b: Array, least: float) -> tuple[Array, Array]:
     return _scaled_rows(a, b, least, True)
 
 
-@njit(cache=True)
+@kernel()
 def _scaled_rows(a: Array, b: Array, least: float, by_power: bool) -> tuple[Array, Array]:
     scaled = np.empty_like(a)
     bound = np.empty_like(b)
@@ -51,7 +51,7 @@ def _scaled_rows(a: Array, b: Array, least: float, by_power: bool) -> tuple[Arra
     return scaled[:kept], bound[:kept]
 
 
-@njit(cache=True)
+@kernel()
 def whiten(a: Array, target: Array, centre: Array) -> tuple[Array, Array]:
     """Return R and R⁻ᵀ-image of the minimiser of ``‖z − c‖² + ‖a z − t‖²``: it is ``‖R z − y‖²``.
 
@@ -83,7 +83,7 @@ def whiten(a: Array, target: Array, centre: Array) -> tuple[Array, Array]:
     return factor, y
 
 
-@njit(cache=True)
+@kernel()
 def rows_of_image(rows: Array, factor: Array) -> Array:
     """Return ``rows R⁻¹`` (k, n): the rows as they act on y = R z."""
     image = rows.copy()
@@ -95,7 +95,7 @@ def rows_of_image(rows: Array, factor: Array) -> Array:
     return image
 
 
-@njit(cache=True)
+@kernel()
 def back_substitute(factor: Array, y: Array) -> Array:
     """Return z (n,) with ``R z = y``."""
     z = y.copy()
@@ -106,7 +106,7 @@ def back_substitute(factor: Array, y: Array) -> Array:
     return z
 
 
-@njit(cache=True)
+@kernel()
 def meets(a: Array, lower: Array, x: Array, tolerance: float) -> bool:
     """Return whether x (n,) misses no row by more than ``tolerance (1 + max|x|)``; NaN fails."""
     allowed = tolerance * (1.0 + (np.abs(x).max() if x.size else 0.0))
@@ -119,7 +119,7 @@ def meets(a: Array, lower: Array, x: Array, tolerance: float) -> bool:
     return allowed < np.inf
 
 
-@njit(cache=True)
+@kernel()
 def with_slack(
     rows: Array, lower: Array, a: Array, target: Array, least: Array
 ) -> tuple[Array, Array]:
@@ -153,7 +153,7 @@ def with_slack(
     return matrix, below
 
 
-@njit(cache=True)
+@kernel()
 def complement(rows: Array, least: float) -> Array:
     """Return (n, r) an orthonormal basis of what is orthogonal to the rows (k, n).
 
@@ -165,7 +165,7 @@ def complement(rows: Array, least: float) -> Array:
     return orthogonal[(singular > least).sum() :].T.copy()
 
 
-@njit(cache=True)
+@kernel()
 def steepness(a: Array, basis: Array) -> tuple[Array, Array]:
     """Return (k,) how steep the rows a (k, n) are, and how steep in the directions of a basis."""
     whole, within = np.empty(a.shape[0]), np.empty(a.shape[0])
@@ -182,7 +182,7 @@ def steepness(a: Array, basis: Array) -> tuple[Array, Array]:
     return whole, within
 
 
-@njit(cache=True)
+@kernel()
 def pin(rows: Array, bounds: Array, basis: Array, a: Array, u: Array) -> tuple[Array, Array]:
     """Return the bounds and the basis that are left where ``a u`` keeps its value.
 
@@ -202,7 +202,7 @@ def pin(rows: Array, bounds: Array, basis: Array, a: Array, u: Array) -> tuple[A
     return np.minimum(bounds, rows @ u), basis
 
 
-@njit(cache=True)
+@kernel()
 def lock(rows: Array, bounds: Array, a: Array, b: Array, u: Array) -> tuple[Array, Array, Array]:
     """Return the rows and bounds with those of ``a u ≥ b`` that u meets, and those it violates.
 
@@ -218,7 +218,7 @@ def lock(rows: Array, bounds: Array, a: Array, b: Array, u: Array) -> tuple[Arra
     return np.concatenate((rows, level)), np.concatenate((bounds, bound)), a[violated]
 
 
-@njit(cache=True)
+@kernel()
 def _violated(a: Array, b: Array, u: Array) -> Mask:
     """Return (s,) which rows ``a u ≥ b`` u violates, rounding aside."""
     allowed = MET * (1.0 + np.abs(u).max())

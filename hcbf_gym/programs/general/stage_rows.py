@@ -4,11 +4,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.weights import weight_of
@@ -54,7 +54,7 @@ def stage_rows(plan: Plan, prices: Prices, rows: CbfRows, least: Array) -> Stage
     return StageRows(rows.a, rows.b, *found, least, rows.b)
 
 
-@njit(cache=True)
+@kernel()
 def _staged(
     table: Array, by_level: bool, priority: Integers, h: Array
 ) -> tuple[Integers, Mask, Array]:

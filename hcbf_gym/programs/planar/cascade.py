@@ -7,11 +7,10 @@ calls here is inlined: across a call Numba counts the references to every array 
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import borrowed
+from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import contains, copy, nearest
 from hcbf_gym.programs.planar.records import (
@@ -36,7 +35,7 @@ _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: FilterResult) -> None:
     """Filter the nominal inputs of N states.
 
@@ -52,7 +51,7 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
     filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def filter_range(
     settings: Settings,
     u_nominal: Array,
@@ -73,7 +72,7 @@ def filter_range(
         answer.fallbacks[i] = 0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _filter_state(
     settings: Settings,
     own: Own,
@@ -101,7 +100,7 @@ def _filter_state(
     return _account(settings, _SAFE if moved else _NOMINAL, rows.priority, u, slack, delta, w)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     """Return whether u* lies in U and meets every row."""
     for k in range(rows.b.size):
@@ -110,7 +109,7 @@ def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
     return contains(vertices, vertices.shape[0], ux, uy)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     """Return δ_min of row k; with a known offset ``α₂(ψ + ε) − α₂(ψ) = max(0, −α₂(ψ))``."""
     if not settings.known_offset or rows.priority[k] == 1:
@@ -119,7 +118,7 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     return max(0.0, -rows.alpha2_psi[k])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _stage(settings: Settings, weights: Array, priority: int) -> int:
     """Return the stage of the rows of a priority, from 1."""
     if settings.by_level:
@@ -127,7 +126,7 @@ def _stage(settings: Settings, weights: Array, priority: int) -> int:
     return 1 if np.isinf(gamma0_of(weights, priority)) else 2
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) -> int:
     """Sort by stage: ``w.rows[k].index``, and where each stage starts in ``w.start``.
 
@@ -155,7 +154,7 @@ def _sort(settings: Settings, weights: Array, priority: Integers, w: Workspace) 
     return count
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _load(settings: Settings, weights: Array, rows: CbfRows, row: np.record) -> None:
     """Fill in a row whose index is set."""
     k: int = row.index
@@ -169,7 +168,7 @@ def _load(settings: Settings, weights: Array, rows: CbfRows, row: np.record) -> 
     row.least = _least_slack(settings, rows, k)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _decide(
     settings: Settings, vertices: Array, stage_count: int, ux: float, uy: float, w: Workspace
 ) -> Point:
@@ -202,7 +201,7 @@ def _decide(
     return (x, y) if found else nearest(feasible, count, ux, uy)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _account(
     settings: Settings,
     status: int,

@@ -11,9 +11,9 @@ enters it at a point B::
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.planar.records import Cost, Line, Point
 from hcbf_gym.programs.tolerances import OUTWARD, SURELY_MET, THIN
 
@@ -37,7 +37,7 @@ class Chord(NamedTuple):
     last_down: int
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def settle(
     cell: Array, count: int, line: Line, own: int, cost: Cost, radius: float
 ) -> tuple[float, float, int]:
@@ -85,7 +85,7 @@ def settle(
     return x, y, side
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def slopes(
     x: float, y: float, dx: float, dy: float, cost: Cost, radius: float
 ) -> tuple[float, float]:
@@ -115,7 +115,7 @@ def slopes(
     return forward, backward
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _chord(cell: Array, count: int, line: Line) -> Chord:
     """Return where a line that crosses a cell does so."""
     first_up, last_up, first_down, last_down = 0, 0, 0, 0
@@ -132,7 +132,7 @@ def _chord(cell: Array, count: int, line: Line) -> Chord:
     return Chord(px, py, qx - px, qy - py, first_up, last_up, first_down, last_down)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _crossing(start: Array, end: Array, line: Line) -> Point:
     """Return where the side from `start` to `end` crosses a line."""
     here = line.nx * start[0] + line.ny * start[1] - line.d
@@ -141,7 +141,7 @@ def _crossing(start: Array, end: Array, line: Line) -> Point:
     return start[0] + t * (end[0] - start[0]), start[1] + t * (end[1] - start[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _minimise_along(chord: Chord, own: int, cost: Cost, radius: float) -> tuple[float, int]:
     """Return the minimiser on a chord, from 0 at A to 1 at B, and whether it is one of the two."""
     px, py, dx, dy = chord.px, chord.py, chord.dx, chord.dy
@@ -171,7 +171,7 @@ def _minimise_along(chord: Chord, own: int, cost: Cost, radius: float) -> tuple[
     return (low + (high - low) * start / (start + end) if start + end < 0.0 else low), _INSIDE
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _along_border(
     cell: Array, count: int, line: Line, chord: Chord, at_a: bool, sign: int, radius: float
 ) -> Point:
@@ -192,13 +192,13 @@ def _along_border(
     return cell[corner, 0], cell[corner, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _unit(x: float, y: float) -> Point:
     length = np.hypot(x, y)
     return x / length, y / length
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _kinks_at(row: np.record, x: float, y: float, radius: float) -> bool:
     """Return whether the slope of an open row's cost jumps at a point."""
     if row.state != OPEN or row.least == 0.0:
@@ -207,7 +207,7 @@ def _kinks_at(row: np.record, x: float, y: float, radius: float) -> bool:
     return abs(above) <= THIN * radius * row.norm
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _enters(cell: Array, count: int, x: float, y: float, ex: float, ey: float, thin: float) -> bool:
     """Return whether the direction e leads from the border point (x, y) into the cell."""
     for i in range(count):

@@ -1,16 +1,16 @@
 """The least cost of relaxed rows in one or two free directions, for the general programs."""
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.planar import stages
 from hcbf_gym.programs.planar.polygon import cut
 from hcbf_gym.programs.planar.records import FEASIBLE, Cost, Line, Workspace, make_workspace
 from hcbf_gym.programs.planar.soft import keep_least
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def least_cost(
     soft: Array, one_sided: bool, rows: Array, lower: Array, radius: float
 ) -> tuple[float, float]:
@@ -39,7 +39,7 @@ def least_cost(
     return stages.draw(count, cost, w)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _load(soft: Array, w: Workspace) -> None:
     for k in range(soft.shape[0]):
         row = w.rows[k]

@@ -8,9 +8,9 @@ leaves the face that violates the cut least, so that no rounding can make a stag
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.planar.records import COPY, Line, Point, Workspace
 from hcbf_gym.programs.tolerances import RANK_ONE, SAME_CORNER, THIN, ZERO_GRADIENT
 
@@ -25,7 +25,7 @@ class LeastSquares(NamedTuple):
     z2: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float]:
     """Return the least and the greatest n·u on a polygon."""
     low = np.inf
@@ -36,7 +36,7 @@ def span(corners: Array, count: int, nx: float, ny: float) -> tuple[float, float
     return low, high
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def cut(corners: Array, count: int, line: Line, radius: float) -> int:
     """Cut a polygon in place to ``n·u ≥ d``; to its face of greatest n·u where that is empty.
 
@@ -78,26 +78,26 @@ def cut(corners: Array, count: int, line: Line, radius: float) -> int:
     return new
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def copy(corners: Array, count: int, to: Array) -> None:
     """Copy a polygon's corners; in Numba a loop is faster than slices."""
     for i in range(count):
         to[i, 0], to[i, 1] = corners[i, 0], corners[i, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def slice_at(corners: Array, count: int, line: Line, radius: float) -> int:
     """Cut a polygon in place to ``n·u = d``, a value that it attains; return the new count."""
     count = cut(corners, count, line, radius)
     return cut(corners, count, Line(-line.nx, -line.ny, -line.d), radius)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _near(corners: Array, i: int, x: float, y: float, distance: float) -> bool:
     return abs(corners[i, 0] - x) <= distance and abs(corners[i, 1] - y) <= distance
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _append(corners: Array, count: int, x: float, y: float, distance: float) -> int:
     if count > 0 and _near(corners, count - 1, x, y, distance):
         return count
@@ -105,7 +105,7 @@ def _append(corners: Array, count: int, x: float, y: float, distance: float) -> 
     return count + 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: float) -> int:
     """Keep, of the corners with n·u ≥ level, the two that lie farthest apart."""
     low = np.inf
@@ -126,14 +126,14 @@ def _face(corners: Array, count: int, nx: float, ny: float, level: float, same: 
     return 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def distance(weight: float, ux: float, uy: float) -> LeastSquares:
     """Return ``w ‖u − u*‖²``."""
     root = np.sqrt(weight)
     return LeastSquares(root, 0.0, root, root * ux, root * uy)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def add_row(problem: LeastSquares, ax: float, ay: float, t: float) -> LeastSquares:
     """Add ``(a·u − t)²`` to ``‖R u − z‖²`` by two Givens rotations: no square is formed."""
     r11, r12, r22, z1, z2 = problem
@@ -151,13 +151,13 @@ def add_row(problem: LeastSquares, ax: float, ay: float, t: float) -> LeastSquar
     return LeastSquares(r11, r12, r22, z1, z2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def nearest(corners: Array, count: int, ux: float, uy: float) -> Point:
     """Return the point of a polygon that is nearest to u*."""
     return _descend(corners, count, distance(1.0, ux, uy), ux, uy)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def minimise(
     corners: Array, count: int, problem: LeastSquares, ux: float, uy: float, w: Workspace
 ) -> Point:
@@ -191,7 +191,7 @@ def minimise(
     return nearest(chord, count, ux, uy)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def contains(corners: Array, count: int, x: float, y: float) -> bool:
     """Return whether a point lies in a polygon of three corners or more, without any tolerance."""
     previous_x, previous_y = corners[count - 1, 0], corners[count - 1, 1]
@@ -204,7 +204,7 @@ def contains(corners: Array, count: int, x: float, y: float) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _descend(corners: Array, count: int, problem: LeastSquares, cx: float, cy: float) -> Point:
     """Return the minimiser over a polygon of a problem of full rank with its centre at c.
 

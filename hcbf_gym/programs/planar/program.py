@@ -8,11 +8,11 @@ as exact as they decide it; see `planar.soft.keep_least`.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.planar.cascade import filter_batch
@@ -149,7 +149,7 @@ def _is_pair(u: ArrayLike) -> bool:
     return type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64
 
 
-@njit(cache=True)
+@kernel()
 def _filter_all(
     settings: tuple[Any, ...],
     u_nominal: Array,

@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Integers, Records
 from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.compilation import kernel
 
 Point = tuple[float, float]
 
@@ -73,7 +73,7 @@ class Own(NamedTuple):
     weights: Array
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def own_of(settings: Settings, i: int) -> Own:
     """Return what state i of N has."""
     vertices, weights = settings.vertices, settings.weights
@@ -121,7 +121,7 @@ class Workspace(NamedTuple):
     start: Integers
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def make_workspace(radius: float, corners: int, m: int) -> Workspace:
     """Return the working space for a U with so many corners, and m rows."""
     polygons = np.empty((4, 2 * (corners + m + 4), 2))
@@ -130,7 +130,7 @@ def make_workspace(radius: float, corners: int, m: int) -> Workspace:
     return Workspace(radius, polygons, rows, start)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def row_line(row: np.record, bound: float) -> Line:
     """Return the line ``a·u = bound`` of a row whose gradient does not vanish."""
     return Line(row.ax / row.norm, row.ay / row.norm, bound / row.norm)

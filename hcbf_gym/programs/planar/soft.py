@@ -7,9 +7,9 @@ minimum of the whole lies (`kink`): the polygon is cut down, kink by kink, to on
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.planar.kink import MET, OPEN, PAID, settle
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
@@ -32,7 +32,7 @@ from hcbf_gym.programs.tolerances import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
     """Return a minimiser over the polygon; rows of weight 0 drop out.
 
@@ -63,7 +63,7 @@ def soft_minimum(corners: Array, count: int, cost: Cost, w: Workspace) -> Point:
         count = cut(cell, count, Line(side * line.nx, side * line.ny, side * line.d), w.radius)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _paid(cost: Cost) -> LeastSquares:
     """Return the quadratic of the rows that pay."""
     problem = distance(cost.lambda_u, cost.ux, cost.uy)
@@ -75,7 +75,7 @@ def _paid(cost: Cost) -> LeastSquares:
     return problem
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float, float, bool]:
     """Guess which rows pay, minimise with those, and try again with those that then do.
 
@@ -99,7 +99,7 @@ def _guess(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[float,
     return x, y, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _confirms(cost: Cost, x: float, y: float, radius: float) -> bool:
     """Note which rows pay at a point; return whether they are those of the guess before."""
     confirms = True
@@ -117,7 +117,7 @@ def _confirms(cost: Cost, x: float, y: float, radius: float) -> bool:
     return confirms
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
     """Return the open row whose kink halves the cell best, −1 if none crosses it.
 
@@ -141,7 +141,7 @@ def _halving_kink(cell: Array, count: int, cost: Cost, thin: float) -> int:
     return chosen
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def keep_least(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[int, float, float]:
     """Cut a polygon in place to the minimisers of ``Σ w_k max(m_k, v_k)²``.
 
@@ -160,7 +160,7 @@ def keep_least(corners: Array, count: int, cost: Cost, w: Workspace) -> tuple[in
             return count, x, y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def flattest_that_counts(rows: Records) -> float:
     """Return the steepness ``√w_k ‖a_k‖`` below which rows are too flat beside the steepest."""
     steepest = 0.0
@@ -173,7 +173,7 @@ def flattest_that_counts(rows: Records) -> float:
     return steepest / GRADED if steepest > GRADED * flattest else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def drop(rows: Records, floor: float) -> bool:
     """Give the rows that are not flatter weight 0; return whether rows are left, for 0 False."""
     if floor == 0.0:
@@ -185,7 +185,7 @@ def drop(rows: Records, floor: float) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def lock(
     corners: Array, count: int, cost: Cost, x: float, y: float, floor: float, radius: float
 ) -> int:

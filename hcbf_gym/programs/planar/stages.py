@@ -5,9 +5,9 @@ it in place and returns the new number of its corners.
 """
 
 import numpy as np
-from numba import njit
 
 from hcbf_gym.arrays import Array, Records
+from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.planar.polygon import (
     LeastSquares,
     add_row,
@@ -32,7 +32,7 @@ from hcbf_gym.programs.planar.soft import drop, flattest_that_counts, keep_least
 from hcbf_gym.programs.tolerances import THIN, ZERO_GRADIENT
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def meet(count: int, rows: Records, w: Workspace) -> int:
     """Keep the inputs that meet the rows or, where none does, violate them least (``min Σ δ²``)."""
     feasible = w.polygons[FEASIBLE]
@@ -55,13 +55,13 @@ def meet(count: int, rows: Records, w: Workspace) -> int:
     return new
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _steers(row: np.record) -> bool:
     """Return whether a row is more than a constant."""
     return row.norm > ZERO_GRADIENT
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def relax(count: int, cost: Cost, w: Workspace) -> Point:
     """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k max(m_k, b_k − a_k u)²``.
 
@@ -75,7 +75,7 @@ def relax(count: int, cost: Cost, w: Workspace) -> Point:
     return nearest(trial, count, cost.ux, cost.uy)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def draw(count: int, cost: Cost, w: Workspace) -> Point:
     """Return ``argmin λ_u ‖u − u*‖² + Σ λ_k (t_k − a_k u)²`` with the rows' targets t_k.
 
@@ -102,7 +102,7 @@ def draw(count: int, cost: Cost, w: Workspace) -> Point:
     return x, y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _drawn(cost: Cost) -> LeastSquares:
     problem = distance(cost.lambda_u, cost.ux, cost.uy)
     for k in range(cost.rows.size):
@@ -112,7 +112,7 @@ def _drawn(cost: Cost) -> LeastSquares:
     return problem
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def set_targets(vertices: Array, rows: Records, ux: float, uy: float, w: Workspace) -> None:
     """Write ``a_k û_k`` of each row that is not strict, û_k its own program's solution."""
     corners = vertices.shape[0]
@@ -131,7 +131,7 @@ def set_targets(vertices: Array, rows: Records, ux: float, uy: float, w: Workspa
         row.target = row.ax * x + row.ay * y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pin(count: int, rows: Records, x: float, y: float, w: Workspace) -> int:
     """Keep the inputs at which each row has the value that it has at u."""
     for k in range(rows.size):
@@ -142,7 +142,7 @@ def pin(count: int, rows: Records, x: float, y: float, w: Workspace) -> int:
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bound(count: int, rows: Records, x: float, y: float, w: Workspace) -> int:
     """Keep the inputs at which no row is violated more than at u."""
     for k in range(rows.size):
