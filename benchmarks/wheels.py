@@ -5,6 +5,7 @@ and what is refused. ``python -m benchmarks.wheels --part doors`` prints one par
 little of each.
 """
 
+import dataclasses
 import json
 import math
 import tempfile
@@ -25,7 +26,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker, carts, footprint
+from hcbf_gym.robots import Walker, carts, footprint, walker_parts
 from hcbf_gym.studies.identification.identify import identify
 from hcbf_gym.studies.identification.log import identify_log
 from hcbf_gym.studies.identification.record import Runner
@@ -33,6 +34,8 @@ from tests.studies import drives
 
 PERIOD = 0.05
 """Of the commands [s]."""
+LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
+"""From one command to the next, as robots look for one at every control step [s]."""
 CONTRACTS = Path(__file__).parents[1] / "tests" / "robots" / "contracts"
 
 Planner = Callable[[Array], Array]
@@ -57,12 +60,14 @@ class Moving:
     Attributes:
         pose: (3,) x, y and θ of its centre or axle [m, rad].
         twist: (3,) in its own axes [m/s, rad/s].
+        fallen: whether it has fallen.
     """
 
     def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
         self._runner = Runner(body, seed) if isinstance(body, Walker) else None
         self._lag = 0.0 if isinstance(body, Walker) else body.lag
         self.pose, self.twist = np.array(start, dtype=np.float64), np.zeros(3)
+        self.fallen = False
         if self._runner is not None:
             rng = np.random.default_rng(seed)
             self._runner.drive.reset(self.pose[:2], float(start[2]), BarrierSet([()]), rng)
@@ -71,7 +76,7 @@ class Moving:
     def go(self, command: Array) -> None:
         """Follow a command for one control step."""
         if self._runner is not None:
-            self._runner.tell(command, CONTROL_DT)
+            self.fallen |= self._runner.tell(command, CONTROL_DT).falls > 0
             self._look()
             return
         three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])
@@ -84,11 +89,6 @@ class Moving:
             self.pose = self.pose + part * np.array(
                 [cos * ahead - sin * aside, sin * ahead + cos * aside, turn]
             )
-
-    @property
-    def fallen(self) -> bool:
-        """Whether it has fallen."""
-        return self._runner is not None and self._runner.falls > 0
 
     def _look(self) -> None:
         assert self._runner is not None
@@ -130,6 +130,7 @@ class Driven(NamedTuple):
         statuses: (6,) how often each was said.
         alarms: reasons from the first alarm on.
         longest: 99th percentile of a step [s].
+        fell: whether the robot fell, where the loop ends.
         told: (k, n) commands.
     """
 
@@ -138,6 +139,7 @@ class Driven(NamedTuple):
     statuses: Array
     alarms: set[int]
     longest: float
+    fell: bool
     told: Array
 
     @property
@@ -203,10 +205,11 @@ def loop(
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
         least = min(least, float(h[strict].min(initial=np.inf)) - reach)
-        if until(robot.pose):
+        if robot.fallen or until(robot.pose):
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    return Driven(np.array(path), least, statuses, alarms, longest, np.array(told))
+    fell = robot.fallen
+    return Driven(np.array(path), least, statuses, alarms, longest, fell, np.array(told))
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
@@ -431,7 +434,7 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
         for seed in range(count):
             rng = np.random.default_rng([3, seed])
             boxes, reach = _boxes(rng), walker.reach
-            door = VelocityFilter(walker, boxes, period=PERIOD, max_age=MAX_AGE)
+            door = VelocityFilter(walker, boxes, period=LONGEST, max_age=MAX_AGE)
             planner = _hostile(boxes, walker.command, rng)
             start = Moving(walker, np.zeros(3), seed)
             runs.append(loop(door, start, planner, reach, 20.0, link, seed))
@@ -440,10 +443,11 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
             lengths = {k: run.length for k, run in enumerate(runs)}
         alarms = [run.alarms for run in runs if run.alarms]
         least, longest = min(run.least for run in runs), max(run.longest for run in runs)
+        statuses = sum(run.statuses for run in runs)
         yield (
             f"{robot}: {name}: {sum(run.least < 0.0 for run in runs)} of {count} entered, least "
-            f"{least:+.3f} m, alarms {alarms}, path {np.mean(shares):.2f}, 99 % of steps "
-            f"{1e3 * longest:.2f} ms, statuses {sum(run.statuses for run in runs)}"
+            f"{least:+.3f} m, alarms {alarms}, {sum(run.fell for run in runs)} fell, "
+            f"path {np.mean(shares):.2f}, 99 % of steps {1e3 * longest:.2f} ms, statuses {statuses}"
         )
 
 
@@ -536,22 +540,46 @@ IN_WORDS = ("expected", "missing", "meet", "drive for")
 WRONG = (math.nan, math.inf, -1.0, 0.0, 1e300, "fast", None, [], {}, True, [1.0, 2.0])
 
 
+SECTIONS = {
+    "command": walker_parts.Command,
+    "action": walker_parts.Action,
+    "body": walker_parts.Body,
+    "fall": walker_parts.Fall,
+    "physics": walker_parts.Physics,
+}
+"""Of a contract."""
+
+
 def _bent_contract(rng: np.random.Generator, folder: Path) -> None:
     data: Any = json.loads((carts.FOLDER / "cart.json").read_text(encoding="utf-8"))
     data["mjcf"] = str(carts.FOLDER / data["mjcf"])
-    place, key = data, str(rng.choice(list(data)))
+    place, key, kind = data, str(rng.choice(list(data))), Walker
     if isinstance(data[key], dict) and rng.random() < 0.7:
-        place, key = data[key], str(rng.choice(list(data[key])))
-    how = rng.integers(3)
+        place, kind = data[key], SECTIONS[key]
+        key = str(rng.choice(list(place)))
+    how, wrong = rng.integers(3), WRONG[int(rng.integers(len(WRONG)))]
+    spare = place is data and not _needed(SECTIONS.get(key, Walker))  # a section
+    if (how == 0 and (spare or key not in _needed(kind))) or (how == 2 and spare and wrong == {}):
+        _bent_contract(rng, folder)  # that would be whole
+        return
     if how == 0:
         del place[key]
     elif how == 1:
         place[f"{key}_"] = place.pop(key)
     else:
-        place[key] = WRONG[int(rng.integers(len(WRONG)))]
+        place[key] = wrong
     file = folder / "robot.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     VelocityFilter(file, [HalfPlane("wall", 1, (-1.0, 0.0), -3.0)])
+
+
+def _needed(kind: type) -> set[str]:
+    """Return the keys that a contract, or a section of it, must have."""
+    return {
+        one.name
+        for one in dataclasses.fields(kind)
+        if one.default is dataclasses.MISSING and one.default_factory is dataclasses.MISSING
+    }
 
 
 def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
@@ -559,7 +587,8 @@ def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     corners: Any = (rng.uniform(0.2, 0.5, 6) * np.array([np.cos(angles), np.sin(angles)])).T
     how = int(rng.integers(6))
     if how == 0:
-        corners = corners[rng.permutation(6)]
+        while not _crosses(corners):  # some other order is an outline, too
+            corners = corners[rng.permutation(6)]
     elif how == 1:
         corners = corners + rng.uniform(0.6, 2.0, 2)
     elif how == 2:
@@ -571,6 +600,20 @@ def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     else:
         corners = corners[: int(rng.integers(0, 3))]
     footprint.reach(corners)
+
+
+def _crosses(corners: Array) -> bool:
+    """Return whether two edges of an outline that are no neighbours cross."""
+    edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+
+    def apart(a: Array, b: Array, c: Array, d: Array) -> bool:
+        return bool(np.cross(b - a, c - a) * np.cross(b - a, d - a) < 0.0)
+
+    return any(
+        apart(*edges[i], *edges[j]) and apart(*edges[j], *edges[i])
+        for i in range(len(edges))
+        for j in range(i + 2, len(edges) - (i == 0))
+    )
 
 
 def _bent_log(rng: np.random.Generator, folder: Path) -> None:
@@ -587,7 +630,8 @@ def _bent_log(rng: np.random.Generator, folder: Path) -> None:
     elif how == 4:
         rows = rows[: int(rng.integers(0, 200))]
     elif how == 5:
-        rows[int(rng.integers(len(rows))), int(rng.integers(1, 10))] = np.inf
+        named = [k for k, name in enumerate(drives.HEADER) if name != "cmd_vy"]
+        rows[int(rng.integers(len(rows))), int(rng.choice(named))] = np.inf
     else:
         shifted = np.isfinite(rows[:, 1])
         rows[shifted, 0] += rng.uniform(20.0, 1e6)

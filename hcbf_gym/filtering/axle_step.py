@@ -220,7 +220,7 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
 
 
 @kernel()
-def slide(settings: Settings, w: Work, i: int, m: int) -> None:
+def slide(settings: Settings, w: Work, i: int, m: int, heading: float) -> None:
     """Answer once more where rows changed u, with what a robot free to move would do for u*.
 
     Args:
@@ -228,6 +228,7 @@ def slide(settings: Settings, w: Work, i: int, m: int) -> None:
         w: with the program's answer, written to.
         i: which plant.
         m: how many safety rows it has.
+        heading: of the plant [rad].
     """
     vertices, u = own_of(settings, i).vertices, w.answer.u[i]
     x, y = nearest(vertices, vertices.shape[0], w.u[i, 0], w.u[i, 1])
@@ -243,7 +244,17 @@ def slide(settings: Settings, w: Work, i: int, m: int) -> None:
     free = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, square), asked, free, part, w.polygons, 0, 1)
     asked[0, 0], asked[0, 1] = part.u[0, 0], part.u[0, 1]
-    rows = CbfRows(w.a[i : i + 1], w.rows[B, i : i + 1], h, priority, psi)
+    held = False
+    for k in range(m):
+        held |= a[0, k, 0] * asked[0, 0] + a[0, k, 1] * asked[0, 1] - b[0, k] <= MOVED
+    a[:], b[:] = w.a[i : i + 1], w.rows[B, i : i + 1]
+    if held:  # guidance drives, and turns along what stands and not back to its way
+        cos, sin = np.cos(heading), np.sin(heading)
+        for k in range(m, a.shape[1]):
+            ahead, aside = cos * a[0, k, 0] + sin * a[0, k, 1], cos * a[0, k, 1] - sin * a[0, k, 0]
+            b[0, k] -= aside * (cos * asked[0, 1] - sin * asked[0, 0])
+            a[0, k, 0], a[0, k, 1] = ahead * cos, ahead * sin
+    rows = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)
 
 

@@ -72,6 +72,12 @@ MEMORY = [
     ("in_a_row", "f8"),  # samples at which the motion was off
 ]
 """What is remembered of both signals; zeros at a reset."""
+PLANAR_MEMORY = [
+    ("drift", "f8", 2),  # r [m]
+    ("motion", "f8", 2),  # m [m]
+    ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
+]
+"""What is remembered besides of the motion in the plane; zeros at a reset."""
 
 
 @kernel()
@@ -140,7 +146,7 @@ def latch(plant: Any, alarm: int) -> None:
 
 
 @kernel(error_model="numpy")
-def watch(plant: Any, radius: float, confidence: float, exact: bool) -> None:
+def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: bool) -> None:
     """Compare a believed sample of a planar double integrator with the one before.
 
     Args:
@@ -148,8 +154,10 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool) -> None:
         radius: the largest norm of an input [m/s²].
         confidence: κ.
         exact: whether the plant is its model.
+        moves_now: whether position and velocity are those of the present.
     """
     model, lag, period = plant.model, plant.lag, plant.elapsed
+    body = (model[0] + lag[0], model[1] + lag[1], model[2] + lag[2], model[3] + lag[3])
     if plant.fault >= ALARM:
         latch(plant, plant.fault)
     if plant.follows and period > 0.0:
@@ -160,33 +168,51 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool) -> None:
             chosen += plant.input[k] * plant.input[k]
         if account(plant, missed, chosen, period / WINDOW, radius) or breaks_off(plant):
             latch(plant, INPUT)
-        if _drifts(plant, period, confidence, exact):
+        covariance = plant.covariance
+        spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
+        if moves_now and drifts(plant, body, period, spread, exact):
             latch(plant, MOTION)
-    for k in range(4):
-        plant.body[k] = model[k] + lag[k]
+    note_body(plant, body)
     plant.expected[0] = model[2]
     plant.expected[1] = model[3]
     plant.follows = 1
 
 
+@kernel(error_model="numpy", inline="always")
+def note_body(memory: Any, body: tuple[float, float, float, float]) -> None:
+    """Note where a body is, and its velocity, for the next sample."""
+    for k in range(4):
+        memory.body[k] = body[k]
+
+
 @kernel(error_model="numpy")
-def _drifts(plant: Any, period: float, confidence: float, exact: bool) -> bool:
-    """Return whether the body's position has drifted from what its velocity says."""
-    model, lag, body, covariance = plant.model, plant.lag, plant.body, plant.covariance
-    drift, motion = plant.drift, plant.motion
+def drifts(
+    memory: Any,
+    body: tuple[float, float, float, float],
+    period: float,
+    besides: float,
+    exact: bool,
+) -> bool:
+    """Return whether a body's position has drifted from what its velocity says.
+
+    Args:
+        memory: a record with the fields of `MEMORY` and `PLANAR_MEMORY`, written to.
+        body: its position [m] and velocity [m/s].
+        period: since the sample before [s].
+        besides: what the position may be off [m].
+        exact: whether the body is its model.
+    """
+    last, drift, motion = memory.body, memory.drift, memory.motion
     left = fade(period)
     drift2 = meant2 = seen2 = changed2 = 0.0
     for k in range(2):
-        position = model[k] + lag[k]
-        velocity = model[2 + k] + lag[2 + k]
-        meant = 0.5 * period * (velocity + body[2 + k])
-        drift[k] = left * drift[k] + position - body[k] - meant
+        meant = 0.5 * period * (body[2 + k] + last[2 + k])
+        drift[k] = left * drift[k] + body[k] - last[k] - meant
         motion[k] = left * motion[k] + meant
         drift2 += drift[k] ** 2
         meant2 += motion[k] ** 2
         seen2 += (motion[k] + drift[k]) ** 2
-        changed2 += (velocity - body[2 + k]) ** 2
-    spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
+        changed2 += (body[2 + k] - last[2 + k]) ** 2
     off, moved = np.sqrt(drift2), np.sqrt(max(meant2, seen2))
     change = 0.0 if exact else np.sqrt(changed2)
-    return strays(plant, off, moved, change, REST, spread, period)
+    return strays(memory, off, moved, change, REST, besides, period)

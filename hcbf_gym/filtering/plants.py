@@ -50,6 +50,7 @@ CONSTANTS = np.dtype(
                 ("has_way", "?"),
                 ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
                 ("brakes", "?"),  # whether an alarm makes the filter brake
+                ("moves_now", "?"),  # whether positions and velocities are of the present
             ],
             align=True,  # so that it is made of whole numbers
         ),
@@ -82,9 +83,7 @@ def plant_dtype(n_u: int) -> Any:
         ("zone", "f8"),  # the rank of the map's zone that it stands in, 0 for none
         # what is remembered from step to step
         *monitor.MEMORY,
-        ("drift", "f8", 2),  # r [m]
-        ("motion", "f8", 2),  # m [m]
-        ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
+        *monitor.PLANAR_MEMORY,
         ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
         ("vague", "f8", 3),  # xx, xy and yy of its covariance at the last sample [m²/s²]
         ("growth", "f8"),  # what that grew by when it grew last [m²/s²]

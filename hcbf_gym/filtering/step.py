@@ -145,7 +145,7 @@ def _filter(
     if drives is not None:
         for i in range(count):
             if p.told[i].reason == 0:
-                axle_step.slide(settings, w, i, p.kind.shape[1])
+                axle_step.slide(settings, w, i, p.kind.shape[1], p.sensed[i].heading)
     for i in range(count):
         _conclude(c, drives, p, w, i)
         asks |= p.told[i].reason != 0
@@ -357,7 +357,8 @@ def _ask(
         axle_step.turn_memory(plant)
     if told.reason == 0:
         if not c.made:
-            watch(plant, c.radius, c.confidence, c.settles == 0.0 and drives is None)
+            exact = c.settles == 0.0 and drives is None
+            watch(plant, c.radius, c.confidence, exact, c.moves_now)
         told.reason = plant.alarm
     else:
         plant.follows = 0

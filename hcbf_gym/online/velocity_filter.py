@@ -5,17 +5,16 @@ import math
 import operator
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, Shapes, SpeedLimit, braking
-from hcbf_gym.barriers.set import BarrierSet, Entry, each
+from hcbf_gym.barriers import SpeedLimit, braking
+from hcbf_gym.barriers.set import BarrierSet, Entry
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -23,23 +22,23 @@ from hcbf_gym.errors import (
     SafetyWarning,
     finite_array,
     finite_float,
-    require_packages,
 )
-from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models import axle as drives
-from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.online.barrier_clock import ROUNDING, BarrierClock
+from hcbf_gym.online.motion_monitor import MotionMonitor
+from hcbf_gym.online.origin import Origin
+from hcbf_gym.online.robot import Robot, cap_of, known_of
+from hcbf_gym.online.sample import Sample, moved, number, sample_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins
-from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import Response, assumed
+from hcbf_gym.robots.walker_response import assumed
 
 if TYPE_CHECKING:
     from hcbf_gym.certificates import Certificate
@@ -49,52 +48,16 @@ HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
 
 
-ROUNDING = 1e-9
-"""By how much a present may seem to be before its past [s]."""
 LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
-FAR = 1e3
-"""A robot that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
-SEEN_FOR = 60.0
-"""Barriers that were seen longer ago, or on another clock, are not believed [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
+CARRIED_FOR = 5.0
+"""A twist tells as much of older data as what the robot was told since [s]."""
 PAUSE = 1.5
 """Periods without one after which the model begins anew, unless the robot follows more slowly."""
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What the filter must know of a robot without a contract.
-
-    Args:
-        command: what it may be told.
-        response: how it follows; None assumes a slow robot that sways, see
-            `walker_response.assumed`.
-        reach: radius of the circle around its centre, or a cart's axle, that holds it [m].
-        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
-            no less than holds it.
-        known_as: what certificates call it; "" for a robot of which there is none.
-    """
-
-    command: Command
-    response: Response | None = None
-    reach: float = 0.0
-    footprint: str | ArrayLike | None = None
-    known_as: str = ""
-
-    def __post_init__(self) -> None:
-        for name, kind in (("command", Command), ("response", Response)):
-            value = getattr(self, name)
-            if not isinstance(value, kind) and (name == "command" or value is not None):
-                raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
-        if self.response is not None:
-            self.response.gains(len(self.command.limits))  # fit
-        reach = finite_float("robot: reach", self.reach, minimum=0.0)
-        if self.footprint is not None:
-            object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
 class VelocityFilter:
@@ -103,8 +66,8 @@ class VelocityFilter:
     In every period the user hands over what the robot shall do, where it is and how it moves, and
     tells the robot what comes back. What is old or not finite is not believed: the command is zero
     then, at once, until there are good data again. With `now`, data that are repeated or come out
-    of their order are as good as their age: the newest go on by their twist, and rows reserve what
-    U may have changed meanwhile.
+    of their order are as good as their age: the newest go on by what the robot was told since, by
+    their twist where its response was not measured, and rows reserve what that may miss.
 
     One thread at a time may call a filter: where odometry and commands come in threads of their
     own, keep the newest odometry and call `step` in the thread of the commands, or under a lock.
@@ -167,7 +130,7 @@ class VelocityFilter:
         certificate: "str | Path | Certificate | None" = None,
         **options: Any,
     ):
-        known = _known(robot)
+        known = known_of(robot)
         response = known.response or assumed(known.command)
         if response.complaints:
             warnings.warn(
@@ -176,11 +139,12 @@ class VelocityFilter:
                 CoverageWarning,
                 stacklevel=2,
             )
+        self._max_age = finite_float("max_age", max_age, minimum=0.0)
+        self._from, self._clock = Origin(), BarrierClock(self._max_age)
         self._barriers: Any = None
         self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
-        self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._adapter = Adapter(known.command, known.response, "free")
         self._limits = known.command.limits
         reach = known.reach if radius is None else radius
@@ -204,10 +168,12 @@ class VelocityFilter:
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
         )
-        self._core = PlanarCore(self._plant, input_set, self._settings)
+        self._input_set = input_set
+        self._core = self._core_of(self._settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self._follows = response.follows
         self._monitor = ResponseMonitor(known.command, known.response)
+        self._motion = MotionMonitor(self._period, self._strays)
         self.goal = goal
         self._fault = Reason.NONE
         self.reset()
@@ -235,7 +201,7 @@ class VelocityFilter:
         Raises:
             InvalidInputError: if `seen_at` is not finite.
         """
-        self._seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
+        self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
         self._unseen = self._unseen or not _same(barriers, self._barriers)
         self._barriers = barriers
 
@@ -267,13 +233,13 @@ class VelocityFilter:
             self._limit: tuple[SpeedLimit, ...] = ()
             self.fastest = self._begins_at = self._robot.command.fastest
             return
-        cap = _cap(v_max, self._reserved, self._robot)
+        cap = cap_of(v_max, self._reserved, self._robot)
         left, gained = float(braking.speed_left(cap, self._reserved)), self._period * self._hardest
         if left <= gained:
             raise InvalidInputError(
                 f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
                 f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
-                "or leave v_max out"
+                f"or leave v_max out and tell it no more: Command(forward={cap:g}, …)"
             )
         self._limit = (SpeedLimit("speed limit", 1, cap),)
         self._begins_at, self.fastest = left, math.sqrt(left**2 - gained**2)
@@ -286,13 +252,19 @@ class VelocityFilter:
     @program.setter
     def program(self, program: str) -> None:
         settings = self._settings._replace(program=program)
-        core = PlanarCore(self._plant, self._core.input_set, settings)
+        core = self._core_of(settings)
         core.restart(np.ones(1, dtype=np.bool_))
         self._core, self._settings, self._begun = core, settings, False
 
+    def _core_of(self, settings: FilterSettings) -> PlanarCore:
+        """Return the core; what is measured is compared here, at its own time."""
+        core = PlanarCore(self._plant, self._input_set, settings)
+        core.leave_motion()
+        return core
+
     def _compile(self) -> None:
         """Let a filter that nobody sees make two steps, far from everything."""
-        core = PlanarCore(self._plant, self._core.input_set, self._settings)
+        core = self._core_of(self._settings)
         core.restart(np.ones(1, dtype=np.bool_))
         x, still = np.zeros(4), np.zeros(2)
         pose = np.zeros(3)
@@ -302,18 +274,18 @@ class VelocityFilter:
             for covariance in (None, np.zeros((4, 4))):
                 seen = Estimate(x, self._period, covariance, x, x, 0.0, elapsed=self._period)
                 core.step(still, self._scene(), seen)
-        self._monitor.tell(self._told, 0.0)
+        self._monitor.tell(self._told, 0.0, 0.1)
         self._monitor.observe(pose, still, 0.0)
+        self._motion.observe(x, 0.0)
+        self._monitor.carry(pose, np.zeros(3), 0.0, 0.1)
         self._monitor.forget()
+        self._motion.forget()
 
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
-        self._origin: Array | None = None  # from which positions count [m]
-        self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
-        self._first = math.inf  # present since the reset [s]
-        self._are_timed = True  # whether the barriers' stamp can be one of the robot's clock
-        self._zero: float | None = None  # from which the core's time counts [s]
+        self._from.forget()
+        self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
@@ -321,10 +293,11 @@ class VelocityFilter:
         self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
         self._monitor.forget()
+        self._motion.forget()
         self._fault = Reason.NONE
         self._told: Array = np.zeros(len(self._limits))
         self._good_from = self._good_until = -math.inf
-        self._sample = _Sample()
+        self._sample = Sample()
         self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
         self._last = self._leapt_from = math.nan  # presents [s]
 
@@ -357,26 +330,24 @@ class VelocityFilter:
                 happened.
         """
         wanted = finite_array("command", command, (len(self._limits),))
-        given = _Sample(_number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
-        sample = given if now is None else self._newest(given, _number(now))
-        present = given.stamp if now is None else _number(now)
+        given = sample_of(pose, twist, time)
+        sample = given if now is None else self._newest(given, number(now))
+        present = given.stamp if now is None else number(now)
         self._look_back(present)
-        self._time_barriers(present)
+        later = self._clock.look(present)
+        if later != 0.0:
+            self._core.shift_clock(later)
         age = 0.0 if now is None else present - sample.stamp
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        place, motion = self._from_origin(sample.place), sample.motion
+        place, motion = self._from.place(sample.place), sample.motion
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         measured = self._follower(place, motion)
-        if sound and sample is given and self._monitor.observe(
-            np.array([measured[0], measured[1], place[2]]), measured[2:], sample.stamp,
-            self._good_until,
-        ):  # fmt: skip
-            self._fault = Reason.RESPONSE
+        if sound and sample is given:
+            self._watch(measured, place[2], sample.stamp)
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
-            place = _moved(place, motion, age)
-            self._missed_by = max(self._missed_by, 0.5 * self._strays * age * age)
+            place, motion = self._carried(place, motion, sample.stamp, present)
         body = self._follower(place, motion)
         axes = self._axes(place[2])
         velocity = self._now(present, body[2:] @ axes) @ axes.T if sound else self._velocity
@@ -384,7 +355,7 @@ class VelocityFilter:
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         estimate = Estimate(
             x,
-            self._since(present),
+            self._clock.since(present),
             self._spread(),
             x,
             lag,
@@ -403,7 +374,7 @@ class VelocityFilter:
                 barriers = None
         elif (
             self._unseen
-            and self._are_timed
+            and self._clock.is_sound
             and self._core.guides
             and present - self._led_from >= LED_FOR
         ):
@@ -434,47 +405,9 @@ class VelocityFilter:
             InvalidInputError: if no filter can begin with them.
         """
         self._led_from, self._unseen = present, False
-        goal = self._goal
-        if goal is not None and self._origin is not None:
-            goal = goal - self._origin
-        self._core.begin(barriers, estimate, goal, None)
+        self._core.begin(barriers, estimate, self._from.goal(self._goal), None)
 
-    def _time_barriers(self, present: float) -> None:
-        """Let the core's time count from when the barriers were where they are put."""
-        if not math.isfinite(present):
-            return
-        if self._first == math.inf:
-            self._first = present
-        zero = self._first if self._seen_at is None else self._seen_at
-        were_timed = self._are_timed
-        ahead = self._max_age + ROUNDING
-        self._are_timed = self._seen_at is None or -ahead <= present - zero <= SEEN_FOR
-        if not self._are_timed:
-            if were_timed:
-                warnings.warn(
-                    f"velocity filter: seen_at: got {zero:.9g} s at {present:.9g} s, expected a "
-                    f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
-                    f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
-                    SafetyWarning,
-                    stacklevel=3,
-                )
-            return
-        if self._zero is not None and zero != self._zero:
-            self._core.shift_clock(zero - self._zero)
-        self._zero = zero
-
-    def _since(self, present: float) -> float:
-        """Return the core's time at a present [s]."""
-        return present - (self._zero or 0.0)
-
-    def _from_origin(self, place: Array) -> Array:
-        """Return (3,) a place as the core counts it: from a far start, or from where it was 0."""
-        if self._origin is None and np.isfinite(place.sum()):
-            far = float(np.abs(place[:2]).max()) > FAR
-            self._origin = np.rint(place[:2]) if far else np.zeros(2)
-        return place if self._origin is None else place - np.array([*self._origin, 0.0])
-
-    def _newest(self, given: "_Sample", now: float) -> "_Sample":
+    def _newest(self, given: Sample, now: float) -> Sample:
         """Return the newest data that were not from the future: what was given, or what was kept.
 
         Args:
@@ -492,8 +425,9 @@ class VelocityFilter:
         if self._leapt_from < present <= self._last:
             self._core.restart(np.ones(1, dtype=np.bool_))
             self._monitor.forget()
+            self._motion.forget()
             self._begun, self._time, self._moved = False, None, -math.inf
-            self._first, self._zero = min(self._first, present), None
+            self._clock.begin(present)
         if math.isfinite(present):
             self._leapt_from = self._last if present - self._last > LEAP else math.nan
             self._last = present
@@ -505,11 +439,43 @@ class VelocityFilter:
         deviation = self._missed_by / max(self._core.uncertainty.confidence, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])
 
+    def _carried(
+        self, place: Array, motion: Array, since: float, now: float
+    ) -> tuple[Array, Array]:
+        """Return pose and twist now of a robot that was measured before; note what they may miss.
+
+        Its twist says it, up to what the robot accelerates meanwhile; of a robot that was measured
+        what it was told since says more.
+
+        Args:
+            place: (3,) pose then [m, rad].
+            motion: (3,) twist then [m/s, rad/s].
+            since: the time of both [s].
+            now: the present [s].
+        """
+        straight = moved(place, motion, now - since)
+        missed_by = 0.5 * self._strays * (now - since) ** 2
+        if not self._monitor.is_measured or now - since > CARRIED_FOR:
+            self._missed_by = max(self._missed_by, missed_by)
+            return straight, motion
+        place, motion = place.copy(), motion.copy()
+        off = self._monitor.carry(place, motion, since, now)
+        apart = (self._follower(place, motion) - self._follower(straight, motion))[:2]
+        self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
+        return place, motion
+
+    def _watch(self, measured: Array, yaw: float, stamp: float) -> None:
+        """Raise an alarm where what was measured at a time [s] is not what the robot was told."""
+        at = np.array([measured[0], measured[1], yaw])
+        strays = self._monitor.observe(at, measured[2:], stamp)
+        drifts = self._motion.observe(measured, stamp)
+        if self._fault == Reason.NONE and (strays or drifts):
+            self._fault = Reason.RESPONSE if strays else Reason.MOTION
+
     def _tell_monitor(self, now: float) -> None:
         """Note what the robot is told from now on [s], where the clocks say when that is."""
         if math.isfinite(now):
-            self._monitor.tell(self._told, now)
-            self._monitor.tell(np.zeros(len(self._limits)), now + self._period)
+            self._monitor.tell(self._told, now, now + self._period)
 
     def command_at(self, now: float) -> Array:
         """Return what the robot is to be told now [s]: the last command while it is good, or zero.
@@ -597,7 +563,7 @@ class VelocityFilter:
 
     def _miss(self) -> None:
         """Note that samples are missing: what the robot did meanwhile is not known."""
-        last = None if self._time is None else self._since(self._time)
+        last = None if self._time is None else self._clock.since(self._time)
         old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._scene(), old)
         self._time = None
@@ -607,19 +573,12 @@ class VelocityFilter:
 
         None, which the core does not believe, stands for barriers of no time.
         """
-        if not self._are_timed:
+        if not self._clock.is_sound:
             return None
         try:
-            listed = self._listed(self.barriers)
-            if self._origin is None or not self._origin.any():
-                return listed
-            entries = tuple(each(listed))
+            return self._from.barriers(self._listed(self.barriers))
         except InvalidInputError:
             return self.barriers
-        self._near = {
-            id(one): self._near.get(id(one)) or (one, one.moved(-self._origin)) for one in entries
-        }
-        return tuple(self._near[id(one)][1] for one in entries)
 
     def _listed(self, barriers: Any) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.
@@ -632,101 +591,10 @@ class VelocityFilter:
         return (*barriers, *self._limit)
 
 
-class _Sample(NamedTuple):
-    """What was measured at once.
-
-    Attributes:
-        stamp: when [s].
-        place: (3,) x, y and θ of the robot's centre [m, rad].
-        motion: (3,) v_x, v_y and ω in its own axes [m/s, rad/s].
-    """
-
-    stamp: float = -math.inf
-    place: Array = np.full(3, np.nan)
-    motion: Array = np.full(3, np.nan)
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether all of it is finite."""
-        return bool(np.isfinite(self.place.sum() + self.motion.sum() + self.stamp))
-
-
-def _moved(place: Array, motion: Array, seconds: float) -> Array:
-    """Return (3,) where a twist brings a pose within so many seconds."""
-    turned = motion[2] * seconds
-    cos, sin = math.cos(place[2] + 0.5 * turned), math.sin(place[2] + 0.5 * turned)
-    ahead, aside = seconds * motion[0], seconds * motion[1]
-    return place + np.array([cos * ahead - sin * aside, sin * ahead + cos * aside, turned])
-
-
-def _cap(v_max: Any, reserved: float, known: Robot) -> float:
-    """Return a strict cap on the speed [m/s].
-
-    Args:
-        v_max: as the user gave it [m/s].
-        reserved: what its row reserves for the overshoot [m/s].
-        known: the robot.
-
-    Raises:
-        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
-    """
-    least, most = 2.0 * reserved, known.command.fastest
-    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
-    if least < cap <= most:
-        return cap
-    measured = "" if known.response is not None else " that nobody has measured"
-    raise InvalidInputError(
-        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
-        f"the overshoot of a robot{measured}, and at most {most:g} m/s, the greatest command; "
-        "leave v_max out where the robot's motors cap its speed, or measure how it follows by hcbf "
-        "identify --log drive.csv"
-    )
-
-
 def _same(one: Any, other: Any) -> bool:
     """Return whether two lists hold the same objects."""
     listed = isinstance(one, Sequence) and isinstance(other, Sequence)
     return listed and len(one) == len(other) and all(map(operator.is_, one, other))
-
-
-def _known(robot: Any) -> Robot:
-    """Return what is known of a robot, however it is given.
-
-    Raises:
-        InvalidInputError: if it is no robot.
-    """
-    if isinstance(robot, Robot):
-        return robot
-    require_packages("a robot's contract, other than hcbf_gym.Robot(…),", "mujoco")
-    from hcbf_gym.robots.walker import Walker
-
-    if isinstance(robot, str | Path):
-        robot = Walker.load(robot)
-    if not isinstance(robot, Walker):
-        raise InvalidInputError(
-            f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
-        )
-    known_as = certificates.robot_of(robot.name, robot.files)
-    return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
-
-
-def _numbers(values: Any, farthest: float) -> Array:
-    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
-
-    Args:
-        values: of the message.
-        farthest: what the first two may be at most [m].
-    """
-    given = None if values is None else real_numbers(values, (3,))
-    if given is None or np.abs(given[:2]).max() > farthest or abs(given[2]) > FARTHEST:
-        return np.full(3, np.nan)
-    return given
-
-
-def _number(value: Any) -> float:
-    """Return a number of a message; NaN where it is none."""
-    given = real_numbers(value, ())
-    return math.nan if given is None else float(given)
 
 
 def _nothing(*_: Any) -> Any:

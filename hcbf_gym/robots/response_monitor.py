@@ -14,8 +14,9 @@ The alarm is raised where in any window
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
-d is what nobody knows: what a command that was not renewed in time still did, and, of a response
-that nobody measured or that has complaints, (τ + δ) times all by which v̂ changes.
+d is what nobody knows: what a command that was not renewed in time still did; ``Δ²/2b`` of a step
+Δ that is faster than the robot brakes by b; and, of a response that nobody measured or that has
+complaints, (τ + δ) times all by which v̂ changes.
 
 A gait sways more than many a fault shows in r. What follows late, by another share or in another
 direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
@@ -47,6 +48,8 @@ BEYOND = 1.45
 """K: hours show more sway than the minutes of identification."""
 SWAYS = 2.0
 """Over how many W₀ sway adds up."""
+STEP = 1.5
+"""Of the change that a robot can follow: a command that changes faster is a step."""
 SHARE, DOUBTED = 0.15, 0.5
 """a: share of the motion that may be missing or too much, and of a response that nobody measured
 or that has complaints."""
@@ -65,13 +68,16 @@ LEAP = 0.2
 """What position may be off within one sample before it counts as put elsewhere [m]."""
 FASTEST = 3.0
 """Of the greatest speed that it may be told, and faster than which it counts as such, too."""
+CARRIED = 0.05
+"""Over which a robot turns around the mean of its headings, where it is carried on [s]."""
 HELD = 256
 """Commands that are remembered: the delay's worth of the fastest controller."""
 
 NOTES = np.dtype(
     [
         ("told_at", "f8", HELD),  # [s]
-        ("told", "f8", (HELD, 2)),  # what they lead to: gain × command, in the plane [m/s]
+        ("told", "f8", (HELD, 3)),  # what they lead to: gain × command, in the plane [m/s], turning
+        ("ends", "i8", HELD),  # whether it is the end of a command that was not renewed
         ("count", "i8"),  # of all that were told
         ("acting", "i8"),  # the number of the one that acts
         ("velocity", "f8", 2),  # v̂ in the robot's axes [m/s]
@@ -97,6 +103,7 @@ LAW = np.dtype(
         ("most", "f8"),  # K S [m/s]
         ("lasting", "f8"),  # D [m/s]
         ("share", "f8"),  # a
+        ("braking", "f8"),  # how hard a stop brakes [m/s²]
         ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
@@ -110,6 +117,9 @@ class ResponseMonitor:
         command: what the robot may be told.
         response: how it follows; None, or one with complaints, gives wide bounds.
         widened: by how much bounds are wider, where the plant is declared to be another one.
+
+    Attributes:
+        is_measured: whether the response is one that was measured, without complaints.
 
     Examples:
         >>> command = Command(forward=1.0, turn=1.0, sideways=1.0)
@@ -136,31 +146,53 @@ class ResponseMonitor:
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * BEYOND * most, widened * lasting
         law["share"], law["forward"] = widened * share, command.forward
+        law["braking"] = known.braking
         law["guessed"] = widened * follows if doubted else 0.0
         self._law = law
+        self.is_measured = not doubted
         self._notes = np.zeros(1, dtype=NOTES)
 
     def forget(self) -> None:
         """Start anew: after a reset, or where nothing is known of what the robot did."""
         self._notes[:] = 0
 
-    def tell(self, command: Array, time: float) -> None:
-        """Note what the robot is told (k,), in its own axes [m/s, rad/s], from a time on [s]."""
-        moves = self._command.in_plane(self._gains * command)
-        _tell(self._notes, moves[0], moves[1], time)
+    def tell(self, command: Array, time: float, until: float = math.inf) -> None:
+        """Note what the robot is told (k,), in its own axes [m/s, rad/s], from a time on [s].
 
-    def observe(
-        self, pose: Array, velocity: Array, time: float, good_until: float = math.inf
-    ) -> bool:
+        Args:
+            command: of it.
+            time: from when on [s].
+            until: until when [s]; from then on it is told zero, and may not yet do that.
+        """
+        follows = self._gains * command
+        moves = self._command.in_plane(follows)
+        _tell(self._notes, (moves[0], moves[1], follows[-1]), time, False)
+        if until < math.inf:
+            _tell(self._notes, (0.0, 0.0, 0.0), until, True)
+
+    def observe(self, pose: Array, velocity: Array, time: float) -> bool:
         """Compare odometry with what the robot was told, and return whether that alarms.
 
         Args:
             pose: (3,) x, y of the point that follows [m] and the heading [rad].
             velocity: (2,) of that point in the world [m/s], with which all begins.
             time: of both [s]; one that does not go on says nothing.
-            good_until: until when the last command was good [s]; from then on it may be zero.
         """
-        return bool(_observe(self._notes, self._law, pose, velocity, time, good_until))
+        return bool(_observe(self._notes, self._law, pose, velocity, time))
+
+    def carry(self, pose: Array, twist: Array, since: float, now: float) -> float:
+        """Write where what it was told has brought a robot, and return what that may be off [m].
+
+        It is what the alarm lets pass of the motion since.
+
+        Args:
+            pose: (3,) of the centre then [m, rad]; written to.
+            twist: (3,) of the centre then, in its own axes [m/s, rad/s]; written to.
+            since: the time of both [s].
+            now: the present [s].
+        """
+        ahead = self._command.look_ahead or 0.0
+        return float(_carry(self._notes, self._law, ahead, pose, twist, since, now))
 
     @property
     def worst(self) -> float:
@@ -169,21 +201,48 @@ class ResponseMonitor:
 
 
 @kernel(error_model="numpy")
-def _tell(notes: Records, forward: float, aside: float, time: float) -> None:
+def _tell(notes: Records, moves: tuple[float, float, float], time: float, ends: bool) -> None:
     note = notes[0]
     while note.count > 0 and note.told_at[(note.count - 1) % HELD] >= time - 1e-9:
         note.count -= 1  # what was to come after it is told no more
     note.acting = min(note.acting, note.count)
     at = note.count % HELD
-    note.told_at[at] = time
-    note.told[at, 0], note.told[at, 1] = forward, aside
+    note.told_at[at], note.ends[at] = time, ends
+    for k in range(3):
+        note.told[at, k] = moves[k]
     note.count += 1
 
 
+@kernel(error_model="numpy", inline="always")
+def _lapsed(note: np.record, acting: int) -> float:
+    """Return the speed of a command that was to end [m/s], and that a robot may still do.
+
+    Args:
+        note: what it was told.
+        acting: how many commands act, or have acted.
+    """
+    if acting < 2 or note.ends[(acting - 1) % HELD] == 0:
+        return 0.0
+    before = (acting - 2) % HELD
+    return np.hypot(note.told[before, 0], note.told[before, 1])
+
+
+@kernel(error_model="numpy", inline="always")
+def _beyond(note: np.record, law: np.record, k: int) -> float:
+    """Return the way that a robot makes because it cannot follow the step of the k-th command [m].
+
+    One that brakes by b goes on for v²/2b, where v̂ stops within τ.
+    """
+    at, before = k % HELD, (k - 1) % HELD
+    if k < 1 or note.ends[at] != 0 or note.ends[before] != 0:
+        return 0.0
+    x, y = note.told[at, 0] - note.told[before, 0], note.told[at, 1] - note.told[before, 1]
+    most = STEP * law.braking * (note.told_at[at] - note.told_at[before])
+    return (x * x + y * y) / (2.0 * law.braking) if x * x + y * y > most * most else 0.0
+
+
 @kernel(error_model="numpy")
-def _observe(
-    notes: Records, laws: Records, pose: Array, velocity: Array, time: float, good_until: float
-) -> bool:
+def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: float) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
     if note.begun and -PAUSE < passed <= 0.0:
@@ -202,16 +261,16 @@ def _observe(
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         note.velocity[0] = cos * velocity[0] + sin * velocity[1]
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
-        note.missed[:, :], note.moved[:], note.doubt[:], note.seen[:] = 0.0, 0.0, 0.0, 0.0
-        note.missing[:, :], note.asked[:], note.hidden[:] = 0.0, 0.0, 0.0
-        _follow(note, law, time - PAUSE, time, False)
+        note.missed[:, :], note.moved[:], note.seen[:] = 0.0, 0.0, 0.0
+        note.missing[:, :], note.asked[:] = 0.0, 0.0
+        doubt = _follow(note, law, time - PAUSE, time, False)[3]  # a stop that is under way
+        note.doubt[:], note.hidden[:] = doubt, doubt * law.forward
         return False
     forward, sideways = note.velocity[0], note.velocity[1]
-    went_ahead, went_aside, length = _follow(note, law, began, time, True)
+    went_ahead, went_aside, length, doubt = _follow(note, law, began, time, True)
     speed = np.hypot(forward, sideways)
     for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
         speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))
-    doubt = speed * min(max(0.0, time - good_until), passed)
     doubt += law.guessed * np.hypot(note.velocity[0] - forward, note.velocity[1] - sideways)
     off = ahead - went_ahead, aside - went_aside
     strays = _strays(note, law, off, length, passed, doubt)
@@ -235,11 +294,22 @@ def _strays(
         note.seen[i] = seen = keep * note.seen[i] + passed
         if seen < FILLED * law.first:
             continue
-        swaying = min(np.sqrt(law.first * seen), SWAYS * law.first)
-        bound = law.lasting * seen + max(0.0, law.most - law.lasting) * swaying
-        bound += law.share * note.moved[i] + note.doubt[i]
+        bound = _bound(law, seen, note.moved[i]) + note.doubt[i]
         worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
     return worst
+
+
+@kernel(error_model="numpy", inline="always")
+def _bound(law: np.record, seen: float, moved: float) -> float:
+    """Return what a robot's motion may be off over a time [m].
+
+    Args:
+        law: of its response.
+        seen: the time [s].
+        moved: the length of its way meanwhile [m].
+    """
+    swaying = min(np.sqrt(law.first * seen), SWAYS * law.first)
+    return law.lasting * seen + max(0.0, law.most - law.lasting) * swaying + law.share * moved
 
 
 @kernel(error_model="numpy")
@@ -273,14 +343,20 @@ def _differs(
 @kernel(error_model="numpy")
 def _follow(
     note: np.record, law: np.record, start: float, end: float, moves: bool
-) -> tuple[float, float, float]:
-    """Let v̂ follow the commands from a time to another, and return ∫v̂ (2) and ∫‖v̂‖ [m]."""
+) -> tuple[float, float, float, float]:
+    """Let v̂ follow the commands from a time to another.
+
+    Returns:
+        ∫v̂ (2), ∫‖v̂‖, and the way that is not known [m]: of commands that were not renewed, and of
+        steps that no robot follows.
+    """
     tau, delay = max(law.tau, 1e-6), law.delay
-    ahead = aside = length = 0.0
+    ahead = aside = length = doubt = 0.0
     now = start
     note.acting = max(note.acting, note.count - HELD)
     while now < end:
         while note.acting < note.count and note.told_at[note.acting % HELD] + delay <= now + 1e-9:
+            doubt += _beyond(note, law, note.acting)
             note.acting += 1
         until = end
         if note.acting < note.count:
@@ -298,6 +374,44 @@ def _follow(
             ahead += part_x
             aside += part_y
             length += np.hypot(part_x, part_y)
+            doubt += _lapsed(note, note.acting) * span
             note.velocity[0], note.velocity[1] = forward + x * left, sideways + y * left
         now = until
-    return ahead, aside, length
+    return ahead, aside, length, doubt
+
+
+@kernel(error_model="numpy")
+def _carry(
+    notes: Records, laws: Records, ahead: float, pose: Array, twist: Array, since: float, now: float
+) -> float:
+    note, law = notes[0], laws[0]
+    tau, acting = max(law.tau, 1e-6), note.count
+    while acting > max(0, note.count - HELD) and (
+        note.told_at[(acting - 1) % HELD] + law.delay > since + 1e-9
+    ):
+        acting -= 1
+    time, told, moved = since, np.zeros(3), np.zeros(3)
+    length = doubt = 0.0
+    while time < now:
+        while acting < note.count and note.told_at[acting % HELD] + law.delay <= time + 1e-9:
+            doubt += _beyond(note, law, acting)
+            acting += 1
+        until = min(now, time + CARRIED)
+        if acting < note.count:
+            until = min(until, note.told_at[acting % HELD] + law.delay)
+        if acting > 0:
+            told[:] = note.told[(acting - 1) % HELD]
+            told[1] -= ahead * told[2]  # of the centre
+        span = until - time
+        left = np.exp(-span / tau)
+        for k in range(3):
+            off = twist[k] - told[k]
+            moved[k], twist[k] = told[k] * span + off * tau * (1.0 - left), told[k] + off * left
+        cos, sin = np.cos(pose[2] + 0.5 * moved[2]), np.sin(pose[2] + 0.5 * moved[2])
+        pose[0] += cos * moved[0] - sin * moved[1]
+        pose[1] += sin * moved[0] + cos * moved[1]
+        pose[2] += moved[2]
+        length += np.hypot(moved[0], moved[1] + ahead * moved[2])
+        doubt += _lapsed(note, acting) * span
+        time = until
+    return _bound(law, now - since, length) + doubt

@@ -75,6 +75,25 @@ def test_repeated_and_late_data_within_max_age_go_on_and_stay_outside(how):
     assert path[20] > 0.5  # and does not stand meanwhile
 
 
+def test_late_data_are_carried_on_by_what_a_measured_robot_was_told():
+    wall = [HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-3.0)]
+    reserved = []
+    for robot in (EXACT, Robot(EXACT.command)):
+        door = VelocityFilter(robot, wall, period=PERIOD, max_age=0.3)
+        path, reports = drive(door, 8.0, late=0.2)
+        before = np.concatenate([[0.0], path[:-1]])
+        h = np.array([report["h"][0] for report in reports])
+        off = np.abs(h - (3.0 - before))[5:]
+        assert off.max() < (0.01 if robot is EXACT else 0.1)
+        if robot is EXACT:
+            assert all(report["status"] <= FilterStatus.SAFE for report in reports)
+        exact = VelocityFilter(robot, wall, period=PERIOD)
+        still = exact.step((0.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0)[1]["margin"][0]
+        reserved.append(reports[-1]["margin"][0] - still)
+    assert 0.0 < reserved[0] < 0.15
+    assert reserved[1] == pytest.approx(0.5 * 1.5 * 0.2**2)
+
+
 def test_a_command_is_good_from_now_on():
     door = VelocityFilter(EXACT, FAR, period=PERIOD)
     told, report = door.step((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, now=1.08)
@@ -316,3 +335,13 @@ def test_shapes_and_maps_elsewhere_have_the_same_h():
         t, away = np.array([0.3]), x + np.array([*step, 0.0, 0.0])
         found, expected = there.values(away[None], t), here.values(x[None], t)
         np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:.*")
+@pytest.mark.parametrize("robot", [EXACT, Robot(EXACT.command)])
+def test_data_of_any_age_cost_no_more_time_than_others(robot):
+    door = VelocityFilter(robot, FAR, period=PERIOD, max_age=1e12)
+    door.step((1.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0, 0.0)
+    told, report = door.step((1.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0, 1.7e9)
+    assert report["status"] != FilterStatus.NOMINAL
+    assert np.isfinite(told).all()

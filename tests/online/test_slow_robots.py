@@ -1,6 +1,7 @@
 """Robots from .05 to 3 m/s that nobody has measured: they get their speed, and stay outside."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,3 +173,19 @@ def test_what_is_assumed_grows_with_the_speed_and_never_falls_below_what_was_mea
     slow = assumed(Command(forward=0.22, turn=0.1, look_ahead=0.1))
     assert slow.overshoot < 0.05
     assert not slow.complaints
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.2, 0.39, 3.0])
+def test_the_remedy_of_a_cap_that_is_too_low_serves_that_speed(speed):
+    cart, far = Walker.load("cart"), [HalfPlane("far", 1, (-1.0, 0.0), -900.0)]
+    if speed < cart.command.forward:
+        with pytest.raises(InvalidInputError, match=rf"Command\(forward={speed:g}, …\)"):
+            VelocityFilter(cart, far, period=0.02, v_max=speed)
+    slow = Robot(replace(cart.command, forward=speed), cart.response, cart.reach)
+    door, x, told = VelocityFilter(slow, far, period=0.02), 0.0, np.zeros(2)
+    assert door.fastest == speed
+    for k in range(200):
+        told, report = door.step((speed, 0.0), (x, 0.0, 0.0), (told[0], 0.0, told[1]), 0.02 * k)
+        x += 0.02 * told[0]
+    assert told[0] == pytest.approx(speed, rel=0.05)
+    assert report["reason"] == 0

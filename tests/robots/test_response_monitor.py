@@ -1,6 +1,7 @@
 """Whether a robot that does not do what it is told is noticed, and one that does is left alone."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from hcbf_gym.robots import Walker
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.robots.walker_response import Response
 
 HOLONOMIC = Walker.load("holonomic-cart")
 PERIOD = 0.05
@@ -83,3 +85,83 @@ def test_a_pause_and_a_jump_begin_anew():
         monitor.tell(np.array([1.0, 0.0, 0.0]), 0.1 + 0.02 * k)
         alarm = monitor.observe(np.zeros(3), np.zeros(2), 0.1 + 0.02 * (k + 1))
     assert alarm
+
+
+LATE = Response(
+    gain=(0.9, 1.1), time_constant=0.12, delay=0.07, residual=(0.0, 0.02, 0.05), sway=0.01,
+    overshoot=0.05, braking=3.0,
+)  # fmt: skip
+
+
+def test_a_robot_is_carried_on_by_what_it_was_told():
+    command, rng = Command(1.0, 2.0, look_ahead=0.2), np.random.default_rng(1)
+    monitor, fine = ResponseMonitor(command, LATE), 0.001
+    pose, twist, told, seen = np.zeros(3), np.zeros(3), [np.zeros(2)] * 70, {}
+    one = np.zeros(2)
+    for k in range(2000):
+        if k % 50 == 0:  # as hard as it brakes
+            one = np.clip(one + rng.uniform(-0.14, 0.16, 2), -command.limits, command.limits)
+            monitor.tell(one, fine * k, fine * (k + 50))
+        told.append(one)
+        seen[k] = pose.copy(), twist.copy()
+        goal = np.array(LATE.gain) * told[k]
+        left = math.exp(-fine / LATE.time_constant)
+        twist = np.array([goal[0], 0.0, goal[1]]) * (1.0 - left) + twist * left
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        pose = pose + fine * np.array([cos * twist[0], sin * twist[0], twist[2]])
+        if k >= 500 and k % 50 == 49:
+            ages = {0: 0.0, 20: 0.02, 190: 0.19, 400: 0.4}
+            for back, age in ages.items():
+                at, moves = (one.copy() for one in seen[k - back])
+                may_miss = monitor.carry(at, moves, fine * (k - back), fine * k)
+                np.testing.assert_allclose(at, seen[k][0], atol=5e-3)
+                np.testing.assert_allclose(moves, seen[k][1], atol=3e-2)
+                assert np.linalg.norm((at - seen[k][0])[:2]) <= may_miss + 1e-9
+                assert may_miss <= 0.2 if age else may_miss == 0.0
+
+
+def test_what_a_command_that_is_not_renewed_may_still_do_is_reserved():
+    command = Command(1.0, 2.0, look_ahead=0.2)
+    reserved = []
+    for lapse in (0.0, 0.02):
+        monitor = ResponseMonitor(command, LATE)
+        for k in range(20):
+            time = k * (0.05 + lapse)
+            monitor.tell(np.array([1.0, 0.0]), time, time + 0.05)
+        at, moves = np.zeros(3), np.zeros(3)
+        reserved.append(monitor.carry(at, moves, time - 0.3, time))
+    assert reserved[1] > reserved[0] + 0.05
+
+
+@pytest.mark.parametrize("late", [0.0, 0.15])
+def test_late_odometry_of_commands_that_lapse_is_no_alarm(late):
+    monitor, place, moves, past = (
+        ResponseMonitor(HOLONOMIC.command, HOLONOMIC.response),
+        0.0,
+        0.0,
+        [],
+    )
+    for k in range(400):  # called every 60 ms with a command that is good for 50 ms; it goes on
+        time, wanted = 0.06 * k, np.array([np.sign(np.sin(0.05 * k)), 0.0, 0.0])
+        past.append((time, place, moves))
+        stamp, at, was = next((p for p in reversed(past) if p[0] <= time - late), past[0])
+        assert not monitor.observe(np.array([at, 0.0, 0.0]), np.array([was, 0.0]), stamp)
+        monitor.tell(wanted, time, time + 0.05)
+        left = math.exp(-0.06 / 0.056)
+        place += wanted[0] * 0.06 + (moves - wanted[0]) * 0.056 * (1.0 - left)
+        moves = wanted[0] + (moves - wanted[0]) * left
+
+
+@pytest.mark.parametrize("gap", [1, 12])
+def test_a_stop_at_once_takes_the_way_that_brakes_need(gap):
+    response = replace(LATE, time_constant=0.02, delay=0.0, gain=())
+    monitor, place, speed = ResponseMonitor(Command(1.2, 2.0, look_ahead=0.2), response), 0.0, 0.0
+    for k in range(200):
+        told = 1.2 * (k % 40 >= 20)
+        if k % gap == 0:
+            at, velocity = np.array([place, 0.0, 0.0]), np.array([speed, 0.0])
+            assert not monitor.observe(at, velocity, 0.05 * k)
+        monitor.tell(np.array([told, 0.0]), 0.05 * k)
+        for _ in range(10):
+            speed += float(np.clip(told - speed, -0.015, 0.015))  # 3 m/s²
+            place += 0.005 * speed

@@ -71,6 +71,23 @@ def test_a_known_response_is_found(tmp_path):
     assert found.complaints == []
 
 
+@pytest.mark.parametrize("off", [0.005, 0.01, 0.015])
+def test_it_makes_no_difference_how_commands_lie_between_measurements(off, tmp_path):
+    rows, found = table(tau=0.04, delay=0.0), []
+    for shift in (0.0, off):
+        told, done = rows.copy(), rows.copy()
+        told[:, 4:] = np.nan
+        done[:, 1:4] = np.nan
+        done[:, 0] += shift  # the same drive, measured a little later
+        for k in range(4, 10):
+            done[:, k] = np.interp(done[:, 0], rows[:, 0], rows[:, k])
+        lines = sorted([*told.tolist(), *done.tolist()], key=lambda line: line[0])
+        lines = [[None if np.isnan(one) else one for one in line] for line in lines]
+        file = write(tmp_path / "drive.csv", lines, differential=True)
+        found.append(identify_log(file, look_ahead=0.2)[0].response.follows)
+    assert found[1] == pytest.approx(found[0], abs=0.006)
+
+
 def bend(change):
     rows = table()
     change(rows)

@@ -312,10 +312,12 @@ def _check_agrees(log: Log) -> None:
 
 
 def _record(log: Log, command: Command) -> Record:
-    """Return what was commanded and done every `CONTROL_DT`."""
+    """Return what was done every `CONTROL_DT`, and what was commanded until the next in the mean.
+
+    Commands come between these times: one that counted from the next on would come late.
+    """
     time = np.arange(log.time[0], log.time[-1], CONTROL_DT)
-    latest = np.searchsorted(log.commanded_at, time + 1e-9, side="right") - 1
-    commanded = np.where(latest[:, None] >= 0, log.commanded[np.maximum(latest, 0)], 0.0)
+    commanded = _means(log.commanded_at, log.commanded, np.append(time, time[-1] + CONTROL_DT))
     at, twist = log.time, log.twist
     if not np.isfinite(twist).all():
         at, twist = _from_pose(log.time, log.pose)
@@ -323,6 +325,21 @@ def _record(log: Log, command: Command) -> Record:
     if command.look_ahead is not None:
         done = np.column_stack([done[:, 0], done[:, 2] + done[:, 1] / command.look_ahead])
     return Record(commanded, done)
+
+
+def _means(at: Array, held: Array, edges: Array) -> Array:
+    """Return (n, k) the means between n + 1 times of what is held from other times on.
+
+    Args:
+        at: (m,) from when on; it is zero before.
+        held: (m, k).
+        edges: (n + 1,).
+    """
+    ends = np.append(at, max(edges[-1], at[-1]))
+    steps = np.diff(ends)[:, None] * held
+    area = np.vstack([np.zeros_like(held[:1]), steps.cumsum(axis=0)])
+    within = np.column_stack([np.interp(edges, ends, entry) for entry in area.T])
+    return np.diff(within, axis=0) / np.diff(edges)[:, None]
 
 
 def _within_reach(record: Record) -> Array:

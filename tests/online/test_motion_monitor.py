@@ -1,0 +1,72 @@
+"""Pose and twist are compared at the time of their measurement, however late they come."""
+
+import numpy as np
+import pytest
+
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.online.motion_monitor import MotionMonitor
+from tests.online.test_own_loop import EXACT, FAR, PERIOD, VelocityFilter
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*")
+FAULTS = {
+    "none": lambda place, velocity: (place, velocity),
+    "dead": lambda place, velocity: (0.0 * place, velocity),
+    "halved": lambda place, velocity: (0.5 * place, velocity),
+    "reversed": lambda place, velocity: (place, -velocity),
+    "doubled": lambda place, velocity: (place, 2.0 * velocity),
+}
+
+
+def shuttle(seconds, hardest=3.0, dt=0.01):
+    """Return times, places and velocities (n, 2) of a robot that drives to and fro, and aside."""
+    time = np.arange(0.0, seconds, dt)
+    wanted = np.stack([np.sign(np.sin(2.0 * time)), 0.6 * np.sign(np.sin(3.1 * time))], axis=1)
+    velocity = np.zeros((len(time), 2))
+    for k in range(1, len(time)):
+        off = wanted[k] - velocity[k - 1]
+        velocity[k] = velocity[k - 1] + np.clip(off, -hardest * dt, hardest * dt)
+    place = np.vstack([[0.0, 0.0], np.cumsum(0.5 * dt * (velocity[1:] + velocity[:-1]), axis=0)])
+    return time, place, velocity
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(("every", "lost"), [(2, 0.0), (5, 0.0), (10, 0.0), (5, 0.4), (10, 0.4)])
+def test_what_is_measured_at_any_rate_is_compared_with_its_own_twist(fault, every, lost):
+    rng, alarmed = np.random.default_rng(0), False
+    monitor = MotionMonitor(PERIOD, 4.3)
+    time, place, velocity = shuttle(20.0)
+    for k in range(0, len(time), every):
+        if rng.random() >= lost:
+            at, moves = FAULTS[fault](place[k], velocity[k])
+            alarmed |= monitor.observe(np.array([*at, *moves]), time[k])
+    assert alarmed == (fault != "none")
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1, 0.19, 0.3])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_lateness_that_stays_is_no_alarm_and_hides_none(late, fault):
+    door = VelocityFilter(EXACT, FAR, period=PERIOD, max_age=0.35)
+    told, place, past, reasons = np.zeros(3), np.zeros(2), [], []
+    for k in range(400):
+        now = 7.0 + PERIOD * k
+        past.append((now, place, told[:2]))
+        stamp, *known = next((p for p in reversed(past) if p[0] <= now - late + 1e-9), past[0])
+        at, moves = FAULTS[fault](*known)
+        wanted = (np.sign(np.sin(2.0 * now)), 0.6 * np.sign(np.sin(3.1 * now)), 0.0)
+        pose, twist = (*at, 0.0), (*moves, 0.0)
+        told, report = door.step(wanted, pose, twist, stamp, now)
+        reasons.append(int(report["reason"]))
+        place = place + PERIOD * told[:2]
+    if fault == "none":
+        assert not any(reasons)
+    else:
+        assert max(reasons) in (Reason.MOTION, Reason.RESPONSE)
+
+
+def test_it_starts_anew_after_a_gap_and_ignores_what_is_older():
+    monitor = MotionMonitor(PERIOD, 4.0)
+    still = np.array([0.0, 0.0, 1.0, 0.0])
+    assert not any(monitor.observe(still, 1.0) for _ in range(20))
+    assert not any(monitor.observe(still, 1.0 - 0.01 * k) for k in range(20))
+    assert not any(monitor.observe(still, 2.0 + 0.7 * k) for k in range(20))
+    assert any(monitor.observe(still, 30.0 + 0.05 * k) for k in range(20))
