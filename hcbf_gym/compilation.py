@@ -1,6 +1,7 @@
 """Compiled kernels: none comes stale from the cache, and whoever waits for them is told why."""
 
 import functools
+import gc
 import glob
 import hashlib
 import logging
@@ -24,6 +25,9 @@ Value = TypeVar("Value")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _LOGGER = logging.getLogger("hcbf_gym")
+SELDOM = 50_000, 20, 50
+"""How seldom garbage is collected while kernels are compiled: what Numba makes is kept, and looking
+through it takes a sixth of the time."""
 COMPILING = "compiling kernels, once; later starts read the cache"
 PACKAGE = Path(__file__).parent
 """Where the sources of this package lie."""
@@ -315,6 +319,7 @@ class _Announcer(event.Listener):
 
     def __init__(self) -> None:
         self._depth = 0
+        self._collects = gc.get_threshold()
         self._line: Progress | None = None
         self._logged = False
 
@@ -324,6 +329,8 @@ class _Announcer(event.Listener):
             return
         self._depth += 1
         if self._depth == 1:
+            self._collects = gc.get_threshold()
+            gc.set_threshold(*SELDOM)
             self._begin()
 
     def on_end(self, event: event.Event) -> None:
@@ -331,6 +338,8 @@ class _Announcer(event.Listener):
         if not _is_ours(event):
             return
         self._depth -= 1
+        if self._depth == 0:
+            gc.set_threshold(*self._collects)
         if self._line is not None:
             self._line.advance(self._line.task_ids[0])
             if self._depth == 0:
