@@ -2,13 +2,13 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Mask
 from hcbf_gym.errors import InvalidInputError, check_options, finite_float
 from hcbf_gym.maps import nav2
 from hcbf_gym.maps.map_class import MapClass
@@ -60,10 +60,10 @@ def read(
         raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
     file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
-    found = _of_map(raster, rank, unknown, margin)
+    found = of_map(raster, rank, unknown, margin)
     records.check_mapping("map: masks", masks)
     for name, entry in masks.items():
-        found += _of_mask(
+        found += _of_mask_file(
             Path(file).parent / name, name, entry, raster.grid, outside_is_free=unknown is None
         )
     strict = np.zeros(raster.grid.shape, dtype=np.bool_)
@@ -77,7 +77,7 @@ def read(
     return raster.grid, tuple(found)
 
 
-def _of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
+def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
     """Return the classes "occupied" and, where it has a rank, "unknown"."""
     occupied = raster.occupancy > SURELY_OCCUPIED
     doubtful = (raster.occupancy < 0) | (~occupied & (raster.occupancy >= KNOWN_FREE))
@@ -87,10 +87,10 @@ def _of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> li
     return found
 
 
-def _of_mask(
+def _of_mask_file(
     path: Path, name: str, entry: Any, grid: Grid, *, outside_is_free: bool
 ) -> list[MapClass]:
-    """Return the classes of a mask: one keepout, or one for each speed limit in it.
+    """Return the classes of a mask's file, on the map's cells.
 
     Warns of cells beyond the map where that is free, as the classes cannot hold them.
 
@@ -110,22 +110,33 @@ def _of_mask(
     check_options(label, fields, OF_MASK)
     if "rank" not in fields:
         raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
-    raster = nav2.read(path)
-
-    def on_map(cells: Mask) -> Mask:
-        found, beyond = onto(grid, cells, raster.grid)
+    raster, classes = nav2.read(path), []
+    for one in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
+        cells, beyond = onto(grid, one.cells, raster.grid)
+        classes.append(replace(one, cells=cells))
         if beyond and outside_is_free:
             warnings.warn(
                 f"{label}: some of its cells lie beyond the map, where with unknown=None all is "
                 "free: they are left out",
-                stacklevel=6,
+                stacklevel=5,
             )
-        return found
+    return classes
 
+
+def of_mask(raster: Raster, label: str, fields: dict[str, Any]) -> list[MapClass]:
+    """Return the classes of a mask: one keepout, or one for each speed limit in it.
+
+    Args:
+        raster: the mask.
+        label: what messages call it.
+        fields: of `MapClass` but for the cells; "base" and "multiplier" in the place of "limit".
+
+    Raises:
+        InvalidInputError: if a field is not right.
+    """
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
-    fields = {"name": Path(name).stem, "kind": "keepout"} | fields
     if base is None and multiplier is None:
-        return [MapClass(cells=on_map(raster.occupancy >= KNOWN_FREE), **fields)]
+        return [MapClass(cells=raster.occupancy >= KNOWN_FREE, **fields)]
     if fields["kind"] != "speed" or "limit" in fields:
         raise InvalidInputError(
             f"{label}: got base and multiplier for the kind {fields['kind']!r}, expected them for "
@@ -140,8 +151,6 @@ def _of_mask(
         )
     stem = fields.pop("name")
     return [
-        MapClass(
-            f"{stem} {n}", cells=on_map(raster.occupancy == n), limit=base + slope * n, **fields
-        )
+        MapClass(f"{stem} {n}", cells=raster.occupancy == n, limit=base + slope * n, **fields)
         for n in levels
     ]

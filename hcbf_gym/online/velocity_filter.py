@@ -100,6 +100,7 @@ class VelocityFilter:
 
     Attributes:
         fastest: the greatest speed that the robot is told [m/s].
+        robot: the `Robot`, also of a contract.
 
     Raises:
         InvalidInputError: if an option is unknown or out of range, the barriers are none, no speed
@@ -159,7 +160,7 @@ class VelocityFilter:
         able = input_set.radius
         self._hardest = able if self._axle is None else self._axle.braking
         self._strays = able if self._axle is None else self._axle.hardest_of_point
-        self._robot, self._reserved = known, reserved.speed
+        self.robot, self._reserved = known, reserved.speed
         self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
@@ -231,9 +232,9 @@ class VelocityFilter:
     def v_max(self, v_max: float | None) -> None:
         if v_max is None:
             self._limit: tuple[SpeedLimit, ...] = ()
-            self.fastest = self._begins_at = self._robot.command.fastest
+            self.fastest = self._begins_at = self.robot.command.fastest
             return
-        cap = cap_of(v_max, self._reserved, self._robot)
+        cap = cap_of(v_max, self._reserved, self.robot)
         left, gained = float(braking.speed_left(cap, self._reserved)), self._period * self._hardest
         if left <= gained:
             raise InvalidInputError(

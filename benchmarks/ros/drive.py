@@ -1,0 +1,140 @@
+"""A node's core with clocks of its own, and a simulated cart that does what it is told."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.ros.core import Decision, NodeCore
+from hcbf_gym.ros.parameters import read
+from hcbf_gym.ros.sources import Beams
+from hcbf_gym.ros.watches import Now
+
+CART = {"max_forward": 1.0, "max_turn": 2.0, "look_ahead": 0.2, "reach": 0.3}
+"""Parameters of a cart that nobody has measured."""
+SCAN = {"observation_sources": ["scan"], "scan.type": "scan", "scan.topic": "scan"}
+"""Parameters of one scan."""
+TICK = 0.01
+"""Of the simulation [s]; odometry comes every 2, commands every 5, scans every 10 ticks."""
+ANGLES = np.linspace(-math.pi, math.pi, 72, endpoint=False)
+"""Of the scan's beams [rad]."""
+
+
+class Drive:
+    """Drives a cart through a core at 20 Hz.
+
+    Args:
+        given: parameters beside the robot's.
+        start: x, y [m] and yaw [rad].
+        wanted: v_x, v_y [m/s] and ω [rad/s] of the planner.
+
+    Attributes:
+        core: what is driven through.
+        now: the two clocks.
+        pose: (3,) of the cart.
+        velocity: (2,) what it does.
+        decisions: all, each with its time.
+    """
+
+    def __init__(
+        self,
+        given: Mapping[str, Any] | None = None,
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        wanted: tuple[float, float, float] = (0.4, 0.0, 0.0),
+    ):
+        self.core = NodeCore(read({**CART, **(given or {})}))
+        self.now = Now(1.7e9, 50.0)
+        self.pose = np.array(start, dtype=np.float64)
+        self.velocity: Array = np.zeros(2)
+        self.wanted, self.ticks = wanted, 0
+        self.decisions: list[tuple[Now, Decision]] = []
+        self.ranges: Array = np.full(ANGLES.size, np.inf)
+        self.scans = "scan" in self.core.sources
+
+    def run(
+        self,
+        seconds: float,
+        *,
+        odometry: bool = True,
+        command: bool = True,
+        scan: bool = True,
+        clock: float = 1.0,
+        each: Callable[[Self], Any] | None = None,
+    ) -> Self:
+        """Go on for so long.
+
+        Args:
+            seconds: how long.
+            odometry: whether it is heard.
+            command: likewise.
+            scan: likewise.
+            clock: how fast the node's clock goes.
+            each: called in every tick, to say something else.
+        """
+        for _ in range(round(seconds / TICK)):
+            self._move()
+            self.ticks += 1
+            self.now = Now(self.now.ros + clock * TICK, self.now.steady + TICK)
+            if odometry and self.ticks % 2 == 0:
+                self.say_odometry()
+            if scan and self.scans and self.ticks % 10 == 0:
+                self.say_scan()
+            if command and self.ticks % 5 == 0:
+                self.core.hear_command(self.wanted, self.now, self.now.ros)
+            if each is not None:
+                each(self)
+            if self.ticks % 5 == 0:
+                self._step()
+        return self
+
+    def _step(self) -> None:
+        """Ask the core, and do what it says; a base that hears nothing retains its velocity."""
+        decision = self.core.step(self.now)
+        self.decisions.append((self.now, decision))
+        if decision.command is not None:
+            self.velocity = decision.command
+
+    def _move(self) -> None:
+        v, w = self.velocity
+        yaw = self.pose[2]
+        self.pose = self.pose + TICK * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
+
+    def say_odometry(
+        self,
+        pose: ArrayLike | None = None,
+        stamp: float | None = None,
+        frame: str = "odom",
+        twist: ArrayLike | None = None,
+    ) -> None:
+        """Let the core hear the odometry, or something else."""
+        motion = (self.velocity[0], 0.0, self.velocity[1]) if twist is None else twist
+        when = self.now.ros if stamp is None else stamp
+        place = self.pose if pose is None else pose
+        self.core.hear_odometry(place, motion, when, self.now, frame, "base_footprint")
+
+    def say_scan(
+        self,
+        ranges: ArrayLike | None = None,
+        stamp: float | None = None,
+        frame: str = "base_footprint",
+    ) -> None:
+        """Let the core hear the scan, or something else, as the node does."""
+        when = self.now.ros if stamp is None else stamp
+        far = self.ranges if ranges is None else ranges
+        beams = Beams(far, ANGLES[0], ANGLES[1] - ANGLES[0], 0.05, 10.0)
+        try:
+            shown = self.core.of_scan("scan", beams, when)
+        except InvalidInputError as error:
+            self.core.refuse_source("scan", str(error))
+            return
+        if shown is not None:
+            self.core.hear_source("scan", shown, when, self.now, frame)
+
+    @property
+    def last(self) -> Decision:
+        """The newest decision."""
+        return self.decisions[-1][1]

@@ -1,0 +1,209 @@
+"""What messages of a source become: ranked barriers, made beside the path of the commands.
+
+Nothing here knows ROS: the node hands over numbers.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc
+from hcbf_gym.barriers.many import Several
+from hcbf_gym.barriers.set import each
+from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
+from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, reading
+from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.ros.parameters import SourceSettings
+
+Entries = tuple[Barrier | Several, ...]
+"""What a source puts into the list of barriers; () where nothing is there."""
+
+FAILED = 0.5
+"""Share of a scan's beams that may be NaN; from there on the sensor is taken for broken."""
+
+
+class Beams(NamedTuple):
+    """One scan, as the sensor has it.
+
+    Attributes:
+        ranges: (k,) [m]; NaN failed, +inf saw nothing, −inf is nearer than can be measured.
+        first: angle of the first beam [rad].
+        step: between two beams [rad].
+        least: ranges below it measure nothing [m].
+        most: likewise above it [m].
+    """
+
+    ranges: ArrayLike
+    first: float
+    step: float
+    least: float
+    most: float
+
+
+def of_scan(source: SourceSettings, beams: Beams, pose: tuple[float, float, float]) -> Entries:
+    """Return what a scan shows; a beam that failed, or is out of range, saw nothing.
+
+    Args:
+        source: the scan's settings.
+        beams: the scan.
+        pose: of the sensor in the world, when it measured [m, rad].
+
+    Raises:
+        InvalidInputError: if there is no beam, half of them failed, or a number is not finite.
+    """
+    far = as_array(source.name, beams.ranges).astype(np.float64)
+    angles = beams.first + beams.step * np.arange(far.size)
+    failed = float(np.isnan(far).mean()) if far.size else 1.0
+    if failed >= FAILED:
+        raise InvalidInputError(
+            f"{100.0 * failed:.0f} % of {far.size} beams failed, expected less than half"
+        )
+    with np.errstate(invalid="ignore"):
+        outside = ~(far <= beams.most) | ((far < beams.least) & np.isfinite(far))
+    far = np.where(outside, np.inf, far)
+    seen = Scan.of_ranges(
+        source.name, far, angles, pose, source.scan_period, source.obstacle_speed, source.priority,
+        source.margin,
+    )  # fmt: skip
+    return (seen,)
+
+
+def grid_of(resolution: float, origin: ArrayLike, rows: int, columns: int) -> Grid:
+    """Return where the cells of an occupancy grid lie; ROS has its resolution in float32."""
+    x, y, yaw = finite_array("origin", origin, (3,), largest=FARTHEST).tolist()
+    return Grid(round(float(resolution), 7), (x, y, yaw), (rows, columns))
+
+
+def of_file(source: SourceSettings) -> Raster:
+    """Read a grid from the map server's file.
+
+    Raises:
+        InvalidInputError: if it cannot be read.
+    """
+    return nav2.read(source.file)
+
+
+def of_grid(
+    source: SourceSettings, raster: Raster, fastest: float, before: Entries = ()
+) -> Entries:
+    """Return what an occupancy grid says; the same object where nothing has changed.
+
+    Args:
+        source: the grid's settings.
+        raster: the grid.
+        fastest: what 100 % of a speed mask are [m/s].
+        before: what the source said before: only what has changed is covered anew.
+
+    Raises:
+        InvalidInputError: if its values make no classes.
+    """
+    if source.type == "map":
+        unknown = source.unknown or None
+        found = reading.of_map(raster, source.priority, unknown, source.margin)
+    else:
+        fields = {"name": source.name, "rank": source.priority, "margin": source.margin}
+        fields["kind"] = source.type
+        if source.type == "speed":
+            scale = 0.01 * fastest if source.percent else 1.0
+            fields |= {"base": scale * source.base, "multiplier": scale * source.multiplier}
+        found = reading.of_mask(raster, f"source {source.name}", fields)
+    if not found:
+        return ()
+    old = before[0] if before else None
+    if isinstance(old, RankedMap) and _alike(old, raster.grid, found):
+        return (_updated(old, found),)
+    made = RankedMap(raster.grid, tuple(found))
+    _ = made.conditions  # covered here, and not in the step that takes it
+    return (made,)
+
+
+def _alike(old: RankedMap, grid: Grid, found: Sequence[MapClass]) -> bool:
+    """Return whether a map differs from its classes today by cells alone."""
+    if old.grid != grid or len(old.classes) != len(found):
+        return False
+    return all(
+        (a.name, a.rank, a.kind, a.limit, a.margin) == (b.name, b.rank, b.kind, b.limit, b.margin)
+        for a, b in zip(old.classes, found, strict=True)
+    )
+
+
+def _updated(old: RankedMap, found: Sequence[MapClass]) -> RankedMap:
+    """Return a map with the cells that classes have today."""
+    changed = old
+    for before, now in zip(old.classes, found, strict=True):
+        rows, columns = np.nonzero(before.cells != now.cells)
+        if rows.size:
+            top, left = int(rows.min()), int(columns.min())
+            window = now.cells[top : rows.max() + 1, left : columns.max() + 1]
+            changed = changed.update((top, left), {now.name: window})
+    return changed
+
+
+def of_polygon(source: SourceSettings, corners: ArrayLike) -> Entries:
+    """Return a convex polygon, edges moved outwards by the margin; none for no corner.
+
+    Args:
+        source: its settings.
+        corners: (k, 2) [m], in either turn.
+
+    Raises:
+        InvalidInputError: if it is not strictly convex or has more than 8 corners.
+    """
+    given = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    if len(given) == 0:
+        return ()
+    x, y = given.T
+    area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    given = given if area > 0.0 else given[::-1]
+    zone = _polygon(source, given)  # refused as it was given, not as it grows
+    if source.margin == 0.0:
+        return (zone,)
+    edges = np.roll(given, -1, axis=0) - given
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    before = np.roll(normals, 1, axis=0)  # of the edge that ends in the corner
+    moved = source.margin * (normals + before)
+    moved /= 1.0 + (normals * before).sum(axis=1, keepdims=True)
+    return (_polygon(source, given + moved),)
+
+
+def _polygon(source: SourceSettings, corners: Array) -> ConvexPolygon:
+    """Return a convex polygon of a source.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    return ConvexPolygon(source.name, source.priority, tuple((x, y) for x, y in corners.tolist()))
+
+
+def of_circle(source: SourceSettings, center: ArrayLike, radius: float) -> Entries:
+    """Return a disc with the margin around it; none for a radius of 0.
+
+    Args:
+        source: its settings.
+        center: (2,) [m].
+        radius: [m].
+
+    Raises:
+        InvalidInputError: if a number is negative or not finite.
+    """
+    if finite_float("radius", radius, minimum=0.0) == 0.0:
+        return ()
+    x, y = finite_array("center", center, (2,), largest=FARTHEST).tolist()
+    return (Disc(source.name, source.priority, (x, y), radius + source.margin),)
+
+
+def inside(entries: Entries, x: Array, reach: float) -> bool:
+    """Return whether a robot touches what a source has shown.
+
+    Args:
+        entries: of the source.
+        x: (4,) position first [m].
+        reach: radius of the circle that holds the robot [m].
+    """
+    touched = (one.jet(x).h < reach for one in each(entries) if isinstance(one, Barrier))
+    return any(touched)

@@ -1,0 +1,190 @@
+"""The node's core: zero in time and why, silence, ranks of its own, both clocks."""
+
+import numpy as np
+import pytest
+
+from benchmarks.ros import faults
+from benchmarks.ros.drive import SCAN, Drive
+from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.ros.core import Action, Level
+from hcbf_gym.ros.sources import grid_of
+from hcbf_gym.ros.watches import Now
+
+pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
+
+ZONE = {"observation_sources": ["zone"], "zone.type": "polygon", "zone.topic": "zone"}
+AROUND = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+
+
+def show(d, name, corners):
+    """Let a zone come, move or go."""
+    from hcbf_gym.ros import sources
+
+    d.core.hear_source(
+        name,
+        sources.of_polygon(d.core.sources[name].settings, corners),
+        d.now.ros,
+        d.now,
+        "odom",
+    )
+
+
+@pytest.mark.parametrize("name", faults.CASES)
+@pytest.mark.parametrize("seed", [1000, 1001, 1002])
+def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, seed):
+    trial = faults.try_case(name, seed)
+    assert trial.in_time, trial.says
+    assert trial.named, trial.says
+    assert trial.again, trial.says
+
+
+def test_before_the_first_command_nothing_is_published():
+    d = Drive().run(0.5, command=False)
+    assert d.decisions
+    assert all(one.command is None for _, one in d.decisions)
+
+
+def test_without_odometry_the_robot_is_told_zero():
+    d = Drive().run(0.5, odometry=False)
+    assert (d.last.command == 0.0).all()
+    assert "odometry: nothing received" in d.last.says
+    assert d.last.level == Level.ERROR
+
+
+def test_after_zero_for_long_enough_it_falls_silent_and_speaks_again():
+    d = Drive().run(1.0)
+    begun = d.now.steady
+    d.run(3.0, command=False)
+    silent = [now.steady for now, one in d.decisions if now.steady > begun and one.command is None]
+    assert begun + 1.25 - 0.06 <= silent[0] <= begun + 1.4  # time-out, then stop_pub_timeout
+    assert len(silent) > 20  # it stays so
+    d.run(0.2)
+    assert d.last.command[0] > 0.1
+
+
+def test_commands_of_zero_lead_to_silence_too():
+    d = Drive(wanted=(0.0, 0.0, 0.0)).run(2.0)
+    assert d.last.command is None
+    assert d.last.level == Level.OK
+
+
+def test_not_enabled_passes_commands_on_while_they_are_fresh():
+    d = Drive({"enabled": False, **ZONE}).run(0.3, odometry=False)
+    assert d.last.command.tolist() == [0.4, 0.0]
+    assert d.last.level == Level.WARN
+    d.run(0.5, command=False)
+    assert (d.last.command == 0.0).all()
+    d.core.enabled = True
+    d.run(0.3, odometry=False)
+    assert "odometry" in d.last.says
+
+
+def test_a_source_that_is_not_enabled_does_not_count():
+    d = Drive({**SCAN, "scan.enabled": False}).run(0.5, scan=False)
+    assert d.last.command[0] > 0.1
+    d.core.enable_source("scan", True)
+    d.run(0.1, scan=False)
+    assert (d.last.command == 0.0).all()
+    assert d.last.name == "invalid source"  # as the collision monitor says it
+
+
+def test_a_wall_of_the_scan_stops_it_before_the_wall():
+    d = Drive(SCAN, wanted=(0.6, 0.0, 0.0))
+    ahead = np.abs(np.arange(72) - 36) < 9
+
+    def look(d):
+        wall = (3.0 - d.pose[0]) / np.cos((np.arange(72) - 36) * np.deg2rad(5.0))
+        d.ranges = np.where(ahead, wall, np.inf)
+
+    d.run(15.0, each=look)
+    assert 2.0 < d.pose[0] < 3.0 - 0.3
+    assert {one.name for _, one in d.decisions if one.action == Action.LIMIT} == {"scan"}
+
+
+def test_a_zone_around_the_robot_is_left_or_stops_it_as_it_says():
+    leaves = Drive({**ZONE, "zone.priority": 2}, start=(0.3, 0.0, 0.0)).run(0.5)
+    leaves.wanted = (0.0, 0.0, 0.0)
+    show(leaves, "zone", AROUND + leaves.pose[:2])
+    centre = leaves.pose[:2]
+    leaves.run(8.0)
+    assert np.abs(leaves.pose[:2] - centre).max() > 0.5 + 0.29
+
+    stops = Drive({**ZONE, "zone.when_inside": "stop"}).run(0.5)
+    show(stops, "zone", AROUND + stops.pose[:2])
+    stops.run(0.1)
+    assert stops.last.says == "zone: the robot is inside"
+    stood = stops.pose
+    stops.run(2.0)
+    assert (stops.pose == stood).all()
+    show(stops, "zone", [])
+    stops.run(0.5)
+    assert stops.last.command[0] > 0.1
+
+
+def test_a_source_keeps_its_margin():
+    apart = []
+    for margin in (0.0, 0.3):
+        d = Drive({**ZONE, "zone.margin": margin}, wanted=(0.5, 0.0, 0.0)).run(0.2)
+        show(d, "zone", [(3.0, -2.0), (4.0, -2.0), (4.0, 2.0), (3.0, 2.0)])
+        d.run(20.0)
+        apart.append(3.0 - d.pose[0])
+    assert apart[0] > 0.3
+    assert apart[1] - apart[0] == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_jump_forgets_the_path_and_a_scan_of_then_has_no_place():
+    d = Drive(SCAN).run(1.0)
+    before = d.now.ros - 0.2
+    d.pose = d.pose + np.array([2.0, 0.0, 0.0])
+    d.run(0.05)
+    shown = d.core.of_scan("scan", _beams(d), before)
+    assert shown is None
+    assert "jumped" in d.last.says
+
+
+def _beams(d):
+    from hcbf_gym.ros.sources import Beams
+
+    return Beams(d.ranges, 0.0, 0.1, 0.0, 10.0)
+
+
+def test_a_scan_is_placed_by_the_pose_at_its_stamp():
+    d = Drive({**SCAN, "scan.mount": [0.1, 0.0, np.pi / 2]}, wanted=(0.8, 0.0, 0.0)).run(1.0)
+    d.ranges = np.array([1.0, np.nan, 0.01, 99.0])
+    stamp = d.now.ros - 0.1
+    scan = d.core.of_scan("scan", _beams(d), stamp)[0]
+    corner = np.array([d.pose[0] - 0.08 + 0.1, 1.0])  # one beam, ahead of a sensor that looks left
+    assert abs(scan.conditions[0].nearest(np.array([*corner, 0.0, 0.0]))[0]) < 0.1
+
+
+def test_a_pose_topic_places_the_odometry():
+    d = Drive({"pose_source": "topic", "global_frame_id": "map"}).run(0.5)
+    assert "pose: nothing received" in d.last.says
+    d.core.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros, d.now, "odom")
+    d.run(0.1)
+    assert "pose: frame 'odom', expected 'map'" in d.last.says
+    d.core.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros - 0.05, d.now, "map")
+    d.run(1.0)
+    assert d.last.command[0] > 0.1
+
+
+def test_maps_are_covered_anew_only_where_they_changed():
+    given = {"observation_sources": ["map"], "map.type": "map", "map.topic": "map"}
+    d = Drive(given)
+    grid, cells = grid_of(np.float32(0.05), (-5.0, -5.0, 0.0), 200, 200), np.zeros((200, 200), "i2")
+    assert grid.resolution == 0.05
+    first = d.core.of_grid("map", Raster(grid, cells))
+    d.core.hear_source("map", first, d.now.ros, d.now, "odom")
+    assert d.core.of_grid("map", Raster(grid, cells)) == first  # the same objects: no news
+    changed = cells.copy()
+    changed[150:160, 150] = 100
+    (second,) = d.core.of_grid("map", Raster(grid, changed))
+    assert second.distance([[2.525, 2.75]], 1)[0] < 0.0
+    assert second.conditions[1] is first[0].conditions[1]  # "unknown" stayed
+
+
+def test_a_clock_that_is_set_back_is_believed_after_new_data():
+    d = Drive(SCAN).run(1.0)
+    d.now = Now(100.0, d.now.steady)
+    d.run(0.5)
+    assert d.last.command[0] > 0.1
