@@ -61,6 +61,12 @@ COMMANDS = {
         "rl",
         ("stable_baselines3",),
     ),
+    "ros": Subcommand(
+        "hcbf_gym.ros.command", "a ROS 2 node in the place of Nav2's collision monitor"
+    ),
+    "ros-sim": Subcommand(
+        "hcbf_gym.ros.simulated", "a simulated robot on a real one's topics, for the node"
+    ),
     "play": Subcommand(
         "hcbf_gym.play.command",
         "a playground in the browser: steer, drag regions, push",
@@ -104,7 +110,9 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
     try:
         module = importlib.import_module(name)
         goes_on = getattr(module, "GOES_ON", "")
-        args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=arguments)
+        own = list(arguments)
+        own = own[: own.index("--ros-args")] if "--ros-args" in own else own  # the rest is ROS's
+        args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=own)
         with threadpool_limits(threads):
             module.main(args)
     except HcbfError as error:

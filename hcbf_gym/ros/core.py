@@ -36,6 +36,7 @@ TURN_JUMP = 0.5
 """By which a yaw may differ from what the twist says [rad]."""
 FROZEN_PATH, FROZEN_WITHIN = 0.05, 1e-3
 """A pose is frozen that stays within a millimetre while the twist makes 5 cm in about a second."""
+INSIDE = "the robot is inside"
 ZERO = 1e-9
 """A velocity below it is zero, as in the collision monitor."""
 
@@ -177,6 +178,11 @@ class NodeCore:
     def fastest(self) -> float:
         """The greatest speed that the robot is told [m/s]."""
         return self._filter.fastest
+
+    @property
+    def place(self) -> Array:
+        """(3,) the newest pose in the global frame [m, rad]; zeros where there is none."""
+        return self._track[-1].pose if self._track else np.zeros(3)
 
     # -- what is heard ----------------------------------------------------------------------------
 
@@ -402,9 +408,9 @@ class NodeCore:
         last = self._track[-1]
         x = np.array([*last.pose[:2], 0.0, 0.0])
         for source in self.sources.values():
-            if source.enabled and source.settings.when_inside == "stop":
-                if sources.inside(source.entries, x, self._filter.robot.reach):
-                    return self._stopped([Fault(source.settings.name, "the robot is inside")], now)
+            stops = source.enabled and source.settings.when_inside == "stop"
+            if stops and sources.inside(source.entries, x, self._filter.robot.reach):
+                return self._stopped([Fault(source.settings.name, INSIDE)], now)
         wanted = self._wanted
         stamp = min(last.stamp, now.ros)  # by no more than the tolerance ahead
         told, report = self._filter.step(wanted, last.pose, last.twist, stamp, now.ros)
@@ -444,7 +450,7 @@ class NodeCore:
             _, report = self._filter.step(zero, None, None, math.nan, now.ros)
         says = "; ".join(map(str, faults))
         idle = [one.source for one in faults] == ["command"] and "old" in faults[0].says
-        invalid = faults[0].source in self.sources and faults[0].says != "the robot is inside"
+        invalid = faults[0].source in self.sources and faults[0].says != INSIDE
         name = "invalid source" if invalid else faults[0].source
         level = Level.STALE if idle else Level.ERROR
         return Decision(zero, self._wanted, level, says, Action.STOP, name, report)

@@ -287,7 +287,7 @@ def read(given: Mapping[str, Any]) -> Settings:
     made = []
     for name in sources:
         own = {one.name: values.pop(f"{name}.{one.name}", one.default) for one in OF_SOURCE}
-        made.append(_checked_source(SourceSettings(name, **own), given))
+        made.append(_checked_source(SourceSettings(name, **own)))
     return _checked(Settings(**values, sources=tuple(made)))
 
 
@@ -308,15 +308,16 @@ _BELONGS = {
 """Parameters of a source that are of some types alone."""
 
 
-def _checked_source(one: SourceSettings, given: Mapping[str, Any]) -> SourceSettings:
+def _checked_source(one: SourceSettings) -> SourceSettings:
     """Return a source's settings.
 
     Raises:
         InvalidInputError: if they do not go together; the message names the parameter.
     """
     label = f"parameter {one.name}."
+    defaults = {parameter.name: parameter.default for parameter in OF_SOURCE}
     for name, types in _BELONGS.items():
-        if f"{one.name}.{name}" in given and one.type not in types:
+        if getattr(one, name) != defaults[name] and one.type not in types:
             raise InvalidInputError(
                 f"{label}{name}: got it for the type {one.type!r}, expected it for "
                 f"{' or '.join(types)} alone"

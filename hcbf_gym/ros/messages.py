@@ -1,0 +1,67 @@
+"""ROS messages to numbers and back; nothing here imports ROS, messages are read by their fields."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.ros.sources import Beams, grid_of
+
+
+def seconds(stamp: Any) -> float:
+    """Return a `builtin_interfaces/Time` [s]."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def yaw_of(orientation: Any) -> float:
+    """Return the yaw of a quaternion [rad]."""
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def pose_of(pose: Any) -> Array:
+    """Return (3,) x, y [m] and yaw [rad] of a `geometry_msgs/Pose`."""
+    return np.array([pose.position.x, pose.position.y, yaw_of(pose.orientation)])
+
+
+def transform_of(transform: Any) -> Array:
+    """Return (3,) x, y [m] and yaw [rad] of a `geometry_msgs/Transform`."""
+    moved = transform.translation
+    return np.array([moved.x, moved.y, yaw_of(transform.rotation)])
+
+
+def twist_of(twist: Any) -> Array:
+    """Return (3,) v_x, v_y [m/s] and ω [rad/s] of a `geometry_msgs/Twist`."""
+    return np.array([twist.linear.x, twist.linear.y, twist.angular.z])
+
+
+def write_twist(command: Array, twist: Any) -> None:
+    """Write a command (v, ω) or (v_x, v_y, ω) into a `geometry_msgs/Twist` of zeros."""
+    twist.linear.x, twist.angular.z = float(command[0]), float(command[-1])
+    if len(command) == 3:
+        twist.linear.y = float(command[1])
+
+
+def beams_of(scan: Any) -> Beams:
+    """Return the beams of a `sensor_msgs/LaserScan`."""
+    ranges = np.array(scan.ranges, dtype=np.float64)
+    return Beams(ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+
+
+def raster_of(grid: Any) -> Raster:
+    """Return the cells of a `nav_msgs/OccupancyGrid`.
+
+    Raises:
+        InvalidInputError: if its numbers make no grid.
+        ValueError: if it does not hold as many cells as it says.
+    """
+    info = grid.info
+    cells = np.array(grid.data, dtype=np.int16).reshape(info.height, info.width)
+    return Raster(grid_of(info.resolution, pose_of(info.origin), info.height, info.width), cells)
+
+
+def corners_of(polygon: Any) -> Array:
+    """Return (k, 2) the corners of a `geometry_msgs/Polygon` [m]."""
+    return np.array([(point.x, point.y) for point in polygon.points]).reshape(-1, 2)

@@ -1,0 +1,148 @@
+"""A cart in MuJoCo with odometry and a scan, without ROS."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.envs.walker_physics import WalkerPhysics
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.maps import Grid, nav2, reading
+from hcbf_gym.robots.walker import Walker
+
+BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
+"""Of the scan: beams all around, and what they can measure [m]."""
+
+
+class SimulatedRobot:
+    """A robot that is told velocities and says where it is and what it sees.
+
+    What the map shuts is seen by the scan, and drawn, but does not stop the robot: who drives into
+    a wall is to be seen there.
+
+    Args:
+        robot: a contract's path or name, whose controller reads nothing but the command.
+        map_file: a map server's YAML; "" for an empty floor.
+        start: x, y [m] and yaw [rad].
+        noise: standard deviation of the scan's ranges [m].
+        timeout: after which without a command the base stops [s].
+        seed: of the noise.
+
+    Raises:
+        InvalidInputError: if the robot's controller reads more than the command, or a file cannot
+            be read.
+
+    Attributes:
+        time: since the start [s].
+    """
+
+    def __init__(
+        self,
+        robot: str = "cart",
+        map_file: str | Path = "",
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        noise: float = 0.01,
+        timeout: float = 0.5,
+        seed: int = 0,
+    ):
+        walker = Walker.load(robot)
+        terms = [one.term for one in walker.observation]
+        if terms != ["command"]:
+            raise InvalidInputError(
+                f"robot: got {robot!r}, whose controller reads {terms}, "
+                "expected one that reads the command alone, such as 'cart' and 'holonomic-cart'"
+            )
+        self.physics = WalkerPhysics(walker)
+        sizes = len(walker.command.limits), len(self.physics.parts.actuators)
+        self._controller = walker.controller(sizes, self.physics.model)
+        self._limits = walker.command.limits
+        self._rng = np.random.default_rng(seed)
+        self._noise, self._timeout = noise, timeout
+        self._command, self._until = np.zeros(sizes[0]), -math.inf
+        self.grid, self.cells = _shut(map_file)
+        x, y, yaw = np.asarray(start, dtype=np.float64).tolist()
+        self.physics.reset(np.array([x, y]), yaw, self._rng)
+        self.path: list[Array] = []
+
+    @property
+    def time(self) -> float:
+        """Since the start [s]."""
+        return float(self.physics.data.time)
+
+    @property
+    def dt(self) -> float:
+        """One tick of the physics [s]."""
+        return float(self.physics.model.opt.timestep)
+
+    def tell(self, velocity: ArrayLike) -> None:
+        """Tell it (v_x, v_y, ω) in its own axes [m/s, rad/s], good for the base's time-out."""
+        given = np.asarray(velocity, dtype=np.float64)
+        given = given[[0, 2]] if len(self._limits) == 2 else given
+        self._command = np.clip(given, -self._limits, self._limits)
+        self._until = self.time + self._timeout
+
+    def run(self, seconds: float) -> None:
+        """Advance the physics by so many seconds; `path` has a pose of each tick."""
+        for _ in range(round(seconds / self.dt)):
+            told = self._command if self.time < self._until else np.zeros_like(self._command)
+            self.physics.step(self._controller(told))
+            self.path.append(self.pose)
+
+    @property
+    def pose(self) -> Array:
+        """(3,) x, y [m] and yaw [rad]."""
+        return np.array([*self.physics.data.qpos[:2], self.physics.yaw])
+
+    @property
+    def twist(self) -> Array:
+        """(3,) v_x, v_y [m/s] and ω [rad/s] in its own axes."""
+        velocity, yaw = self.physics.data.qvel, self.physics.yaw
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead, aside = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+        return np.array([ahead, aside, velocity[5]])
+
+    def scan(self) -> Array:
+        """Return (BEAMS,) noisy ranges from −π on [m]; +inf saw nothing."""
+        x, y, yaw = self.pose
+        angles = yaw - math.pi + math.tau / BEAMS * np.arange(BEAMS)
+        if self.cells is None or self.grid is None:
+            return np.full(BEAMS, np.inf)
+        (column, row), turn = self.grid.to_cells([[x, y]])[0], self.grid.origin[2]
+        side = self.grid.resolution
+        far = side * _cast(self.cells, column, row, angles - turn, FARTHEST_BEAM / side)
+        far = far + self._noise * self._rng.standard_normal(BEAMS)
+        return np.where(far < FARTHEST_BEAM, np.maximum(far, NEAREST_BEAM), np.inf)
+
+
+def _shut(map_file: str | Path) -> tuple[Grid | None, Mask | None]:
+    """Return the grid of a map and which of its cells are occupied."""
+    if not map_file:
+        return None, None
+    raster = nav2.read(map_file)
+    return raster.grid, reading.of_map(raster, 1, None, 0.0)[0].cells
+
+
+@njit(cache=True, error_model="numpy")
+def _cast(cells: Mask, x: float, y: float, angles: Array, reach: float) -> Array:
+    """Return (k,) how far rays from (x, y) go until an occupied cell, all in cells."""
+    rows, columns = cells.shape
+    out = np.full(angles.size, np.inf)
+    for k in range(angles.size):
+        dx, dy = np.cos(angles[k]), np.sin(angles[k])
+        c, r = int(np.floor(x)), int(np.floor(y))
+        step_c, step_r = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+        next_c = abs(((c + 1 if dx > 0.0 else c) - x) / dx)
+        next_r = abs(((r + 1 if dy > 0.0 else r) - y) / dy)
+        travelled = 0.0
+        while travelled < reach:
+            if 0 <= r < rows and 0 <= c < columns and cells[r, c]:
+                out[k] = travelled
+                break
+            if next_c < next_r:
+                travelled, next_c, c = next_c, next_c + abs(1.0 / dx), c + step_c
+            else:
+                travelled, next_r, r = next_r, next_r + abs(1.0 / dy), r + step_r
+    return out
