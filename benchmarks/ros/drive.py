@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.ros.core import Decision, NodeCore
+from hcbf_gym.ros.core import NodeCore
+from hcbf_gym.ros.decisions import Decision
 from hcbf_gym.ros.parameters import read
 from hcbf_gym.ros.sources import Beams
 from hcbf_gym.ros.watches import Now
@@ -38,6 +39,7 @@ class Drive:
         pose: (3,) of the cart.
         velocity: (2,) what it does.
         decisions: all, each with its time.
+        told: (2,) what the base does after each of them.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class Drive:
         self.velocity: Array = np.zeros(2)
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
+        self.told: list[Array] = []
         self.ranges: Array = np.full(ANGLES.size, np.inf)
         self.scans = "scan" in self.core.sources
 
@@ -97,6 +100,7 @@ class Drive:
         self.decisions.append((self.now, decision))
         if decision.command is not None:
             self.velocity = decision.command
+        self.told.append(self.velocity)
 
     def _move(self) -> None:
         v, w = self.velocity

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.ros.drive import ANGLES, SCAN, TICK, Drive
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros.core import Decision
 from hcbf_gym.ros.sources import grid_of
 from hcbf_gym.ros.watches import Now
 
@@ -273,28 +273,28 @@ def try_case(name: str, seed: int) -> Trial:
         warnings.simplefilter("ignore", SafetyWarning)
         d = Drive(case.given, wanted=(rng.uniform(0.2, 0.9), 0.0, rng.uniform(-0.3, 0.3)))
         d.run(1.0 + TICK * float(rng.integers(20)), each=each)
-        moved, first = _moves(d.last), len(d.decisions)
+        moved, first = _moves(d.told[-1]), len(d.decisions)
         begun = case.does(d, rng)
-        during = d.decisions[first:]
+        during, did = d.decisions[first:], d.told[first:]
         d.run(case.again, each=each)
         d.run(0.5, each=each)
     says = tuple(dict.fromkeys(one.says for _, one in during))
-    again = moved and _moves(d.last)
+    again = moved and _moves(d.told[-1])
     if case.within is None:
-        return Trial(all(_moves(one) for _, one in during), True, again, says)
-    zero = next((k for k, (_, one) in enumerate(during) if not _moves(one)), len(during))
+        return Trial(all(map(_moves, did)), True, again, says)
+    zero = next((k for k, velocity in enumerate(did) if not _moves(velocity)), len(did))
     after = during[zero:]
     in_time = bool(after) and after[0][0].steady <= begun + case.within + STEP + 1e-6
-    in_time = in_time and not any(_moves(one) for _, one in after)
+    in_time = in_time and not any(map(_moves, did[zero:]))
     told = [one for _, one in (after if case.lasts else after[:1])]
     reasons = case.reason.split("|")
     named = all(any(reason in one.says for reason in reasons) for one in told)
     return Trial(in_time, bool(told) and named, again, says)
 
 
-def _moves(decision: Decision) -> bool:
-    """Return whether the robot is told to move."""
-    return decision.command is not None and float(np.abs(decision.command).max()) > 1e-9
+def _moves(velocity: Array) -> bool:
+    """Return whether the base moves."""
+    return float(np.abs(velocity).max()) > 1e-9
 
 
 def main(trials: int = 100) -> dict[str, dict[str, int]]:

@@ -189,7 +189,9 @@ class VelocityFilter:
     def barriers(self, barriers: Sequence[Entry]) -> None:
         self.set_barriers(barriers)
 
-    def set_barriers(self, barriers: Sequence[Entry], seen_at: float | None = None) -> None:
+    def set_barriers(
+        self, barriers: Sequence[Entry], seen_at: float | None = None, *, look: bool = True
+    ) -> None:
         """Take other barriers, such as what a tracker saw at its stamp.
 
         Args:
@@ -198,12 +200,14 @@ class VelocityFilter:
                 has moved on. Functions of time count from then. A stamp that is more than `max_age`
                 ahead of a step or a minute behind it is not believed, and the robot is told zero.
                 None is the first step since the reset, as for `barriers`.
+            look: whether guidance takes them up in the next step, which may last longer then; False
+                lets it lead as before.
 
         Raises:
             InvalidInputError: if `seen_at` is not finite.
         """
         self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
-        self._unseen = self._unseen or not _same(barriers, self._barriers)
+        self._unseen = self._unseen or (look and not _same(barriers, self._barriers))
         self._barriers = barriers
 
     @property

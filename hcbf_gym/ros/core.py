@@ -5,12 +5,9 @@ A fault is zero at once, with its reason; when it has gone, the filter goes on b
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,81 +16,19 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
-from hcbf_gym.online import Command, Response, Robot, VelocityFilter
+from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.ros import sources
+from hcbf_gym.ros import filters, sources
+from hcbf_gym.ros.decisions import Action, Decision, Level
+from hcbf_gym.ros.localization import Localization, placed
 from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
 from hcbf_gym.ros.sources import Beams, Entries
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
-HELD = 1.3
-"""Periods of the node for which the filter's rows hold: timers and messages jitter."""
-REMEMBERED = 3.0
-"""How long poses are kept, to place scans [s]."""
-TURN_JUMP = 0.5
-"""By which a yaw may differ from what the twist says [rad]."""
-FROZEN_PATH, FROZEN_WITHIN = 0.05, 1e-3
-"""A pose is frozen that stays within a millimetre while the twist makes 5 cm in about a second."""
 INSIDE = "the robot is inside"
 ZERO = 1e-9
 """A velocity below it is zero, as in the collision monitor."""
-
-
-class Level(IntEnum):
-    """As `diagnostic_msgs/DiagnosticStatus` counts them."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-
-
-class Action(IntEnum):
-    """As `nav2_msgs/CollisionMonitorState` counts them."""
-
-    DO_NOTHING = 0
-    STOP = 1
-    SLOWDOWN = 2
-    APPROACH = 3
-    LIMIT = 4
-
-
-class Decision(NamedTuple):
-    """What to do now.
-
-    Attributes:
-        command: (k,) for the robot, in its own axes [m/s, rad/s]; None: publish nothing.
-        wanted: (k,) what was wanted; zeros where nothing is.
-        level: of the diagnostics.
-        says: why.
-        action: what was done to the velocity wanted.
-        name: of what it was done for.
-        report: of the filter; None where it was not asked.
-    """
-
-    command: Array | None
-    wanted: Array
-    level: Level
-    says: str
-    action: Action
-    name: str
-    report: dict[str, Any] | None
-
-
-class Odometry(NamedTuple):
-    """Where the robot was.
-
-    Attributes:
-        stamp: when [s].
-        pose: (3,) x, y [m] and yaw [rad] in the global frame.
-        twist: (3,) v_x, v_y [m/s] and ω [rad/s] in its own axes.
-    """
-
-    stamp: float
-    pose: Array
-    twist: Array
 
 
 @dataclass
@@ -130,6 +65,7 @@ class NodeCore:
 
     Attributes:
         sources: name → what is known of it.
+        localization: where the robot is.
     """
 
     def __init__(self, settings: Settings):
@@ -137,29 +73,21 @@ class NodeCore:
         self.enabled = settings.enabled
         tolerance = settings.transform_tolerance
         self._command = Watch("command", settings.cmd_vel_timeout, tolerance)
-        self._odometry = Watch("odometry", settings.odom_timeout, tolerance)
-        self._pose = Watch("pose", 0.0, tolerance)
         self._clock = ClockWatch(settings.clock_timeout)
+        self.localization = Localization(settings)
         self.sources = {
             one.name: Source(one, Watch(one.name, _timeout(one, settings), tolerance))
             for one in settings.sources
         }
-        self._filter = _warmed(settings)
+        self._filter = filters.warmed(settings)
         self._size = len(self._filter.robot.command.limits)
         self._wanted = np.zeros(self._size)
         for one in self.sources.values():
             self._begin(one)
-        self._track: deque[Odometry] = deque(maxlen=1024)
-        self._local: deque[Odometry] = deque(maxlen=1024)  # as odometry has them
-        needs = settings.pose_source != "odom"
-        self._correction: Array | None = None if needs else np.zeros(3)
-        self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
-        self._alarm: tuple[float, Fault] | None = None
-        self._zero_since: float | None = None
+        self._alarm: tuple[float, Fault] | None = None  # until when [steady s]
+        self._zero_since: float | None = -math.inf  # silent until a velocity is wanted
         self._last: tuple[float, Decision] | None = None
-        self._goal: Array | None = None
         self._names: list[str] = []
-        self._still, self._still_path = np.full(2, np.inf), 0.0
         self._show()
 
     def _begin(self, source: Source) -> None:
@@ -182,32 +110,35 @@ class NodeCore:
     @property
     def place(self) -> Array:
         """(3,) the newest pose in the global frame [m, rad]; zeros where there is none."""
-        return self._track[-1].pose if self._track else np.zeros(3)
+        newest = self.localization.newest
+        return np.zeros(3) if newest is None else newest.pose
 
     # -- what is heard ----------------------------------------------------------------------------
 
     def hear_command(
         self, command: ArrayLike, now: Now, stamp: float | None = None, frame: str = ""
-    ) -> None:
-        """Take the velocity wanted: v_x, v_y [m/s] and ω [rad/s] in the robot's axes.
+    ) -> bool:
+        """Take the velocity wanted, in the robot's axes; return whether it is believed.
 
         Args:
-            command: (3,).
+            command: (3,) v_x, v_y [m/s] and ω [rad/s].
             now: the present.
             stamp: of the message [s]; None where it has none.
             frame: likewise; "" for the robot's.
         """
         self._clock.see(now)
+        if self._zero_since == -math.inf:
+            self._zero_since = None
         given = np.asarray(command, dtype=np.float64)
         expected = self.settings.base_frame_id if frame else ""
         if not np.isfinite(given).all():
-            self._command.refuse(f"got {given.tolist()}, expected finite numbers")
-        elif stamp is None:
+            return self._command.refuse(f"got {given.tolist()}, expected finite numbers")
+        if stamp is None:
             self._command.forget()  # without a stamp the newest is the last that came
-            self._command.hear(now.ros, now)
+        heard = self._command.hear(now.ros if stamp is None else stamp, now, frame, expected)
+        if heard:
             self._wanted = given[[0, 2]] if self._size == 2 else given
-        elif self._command.hear(stamp, now, frame, expected):
-            self._wanted = given[[0, 2]] if self._size == 2 else given
+        return heard
 
     def hear_odometry(
         self,
@@ -218,44 +149,15 @@ class NodeCore:
         frame: str = "",
         child: str = "",
     ) -> None:
-        """Take the odometry: x, y, yaw in its own frame, v_x, v_y, ω in the robot's axes."""
+        """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
-        place, motion = np.asarray(pose, dtype=np.float64), np.asarray(twist, dtype=np.float64)
-        watch, settings = self._odometry, self.settings
-        if child and child != settings.base_frame_id:
-            watch.refuse(f"child frame {child!r}, expected {settings.base_frame_id!r}")
-        elif not _plausible(place) or not _plausible(motion):
-            watch.refuse(f"got {[*place.tolist(), *motion.tolist()]}, expected finite numbers")
-        elif watch.hear(stamp, now, frame, settings.odom_frame_id):
-            self._local.append(Odometry(stamp, place, motion))
-            if self._correction is not None:
-                self._follow(Odometry(stamp, _placed(self._correction, place), motion), now)
-
-    def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str = "") -> None:
-        """Take where the robot was in the global frame: odometry goes on from there."""
-        given = np.asarray(pose, dtype=np.float64)
-        if not _plausible(given):
-            self._pose.refuse(f"got {given.tolist()}, expected finite numbers")
-        elif self._pose.hear(stamp, now, frame, self.settings.global_frame_id):
-            local = _at(self._local, stamp)
-            if local is None:
-                self._pose.refuse("there is no odometry of that time")
-            else:
-                self._correction = _between(local, given)
-
-    def hear_correction(self, correction: ArrayLike | None) -> None:
-        """Take the odometry's frame in the global one, (x, y, yaw), as tf has it; None: unknown."""
-        given = np.full(3, np.nan) if correction is None else np.asarray(correction, dtype=float)
-        if _plausible(given):
-            self._correction = given
-        else:
-            self._correction = None
-            self._pose.refuse("tf has no transform to the odometry's frame")
+        if self.localization.hear_odometry(pose, twist, stamp, now, frame, child):
+            self._filter.reset()
 
     def hear_source(
         self, name: str, entries: Entries, stamp: float, now: Now, frame: str = ""
-    ) -> None:
-        """Take what a source shows from now on.
+    ) -> bool:
+        """Take what a source shows from now on; return whether it differs from before.
 
         Args:
             name: of the source.
@@ -265,10 +167,15 @@ class NodeCore:
             frame: of the message.
         """
         source = self.sources[name]
-        if source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
-            before, source.entries = source.entries, entries
-            if list(map(id, before)) != list(map(id, entries)):
-                self._show()
+        if source.settings.type != "scan" and stamp == source.watch.stamp:
+            source.watch.forget()  # whoever repeats a stamp may still say something else
+        if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
+            return False
+        before, source.entries = source.entries, entries
+        differs = list(map(id, before)) != list(map(id, entries))
+        if differs:
+            self._show()
+        return differs
 
     def refuse_source(self, name: str, says: str) -> None:
         """Note that a source's newest message is faulty."""
@@ -310,13 +217,13 @@ class NodeCore:
             InvalidInputError: if it cannot be believed.
         """
         settings = self.sources[name].settings
-        track = self._track.copy()
-        if not self.settings.base_shift_correction:
-            stamp = track[-1].stamp if track else stamp
-        pose = _at(track, stamp)
+        newest = self.localization.newest
+        if not self.settings.base_shift_correction and newest is not None:
+            stamp = newest.stamp
+        pose = self.localization.at(stamp)
         if pose is None:
             return None
-        x, y, yaw = _placed(pose, np.asarray(settings.mount if mount is None else mount)).tolist()
+        x, y, yaw = placed(pose, np.asarray(settings.mount if mount is None else mount)).tolist()
         return sources.of_scan(settings, beams, (x, y, yaw))
 
     def of_grid(
@@ -336,39 +243,37 @@ class NodeCore:
         settings = replace(source.settings, **(limits or {}))
         return sources.of_grid(settings, raster, self.fastest, source.entries)
 
-    def planned(self, goal: ArrayLike | None, changed: Mapping[str, Entries] | None = None) -> Any:
+    def planned(self, goal: ArrayLike | None) -> VelocityFilter:
         """Return a filter that leads to a goal, its field computed; hand it over by `take`.
 
         Args:
             goal: (2,) [m]; None for a filter that leads nowhere.
-            changed: name → what sources will show.
 
         Raises:
             InvalidInputError: if no way leads there.
         """
-        entries = {name: one.entries for name, one in self.sources.items() if one.enabled}
-        scene = [one for shown in (entries | dict(changed or {})).values() for one in shown]
-        made = _filter(self._filter.robot, self.settings, scene, goal)
+        made = filters.made(self._filter.robot, self.settings, self._shown, goal)
         if goal is not None:
-            if not self._track:
+            newest = self.localization.newest
+            if newest is None:
                 raise InvalidInputError("goal: there is no pose yet, expected odometry first")
-            last = self._track[-1]
-            _, report = made.step(np.zeros(self._size), last.pose, last.twist, last.stamp)
+            _, report = made.step(np.zeros(self._size), newest.pose, newest.twist, newest.stamp)
             if report["reason"] == Reason.BARRIERS:
                 raise InvalidInputError(
                     f"goal: got {np.asarray(goal).tolist()}, expected a goal that can be reached"
                 )
         return made
 
-    def take(self, planned: Any) -> None:
+    def take(self, planned: VelocityFilter) -> None:
         """Go on with a filter that was `planned`."""
-        self._filter, self._goal = planned, planned.goal
+        planned.v_max = self.settings.v_max or None  # it may have changed meanwhile
+        self._filter = planned
         self._show()
 
     @property
     def goal(self) -> Array | None:
         """(2,) where guidance leads [m]."""
-        return self._goal
+        return self._filter.goal
 
     # -- what is decided --------------------------------------------------------------------------
 
@@ -389,23 +294,20 @@ class NodeCore:
 
     def _faults(self, now: Now) -> list[Fault | None]:
         """Return what keeps the robot at zero, the gravest first."""
-        found = [self._clock.fault(now), self._odometry.fault(now)]
-        if self.settings.pose_source != "odom" and self._correction is None:
-            found.append(self._pose.fault(now) or Fault("pose", "nothing received"))
-        found.append(self._frozen())
-        for name in ("_jump", "_alarm"):
-            until = getattr(self, name)
-            if until is not None and now.steady < until[0]:
-                found.append(until[1])
-            elif until is not None:
-                setattr(self, name, None)
+        found = [self._clock.fault(now), *self.localization.faults(now)]
+        if self._alarm is not None and now.steady >= self._alarm[0]:
+            self._alarm = None
+        if self._alarm is not None:
+            found.append(self._alarm[1])
         found += [one.watch.fault(now) for one in self.sources.values() if one.enabled]
         found.append(self._command.fault(now))
         return found
 
     def _filtered(self, now: Now) -> Decision:
         """Return what the filter says."""
-        last = self._track[-1]
+        last = self.localization.newest
+        if last is None:  # the newest message has jumped
+            return self._stopped([Fault("odometry", "nothing received")], now)
         x = np.array([*last.pose[:2], 0.0, 0.0])
         for source in self.sources.values():
             stops = source.enabled and source.settings.when_inside == "stop"
@@ -470,121 +372,34 @@ class NodeCore:
             self._zero_since = None
             return decision
         if self._zero_since is None:
-            self._zero_since = now.steady if self._command.is_known else -math.inf
+            self._zero_since = now.steady
         silent = now.steady - self._zero_since > self.settings.stop_pub_timeout
         return decision._replace(command=None) if silent else decision
 
     # -- what is remembered -----------------------------------------------------------------------
 
-    def _follow(self, newest: Odometry, now: Now) -> None:
-        """Remember a pose, unless it jumps: then forget the others."""
-        if self._track and 0.0 < newest.stamp - self._track[-1].stamp < 1.0:
-            expected = _advanced(self._track[-1], newest.stamp, newest.twist)
-            away = float(np.hypot(*(newest.pose - expected)[:2]))
-            turned = abs(math.remainder(newest.pose[2] - expected[2], math.tau))
-            if away > self.settings.pose_jump or turned > TURN_JUMP:
-                says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
-                self._jump = now.steady + self.settings.settle_time, Fault("odometry", says)
-                self._track.clear()
-                self._filter.reset()
-        if np.abs(newest.pose[:2] - self._still).max() > FROZEN_WITHIN or not self._track:
-            self._still, self._still_path = newest.pose[:2], 0.0
-        else:
-            seconds = min(newest.stamp - self._track[-1].stamp, 1.0)
-            made = seconds * float(np.hypot(*newest.twist[:2]))
-            self._still_path += made - seconds * self._still_path
-        self._track.append(newest)
-        while newest.stamp - self._track[0].stamp > REMEMBERED:
-            self._track.popleft()
-
-    def _frozen(self) -> Fault | None:
-        """Return a fault where the pose stands although the twist says that the robot moves."""
-        if self._still_path < FROZEN_PATH:
-            return None
-        return Fault("odometry", f"the pose stands while the twist makes {self._still_path:.2f} m")
-
     def _forget(self) -> None:
         """Begin anew: the clock has gone back, and no stamp from before means anything."""
-        for watch in (self._command, self._odometry, self._pose):
-            watch.forget()
+        self._command.forget()
+        self.localization.forget()
         for source in self.sources.values():
             if source.settings.type == "scan":
                 source.watch.forget()
             elif source.watch.is_known:
                 source.watch.stand()
-        self._track.clear()
-        self._local.clear()
         self._last = None
         self._filter.reset()
 
+    @property
+    def _shown(self) -> list[Any]:
+        """What the sources show now."""
+        return [e for one in self.sources.values() if one.enabled for e in one.entries]
+
     def _show(self) -> None:
-        """Hand the filter what the sources show."""
-        shown = [e for one in self.sources.values() if one.enabled for e in one.entries]
+        """Hand the filter what the sources show; guidance looks at it in `planned` alone."""
+        shown = self._shown
         self._names = [one.name for one in each(shown)]
-        self._filter.barriers = shown
-
-
-def robot_of(settings: Settings) -> str | Robot:
-    """Return the robot that parameters describe.
-
-    Raises:
-        InvalidInputError: if its response cannot be read, or its numbers do not fit.
-    """
-    if settings.robot:
-        return settings.robot
-    command = Command(
-        settings.max_forward,
-        settings.max_turn,
-        settings.max_sideways or None,
-        settings.look_ahead or None,
-    )
-    response = Response.load(Path(settings.response_file)) if settings.response_file else None
-    return Robot(command, response, settings.reach)
-
-
-def _filter(robot: str | Robot, settings: Settings, scene: Any, goal: Any) -> VelocityFilter:
-    """Return a filter as the parameters ask for it."""
-    return VelocityFilter(
-        robot,
-        scene,
-        settings.program,
-        period=HELD * settings.period,
-        goal=goal,
-        guidance=settings.guidance or None if goal is not None else None,
-        v_max=settings.v_max or None,
-        max_age=settings.odom_timeout,
-        on_alarm="brake",
-    )
-
-
-def _warmed(settings: Settings) -> VelocityFilter:
-    """Return a filter with all compiled that its sources will need."""
-    cells = np.zeros((40, 40), dtype=np.int16)
-    cells[0] = 40
-    again = cells.copy()
-    cells[0, 0] = again[5, 5] = 100
-    grid = sources.grid_of(0.1, (-2.0, -2.0, 0.0), 40, 40)
-    scene: list[Any] = []
-    for one in settings.sources:
-        if one.is_grid:
-            before = sources.of_grid(one, Raster(grid, cells), 100.0)
-            shown = sources.of_grid(one, Raster(grid, again), 100.0, before)
-        elif one.type == "scan":
-            beams = Beams([1.5, math.inf], 0.0, 0.1, 0.0, 10.0)
-            shown = sources.of_scan(one, beams, (0.0, 0.0, 0.0))
-        elif one.type == "circle":
-            shown = sources.of_circle(one, (1.5, 1.5), 0.1)
-        else:
-            shown = sources.of_polygon(one, [[1.4, 1.4], [1.6, 1.4], [1.5, 1.6]])
-        sources.inside(shown, np.zeros(4), 0.0)
-        scene += shown
-    robot = robot_of(settings)
-    made = _filter(robot, settings, scene, None)
-    if settings.guidance:
-        guided = _filter(made.robot, settings, scene, (0.5, 0.0))
-        guided.step(guided.command_at(0.0), np.zeros(3), np.zeros(3), 0.0)
-    made.barriers = []
-    return made
+        self._filter.set_barriers(shown, look=False)
 
 
 def _timeout(source: SourceSettings, settings: Settings) -> float:
@@ -592,48 +407,3 @@ def _timeout(source: SourceSettings, settings: Settings) -> float:
     if source.source_timeout >= 0.0:
         return source.source_timeout
     return settings.source_timeout if source.type == "scan" else 0.0
-
-
-def _plausible(numbers: Array) -> bool:
-    """Return whether numbers are finite, and none is farther than anything is."""
-    return bool(np.isfinite(numbers).all() and np.abs(numbers).max() <= FARTHEST)
-
-
-def _placed(frame: Array, pose: Array) -> Array:
-    """Return a pose of a frame (x, y, yaw) in that frame's own parent."""
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    x, y, yaw = pose
-    return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
-
-
-def _between(local: Array, pose: Array) -> Array:
-    """Return the frame in which `local` is the pose `pose`."""
-    yaw = pose[2] - local[2]
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    x, y = local[:2]
-    return np.array([pose[0] - cos * x + sin * y, pose[1] - sin * x - cos * y, yaw])
-
-
-def _advanced(one: Odometry, stamp: float, twist: Array) -> Array:
-    """Return (3,) where the mean of two twists brings a pose until a stamp [s]."""
-    seconds, motion = stamp - one.stamp, 0.5 * (one.twist + twist)
-    middle = np.array([*one.pose[:2], one.pose[2] + 0.5 * seconds * motion[2]])
-    moved = _placed(middle, np.array([*(seconds * motion[:2]), 0.0]))
-    return np.array([*moved[:2], one.pose[2] + seconds * motion[2]])
-
-
-def _at(track: deque[Odometry], stamp: float) -> Array | None:
-    """Return (3,) the pose at a stamp [s], None where the track does not reach so far."""
-    later: Odometry | None = None
-    for one in reversed(track):
-        if one.stamp <= stamp:
-            if later is None:
-                return _advanced(one, stamp, one.twist) if stamp - one.stamp < 0.3 else None
-            share = (stamp - one.stamp) / (later.stamp - one.stamp)
-            turn = math.remainder(later.pose[2] - one.pose[2], math.tau)
-            step = np.array([*(later.pose - one.pose)[:2], turn])
-            return one.pose + share * step
-        later = one
-    if later is not None and later.stamp - stamp < 0.1:
-        return _advanced(later, stamp, later.twist)
-    return None

@@ -1,4 +1,6 @@
 """What RViz shows: the pieces near the robot by rank, the command wanted and the command given."""
+# pyright: reportMissingImports=false
+# messages come with ROS, or with the extra ros-wheels
 
 from typing import Any
 
@@ -11,7 +13,8 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.set import each
 from hcbf_gym.barriers.shape import Oval, Shape
-from hcbf_gym.ros.core import Decision, NodeCore
+from hcbf_gym.ros.core import NodeCore
+from hcbf_gym.ros.decisions import Decision
 
 NEAR = 4.0
 """What is nearer to the robot is drawn [m]."""
@@ -37,9 +40,8 @@ def of(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
     for rank, outlines in sorted(ranks.items()):
         lines = _marker(core, stamp, f"rank {rank}", Marker.LINE_LIST, COLORS[min(rank, 4) - 1])
         lines.scale.x = 0.02
-        for corners in outlines:
-            for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-                lines.points += [_point(a), _point(b)]
+        ends = [np.stack([one, np.roll(one, -1, axis=0)], 1).reshape(-1, 2) for one in outlines]
+        lines.points = [_point(at) for at in np.concatenate(ends)] if ends else []
         made.append(lines)
     arrows = {"wanted": (decision.wanted, (0.5, 0.5, 0.5))}
     if decision.command is not None:

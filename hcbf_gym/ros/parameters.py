@@ -1,10 +1,9 @@
-"""The node's parameters: one table, from which it declares them, reads them and documents them.
+"""The node's parameters: one table, from which it declares them, reads them and is documented.
 
 Names, meanings and defaults are those of Nav2's collision monitor wherever it has one of the same
 meaning. A value that does not fit is refused by its name before the node is active.
 """
 
-import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -205,7 +204,7 @@ class Settings:
         True, "false passes velocities on as they are; ~/toggle sets it", live=True
     )
     observation_sources: tuple[str, ...] = _parameter((), "names of the sources")
-    robot: str = _parameter("", 'a contract\'s path or name; "": the next six describe the robot')
+    robot: str = _parameter("", 'a contract\'s path or name; "": the next seven describe the robot')
     max_forward: float = _parameter(0.0, "greatest speed ahead and back [m/s]", low=0.0, high=100.0)
     max_turn: float = _parameter(0.0, "greatest turning rate [rad/s]", low=0.0, high=100.0)
     max_sideways: float = _parameter(
@@ -216,6 +215,9 @@ class Settings:
     )
     reach: float = _parameter(
         0.0, "radius of the circle around the centre, or axle, that holds it [m]", low=0.0, high=100
+    )
+    footprint: str = _parameter(
+        "", "its outline as Nav2 writes it, [[x, y], …]: reach becomes no less than holds it"
     )
     response_file: str = _parameter("", 'from hcbf identify; "": a slow robot that sways')
     program: str = _parameter("lex-cbf-qp", "which ranked program", choices=programs.names())
@@ -363,7 +365,10 @@ def _checked(settings: Settings) -> Settings:
             f"parameter global_frame_id: got {settings.global_frame_id!r} with pose_source 'odom', "
             f"expected odom_frame_id, {settings.odom_frame_id!r}, or pose_source 'topic' or 'tf'"
         )
-    described = ("max_forward", "max_turn", "max_sideways", "look_ahead", "reach", "response_file")
+    described = (
+        "max_forward", "max_turn", "max_sideways", "look_ahead", "reach", "footprint",
+        "response_file",
+    )  # fmt: skip
     beside = [name for name in described if getattr(settings, name)]
     if settings.robot and beside:
         raise InvalidInputError(
@@ -395,20 +400,3 @@ def _checked(settings: Settings) -> Settings:
             "than cmd_vel_in_topic"
         )
     return settings
-
-
-def markdown(of: type[Settings] | type[SourceSettings]) -> str:
-    """Return the table of a page."""
-    lines = ["| parameter | default | |", "|---|---|---|"]
-    before = "<source>." if of is SourceSettings else ""
-    for one in table(of):
-        default = f"`{json.dumps(one.default)}`"
-        if one.name == "enable_stamped_cmd_vel":
-            default = "of the distribution"
-        notes = [one.says]
-        if one.choices:
-            notes.append("one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in one.choices))
-        if one.live:
-            notes.append("may be set at any time")
-        lines.append(f"| `{before}{one.name}` | {default} | {'; '.join(notes)} |")
-    return "\n".join(lines)

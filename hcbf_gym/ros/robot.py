@@ -91,6 +91,11 @@ class SimulatedRobot:
             self.physics.step(self._controller(told))
             self.path.append(self.pose)
 
+    def timed_path(self) -> Array:
+        """Return (N, 4) time [s], x, y [m] and yaw [rad] of every tick."""
+        path = np.array(self.path).reshape(-1, 3)
+        return np.hstack([self.dt * np.arange(1.0, len(path) + 1.0)[:, None], path])
+
     @property
     def pose(self) -> Array:
         """(3,) x, y [m] and yaw [rad]."""

@@ -1,4 +1,6 @@
 """The simulated robot's node; it needs rclpy."""
+# pyright: reportMissingImports=false
+# rclpy comes with ROS, or with the extra ros-wheels
 
 import math
 import sys
@@ -6,58 +8,58 @@ import time
 from typing import Any
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import LaserScan
 
 from hcbf_gym.maps import nav2
-from hcbf_gym.ros import messages
-from hcbf_gym.ros.node import LATCHED, RELIABLE, SENSOR, executor_of
+from hcbf_gym.ros import messages, running
 from hcbf_gym.ros.parameters import stamped_by_default
 from hcbf_gym.ros.robot import BEAMS, FARTHEST_BEAM, NEAREST_BEAM, SimulatedRobot
-from hcbf_gym.ros.simulated import Args
+from hcbf_gym.ros.running import LATCHED, RELIABLE, SENSOR
 
 PERIOD = 0.02
 """Of the odometry [s]."""
 SCAN_EVERY = 5
 """Odometry messages between two scans."""
+BEHIND = 5
+"""Periods that it catches up at once at most: a machine that is too slow makes time go slowly."""
 
 
 class SimulatedRobotNode(Node):
     """Steps the robot as time goes on, and publishes what it measures.
 
     Args:
-        args: of the command.
+        robot: what is stepped.
+        grids: topic → file of each map and mask that it publishes.
+        stamped: whether cmd_vel is TwistStamped; None is as the distribution has it.
+        clock: how many times as fast as the wall's clock its own goes, on /clock; 0 for none.
     """
 
-    def __init__(self, args: Args):
+    def __init__(
+        self, robot: SimulatedRobot, grids: dict[str, str], stamped: bool | None, clock: float
+    ):
         super().__init__("hcbf_robot")
-        self.robot = SimulatedRobot(args.robot, args.map, args.start, args.noise, seed=args.seed)
-        self._rate, self._drives_clock = args.clock or 1.0, args.clock > 0.0
-        stamped = stamped_by_default() if args.stamped is None else args.stamped
-        kind = TwistStamped if stamped else Twist
+        self.robot = robot
+        self._rate, self._drives_clock = clock or 1.0, clock > 0.0
+        is_stamped = stamped_by_default() if stamped is None else stamped
+        kind = TwistStamped if is_stamped else Twist
         self.create_subscription(kind, "cmd_vel", self._on_command, RELIABLE)
         self._odometry = self.create_publisher(Odometry, "odom", SENSOR)
         self._scan = self.create_publisher(LaserScan, "scan", SENSOR)
-        self._clock_out = self.create_publisher(ClockMessage, "/clock", SENSOR)
+        if self._drives_clock:
+            self._clock_out = self.create_publisher(ClockMessage, "/clock", SENSOR)
         self._grids = []
-        for file, topic in [(args.map, "map"), *((one, _topic(one)) for one in args.masks)]:
-            if file:
-                self._grids.append(self.create_publisher(OccupancyGrid, topic, LATCHED))
-                self._grids[-1].publish(_grid(nav2.read(file), self._stamp()))
+        for topic, file in grids.items():
+            self._grids.append(self.create_publisher(OccupancyGrid, topic, LATCHED))
+            self._grids[-1].publish(_grid(nav2.read(file), self._stamp()))
         self._begun, self._ticks = time.monotonic(), 0
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(PERIOD / self._rate, self._tick, clock=steady)
-
-    def timed_path(self) -> Any:
-        """Return (N, 4) time [s], x, y [m] and yaw [rad] of every tick."""
-        path = np.array(self.robot.path).reshape(-1, 3)
-        return np.column_stack([self.robot.dt * np.arange(1, len(path) + 1), path])
 
     def _stamp(self) -> Any:
         if not self._drives_clock:
@@ -73,7 +75,10 @@ class SimulatedRobotNode(Node):
 
     def _tick(self) -> None:
         """Catch up with the wall's clock, and say what is measured."""
-        due = min(int((time.monotonic() - self._begun) * self._rate / PERIOD), self._ticks + 5)
+        due = int((time.monotonic() - self._begun) * self._rate / PERIOD)
+        if due > self._ticks + BEHIND:
+            self._begun += (due - self._ticks - BEHIND) * PERIOD / self._rate
+            due = self._ticks + BEHIND
         if due <= self._ticks:
             return
         self.robot.run(PERIOD * (due - self._ticks))
@@ -84,11 +89,6 @@ class SimulatedRobotNode(Node):
         self._odometry.publish(_odometry(self.robot, stamp))
         if before // SCAN_EVERY < due // SCAN_EVERY:
             self._scan.publish(_scan(self.robot, stamp))
-
-
-def _topic(mask: str) -> str:
-    """Return the topic of a mask: the name of its file without the ending."""
-    return mask.rsplit("/", 1)[-1].rsplit(".", 1)[0]
 
 
 def _odometry(robot: SimulatedRobot, stamp: Any) -> Odometry:
@@ -128,18 +128,11 @@ def _grid(raster: nav2.Raster, stamp: Any) -> OccupancyGrid:
     return message
 
 
-def spin(args: Args) -> None:
-    """Simulate until it is interrupted, and write the path if it is asked for."""
-    rclpy.init(args=sys.argv)
-    node = SimulatedRobotNode(args)
-    executor = executor_of()
-    executor.add_node(node)
-    try:
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        if args.path is not None:
-            np.save(args.path, node.timed_path())
-        node.destroy_node()
-        rclpy.try_shutdown()
+def spin(robot: SimulatedRobot, grids: dict[str, str], stamped: bool | None, clock: float) -> None:
+    """Simulate until it is interrupted; see `SimulatedRobotNode`."""
+    running.run(
+        lambda: SimulatedRobotNode(robot, grids, stamped, clock),
+        sys.argv,
+        lambda node: None,
+        lambda node: None,
+    )

@@ -7,6 +7,8 @@ stands behind --ros-args is ROS's own.
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from hcbf_gym.errors import require_packages
 from hcbf_gym.ros.command import require_rclpy
 
@@ -40,5 +42,13 @@ def main(args: Args) -> None:
     require_rclpy("hcbf ros-sim")
     require_packages("hcbf ros-sim", "mujoco")
     from hcbf_gym.ros import sim_node
+    from hcbf_gym.ros.robot import SimulatedRobot
 
-    sim_node.spin(args)
+    robot = SimulatedRobot(args.robot, args.map, args.start, args.noise, seed=args.seed)
+    grids = {"map": args.map} if args.map else {}
+    grids |= {Path(mask).stem: mask for mask in args.masks}
+    try:
+        sim_node.spin(robot, grids, args.stamped, args.clock)
+    finally:
+        if args.path is not None:
+            np.save(args.path, robot.timed_path())

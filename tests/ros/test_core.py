@@ -6,7 +6,7 @@ import pytest
 from benchmarks.ros import faults
 from benchmarks.ros.drive import SCAN, Drive
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros.core import Action, Level
+from hcbf_gym.ros.decisions import Action, Level
 from hcbf_gym.ros.sources import grid_of
 from hcbf_gym.ros.watches import Now
 
@@ -160,10 +160,10 @@ def test_a_scan_is_placed_by_the_pose_at_its_stamp():
 def test_a_pose_topic_places_the_odometry():
     d = Drive({"pose_source": "topic", "global_frame_id": "map"}).run(0.5)
     assert "pose: nothing received" in d.last.says
-    d.core.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros, d.now, "odom")
+    d.core.localization.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros, d.now, "odom")
     d.run(0.1)
     assert "pose: frame 'odom', expected 'map'" in d.last.says
-    d.core.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros - 0.05, d.now, "map")
+    d.core.localization.hear_pose((5.0, 5.0, np.pi / 2), d.now.ros - 0.05, d.now, "map")
     d.run(1.0)
     assert d.last.command[0] > 0.1
 

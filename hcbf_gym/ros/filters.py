@@ -1,0 +1,79 @@
+"""The velocity filter that parameters ask for, with all compiled that it will need."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.online import Command, Response, Robot, VelocityFilter
+from hcbf_gym.ros import sources
+from hcbf_gym.ros.parameters import Settings
+from hcbf_gym.ros.sources import Beams
+
+HELD = 1.3
+"""Periods of the node for which the filter's rows hold: timers and messages jitter."""
+
+
+def robot_of(settings: Settings) -> str | Robot:
+    """Return the robot that parameters describe.
+
+    Raises:
+        InvalidInputError: if its response cannot be read, or its numbers do not fit.
+    """
+    if settings.robot:
+        return settings.robot
+    command = Command(
+        settings.max_forward,
+        settings.max_turn,
+        settings.max_sideways or None,
+        settings.look_ahead or None,
+    )
+    response = Response.load(Path(settings.response_file)) if settings.response_file else None
+    return Robot(command, response, settings.reach, settings.footprint or None)
+
+
+def made(robot: str | Robot, settings: Settings, scene: Any, goal: Any) -> VelocityFilter:
+    """Return a filter as the parameters ask for it."""
+    return VelocityFilter(
+        robot,
+        scene,
+        settings.program,
+        period=HELD * settings.period,
+        goal=goal,
+        guidance=settings.guidance or None if goal is not None else None,
+        v_max=settings.v_max or None,
+        max_age=settings.odom_timeout,
+        on_alarm="brake",
+    )
+
+
+def warmed(settings: Settings) -> VelocityFilter:
+    """Return a filter with all compiled that its sources will need."""
+    cells = np.zeros((40, 40), dtype=np.int16)
+    cells[0] = 40
+    again = cells.copy()
+    cells[0, 0] = again[5, 5] = 100
+    grid = sources.grid_of(0.1, (-2.0, -2.0, 0.0), 40, 40)
+    scene: list[Any] = []
+    for one in settings.sources:
+        if one.is_grid:
+            before = sources.of_grid(one, Raster(grid, cells), 100.0)
+            shown = sources.of_grid(one, Raster(grid, again), 100.0, before)
+        elif one.type == "scan":
+            beams = Beams([1.5, math.inf], 0.0, 0.1, 0.0, 10.0)
+            shown = sources.of_scan(one, beams, (0.0, 0.0, 0.0))
+        elif one.type == "circle":
+            shown = sources.of_circle(one, (1.5, 1.5), 0.1)
+        else:
+            shown = sources.of_polygon(one, [[1.4, 1.4], [1.6, 1.4], [1.5, 1.6]])
+        sources.inside(shown, np.zeros(4), 0.0)
+        scene += shown
+    robot = robot_of(settings)
+    plain = made(robot, settings, scene, None)
+    if settings.guidance:
+        guided = made(plain.robot, settings, scene, (0.5, 0.0))
+        guided.step(guided.command_at(0.0), np.zeros(3), np.zeros(3), 0.0)
+    plain.barriers = []
+    return plain

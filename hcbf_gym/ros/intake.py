@@ -1,0 +1,169 @@
+"""Scans, maps, zones and goals from their messages: prepared beside the path of the commands."""
+# pyright: reportMissingImports=false
+# messages come with ROS, or with the extra ros-wheels
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import PointStamped, PolygonStamped, PoseStamped
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import LaserScan
+
+from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.ros import messages, optional, sources
+from hcbf_gym.ros.core import NodeCore
+from hcbf_gym.ros.parameters import SourceSettings
+from hcbf_gym.ros.running import LATCHED, MASK, RELIABLE, SENSOR
+from hcbf_gym.ros.sources import Entries
+from hcbf_gym.ros.watches import Now
+from hcbf_gym.ros.worker import Worker
+
+OFTEN = 1.0
+"""A warning that comes again and again is logged so often [s]."""
+
+
+class Intake:
+    """Hears the sources; one thread makes barriers of them, another guidance's field.
+
+    Args:
+        core: which takes what they show.
+        lock: held while it does.
+        now: tells both clocks.
+        hear: makes a subscription of a message's type, a topic, a callback and a quality.
+        transforms: of tf, or None.
+        logger: for what cannot be believed.
+    """
+
+    def __init__(
+        self,
+        core: NodeCore,
+        lock: Any,
+        now: Callable[[], Now],
+        hear: Callable[..., Any],
+        transforms: "optional.Transforms | None",
+        logger: Any,
+    ):
+        self._core, self._lock, self._now, self._hear = core, lock, now, hear
+        self._transforms, self._logger = transforms, logger
+        self._limits: dict[str, dict[str, Any]] = {}
+        self._masks: dict[str, str] = {}
+        self._worker, self._planner = Worker(self._failed), Worker(self._no_way)
+        for one in core.settings.sources:
+            self._subscribe(one)
+        if core.settings.guidance:
+            hear(PoseStamped, core.settings.goal_topic, self._on_goal, RELIABLE)
+
+    def _subscribe(self, source: SourceSettings) -> None:
+        kinds: dict[str, Any] = {
+            "scan": (LaserScan, self._on_scan, SENSOR),
+            "map": (OccupancyGrid, self._on_grid, LATCHED),
+            "keepout": (OccupancyGrid, self._on_grid, MASK),
+            "speed": (OccupancyGrid, self._on_grid, LATCHED),
+            "polygon": (PolygonStamped, self._on_polygon, RELIABLE),
+            "circle": (PointStamped, self._on_circle, RELIABLE),
+        }
+        kind, callback, quality = kinds[source.type]
+        if source.topic:
+            self._hear(kind, source.topic, functools.partial(callback, source.name), quality)
+        if source.filter_info_topic:
+            told = functools.partial(self._on_filter_info, source.name)
+            self._hear(optional.filter_info(), source.filter_info_topic, told, LATCHED)
+
+    def close(self) -> None:
+        """Finish what is being prepared, and nothing more."""
+        self._worker.close()
+        self._planner.close()
+
+    def _on_scan(self, name: str, message: Any) -> None:
+        self._prepare(name, message.header, lambda: self._scan(name, message))
+
+    def _scan(self, name: str, message: Any) -> Entries | None:
+        core, frame = self._core, message.header.frame_id
+        mount = None
+        if self._transforms is not None and frame != core.settings.base_frame_id:
+            found = self._transforms.newest(core.settings.base_frame_id, frame)
+            mount = None if found is None else messages.transform_of(found.transform)
+        stamp = messages.seconds(message.header.stamp)
+        return core.of_scan(name, messages.beams_of(message), stamp, mount)
+
+    def _on_grid(self, name: str, message: Any) -> None:
+        def shown() -> Entries:
+            return self._core.of_grid(name, messages.raster_of(message), self._limits.get(name))
+
+        self._prepare(name, message.header, shown)
+
+    def _on_filter_info(self, name: str, message: Any) -> None:
+        """Hear the mask that the information names, in the place of the one before."""
+        limits = {
+            "base": float(message.base),
+            "multiplier": float(message.multiplier),
+            "percent": message.type == 1,
+        }
+        topic = message.filter_mask_topic
+        if (topic, limits) == (self._masks.get(name), self._limits.get(name)):
+            return
+        self._masks[name], self._limits[name] = topic, limits
+
+        def heard(mask: Any) -> None:
+            if self._masks[name] == topic:
+                self._on_grid(name, mask)
+
+        self._hear(OccupancyGrid, topic, heard, MASK)
+
+    def _on_polygon(self, name: str, message: Any) -> None:
+        settings = self._core.sources[name].settings
+        corners = messages.corners_of(message.polygon)
+        self._prepare(name, message.header, lambda: sources.of_polygon(settings, corners))
+
+    def _on_circle(self, name: str, message: Any) -> None:
+        """Take x and y of a point as the centre and z as the radius; 0 takes it away."""
+        settings, at = self._core.sources[name].settings, message.point
+        shown = functools.partial(sources.of_circle, settings, (at.x, at.y), at.z)
+        self._prepare(name, message.header, shown)
+
+    def _prepare(self, name: str, header: Any, shown: Callable[[], Entries | None]) -> None:
+        """Let the other thread make what a message shows, and hand it over."""
+        stamp, frame = messages.seconds(header.stamp), header.frame_id
+
+        def job() -> None:
+            core, made = self._core, shown()
+            if made is None:
+                return
+            now = self._now()
+            with self._lock:
+                differs = core.hear_source(name, made, stamp or now.ros, now, frame)
+            is_scan = core.sources[name].settings.type == "scan"
+            if differs and not is_scan and core.goal is not None:
+                self._planner.put("field", functools.partial(self._lead, core.goal))
+
+        self._worker.put(name, job)
+
+    def _failed(self, name: str, error: Exception) -> None:
+        """Do not believe a source any more, until there is a message that can be used."""
+        says = str(error) if isinstance(error, HcbfError | ValueError) else repr(error)
+        with self._lock:
+            self._core.refuse_source(name, says)
+        self._logger.warning(f"{name}: {says}", throttle_duration_sec=OFTEN)
+
+    def _on_goal(self, message: Any) -> None:
+        goal, frame = messages.pose_of(message.pose)[:2], message.header.frame_id
+        expected = self._core.settings.global_frame_id
+        if frame != expected:
+            self._logger.warning(f"goal: got the frame {frame!r}, expected {expected!r}")
+        else:
+            self._planner.put("field", functools.partial(self._lead, goal))
+
+    def _lead(self, goal: Any) -> None:
+        """Let guidance lead to a goal through what is known."""
+        planned = self._core.planned(goal)
+        with self._lock:
+            self._core.take(planned)
+
+    def _no_way(self, name: str, error: Exception) -> None:
+        """Go on without guidance: the goal cannot be reached."""
+        says = str(error) if isinstance(error, InvalidInputError) else repr(error)
+        self._logger.warning(f"guidance ends: {says}")
+        planned = self._core.planned(None)
+        with self._lock:
+            self._core.take(planned)

@@ -1,0 +1,210 @@
+"""Where the robot is and was: odometry, placed in the global frame, and not believed when it jumps.
+
+A pose topic or tf places the odometry's frame in the global one; between their messages odometry
+goes on alone.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.ros.parameters import Settings
+from hcbf_gym.ros.watches import Fault, Now, Watch
+
+REMEMBERED = 3.0
+"""How long poses are kept, to place scans [s]."""
+EXTRAPOLATED, LOOKED_BACK = 0.3, 0.1
+"""By which a stamp may be after the newest pose, or before the oldest [s]."""
+TURN_JUMP = 0.5
+"""By which a yaw may differ from what the twist says [rad]."""
+FROZEN_PATH, FROZEN_WITHIN = 0.05, 1e-3
+"""A pose is frozen that stays within a millimetre while the twist makes 5 cm in about a second."""
+
+
+class Odometry(NamedTuple):
+    """Where the robot was.
+
+    Attributes:
+        stamp: when [s].
+        pose: (3,) x, y [m] and yaw [rad].
+        twist: (3,) v_x, v_y [m/s] and ω [rad/s] in its own axes.
+    """
+
+    stamp: float
+    pose: Array
+    twist: Array
+
+
+class Localization:
+    """Takes odometry and what places it, and says what is wrong with them.
+
+    Args:
+        settings: the node's parameters.
+    """
+
+    def __init__(self, settings: Settings):
+        self._settings = settings
+        self._odometry = Watch("odometry", settings.odom_timeout, settings.transform_tolerance)
+        self._pose = Watch("pose", 0.0, settings.transform_tolerance)
+        self._track: deque[Odometry] = deque(maxlen=1024)  # in the global frame
+        self._local: deque[Odometry] = deque(maxlen=1024)  # in odometry's own
+        self._needs_pose = settings.pose_source != "odom"
+        self._correction: Array | None = None if self._needs_pose else np.zeros(3)
+        self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
+        self._still, self._still_path = np.full(2, np.inf), 0.0
+
+    @property
+    def newest(self) -> Odometry | None:
+        """Where the robot was last; None where nobody knows."""
+        return self._track[-1] if self._track else None
+
+    def at(self, stamp: float) -> Array | None:
+        """Return (3,) where the robot was at a stamp [s]; None where nobody knows."""
+        return _at(self._track.copy(), stamp)
+
+    def hear_odometry(
+        self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
+    ) -> bool:
+        """Take the odometry; return whether the pose has jumped.
+
+        Args:
+            pose: (3,) x, y [m] and yaw [rad] in its own frame.
+            twist: (3,) v_x, v_y [m/s] and ω [rad/s] in the robot's axes.
+            stamp: of the message [s].
+            now: the present.
+            frame: of the pose; "" for odometry's.
+            child: of the twist; "" for the robot's.
+        """
+        place, motion = np.asarray(pose, dtype=np.float64), np.asarray(twist, dtype=np.float64)
+        watch, settings = self._odometry, self._settings
+        if child and child != settings.base_frame_id:
+            watch.refuse(f"child frame {child!r}, expected {settings.base_frame_id!r}")
+        elif not _plausible(place) or not _plausible(motion):
+            watch.refuse(f"got {[*place.tolist(), *motion.tolist()]}, expected finite numbers")
+        elif watch.hear(stamp, now, frame, settings.odom_frame_id):
+            self._local.append(Odometry(stamp, place, motion))
+            if self._correction is not None:
+                return self._follow(Odometry(stamp, placed(self._correction, place), motion), now)
+        return False
+
+    def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str) -> None:
+        """Take where the robot was in the global frame: odometry goes on from there."""
+        given = np.asarray(pose, dtype=np.float64)
+        if not _plausible(given):
+            self._pose.refuse(f"got {given.tolist()}, expected finite numbers")
+        elif self._pose.hear(stamp, now, frame, self._settings.global_frame_id):
+            local = _at(self._local, stamp)
+            if local is not None:
+                self._correction = _between(local, given)
+            elif self._correction is None:  # else the one before is as good as it was
+                self._pose.refuse("there is no odometry of that time")
+
+    def hear_correction(self, correction: ArrayLike | None) -> None:
+        """Take the odometry's frame in the global one, (x, y, yaw), as tf has it; None: unknown."""
+        given = np.full(3, np.nan) if correction is None else np.asarray(correction, dtype=float)
+        if _plausible(given):
+            self._correction = given
+            self._pose.stand()
+        else:
+            self._correction = None
+            self._pose.refuse("tf has no transform to the odometry's frame")
+
+    def faults(self, now: Now) -> list[Fault | None]:
+        """Return what is wrong now."""
+        if self._jump is not None and now.steady >= self._jump[0]:
+            self._jump = None
+        return [
+            self._odometry.fault(now),
+            self._pose.fault(now) if self._needs_pose else None,
+            self._frozen(),
+            self._jump[1] if self._jump is not None else None,
+        ]
+
+    def forget(self) -> None:
+        """Begin anew: the clock has gone back, and no stamp from before means anything."""
+        for watch in (self._odometry, self._pose):
+            watch.forget()
+        if self._needs_pose:
+            self._correction = None
+        self._track.clear()
+        self._local.clear()
+
+    def _follow(self, newest: Odometry, now: Now) -> bool:
+        """Remember a pose; if it has jumped, forget the others and return True."""
+        jumped = False
+        if self._track and newest.stamp - self._track[-1].stamp < 1.0:
+            expected = _advanced(self._track[-1], newest.stamp, newest.twist)
+            away = float(np.hypot(*(newest.pose - expected)[:2]))
+            turned = abs(math.remainder(newest.pose[2] - expected[2], math.tau))
+            jumped = away > self._settings.pose_jump or turned > TURN_JUMP
+            if jumped:
+                says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
+                self._jump = now.steady + self._settings.settle_time, Fault("odometry", says)
+                self._track.clear()
+        if np.abs(newest.pose[:2] - self._still).max() > FROZEN_WITHIN or not self._track:
+            self._still, self._still_path = newest.pose[:2], 0.0
+        else:
+            seconds = min(newest.stamp - self._track[-1].stamp, 1.0)
+            made = seconds * float(np.hypot(*newest.twist[:2]))
+            self._still_path += made - seconds * self._still_path
+        self._track.append(newest)
+        while newest.stamp - self._track[0].stamp > REMEMBERED:
+            self._track.popleft()
+        return jumped
+
+    def _frozen(self) -> Fault | None:
+        """Return a fault where the pose stands although the twist says that the robot moves."""
+        if self._still_path < FROZEN_PATH:
+            return None
+        return Fault("odometry", f"the pose stands while the twist makes {self._still_path:.2f} m")
+
+
+def placed(frame: Array, pose: Array) -> Array:
+    """Return (3,) a pose of a frame (x, y, yaw) in that frame's own parent."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    x, y, yaw = pose
+    return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
+
+
+def _plausible(numbers: Array) -> bool:
+    """Return whether numbers are finite, and none is farther than anything is."""
+    return bool(np.isfinite(numbers).all() and np.abs(numbers).max() <= FARTHEST)
+
+
+def _between(local: Array, pose: Array) -> Array:
+    """Return the frame in which `local` is the pose `pose`."""
+    yaw = pose[2] - local[2]
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    x, y = local[:2]
+    return np.array([pose[0] - cos * x + sin * y, pose[1] - sin * x - cos * y, yaw])
+
+
+def _advanced(one: Odometry, stamp: float, twist: Array) -> Array:
+    """Return (3,) where the mean of two twists brings a pose until a stamp [s]."""
+    seconds, motion = stamp - one.stamp, 0.5 * (one.twist + twist)
+    middle = np.array([*one.pose[:2], one.pose[2] + 0.5 * seconds * motion[2]])
+    moved = placed(middle, np.array([*(seconds * motion[:2]), 0.0]))
+    return np.array([*moved[:2], one.pose[2] + seconds * motion[2]])
+
+
+def _at(track: deque[Odometry], stamp: float) -> Array | None:
+    """Return (3,) the pose at a stamp [s], None where the track does not reach so far."""
+    later: Odometry | None = None
+    for one in reversed(track):
+        if one.stamp <= stamp:
+            if later is None:
+                near = stamp - one.stamp < EXTRAPOLATED
+                return _advanced(one, stamp, one.twist) if near else None
+            share = (stamp - one.stamp) / (later.stamp - one.stamp)
+            turn = math.remainder(later.pose[2] - one.pose[2], math.tau)
+            step = np.array([*(later.pose - one.pose)[:2], turn])
+            return one.pose + share * step
+        later = one
+    if later is not None and later.stamp - stamp < LOOKED_BACK:
+        return _advanced(later, stamp, later.twist)
+    return None
