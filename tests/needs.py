@@ -13,6 +13,7 @@ EXTRAS = {
     "stable_baselines3": "rl",
     "torch": "rl",
     "ray": "cluster",
+    "rclpy": "ros-wheels",
 }
 """module → the extra of this package that brings it."""
 

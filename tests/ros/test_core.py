@@ -6,8 +6,9 @@ import pytest
 from benchmarks.ros import faults
 from benchmarks.ros.drive import SCAN, Drive
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
-from hcbf_gym.ros.sources import grid_of
+from hcbf_gym.ros.sources import Beams, grid_of
 from hcbf_gym.ros.watches import Now
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
@@ -18,8 +19,6 @@ AROUND = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
 
 def show(d, name, corners):
     """Let a zone come, move or go."""
-    from hcbf_gym.ros import sources
-
     d.core.hear_source(
         name,
         sources.of_polygon(d.core.sources[name].settings, corners),
@@ -143,8 +142,6 @@ def test_a_jump_forgets_the_path_and_a_scan_of_then_has_no_place():
 
 
 def _beams(d):
-    from hcbf_gym.ros.sources import Beams
-
     return Beams(d.ranges, 0.0, 0.1, 0.0, 10.0)
 
 
@@ -181,6 +178,55 @@ def test_maps_are_covered_anew_only_where_they_changed():
     (second,) = d.core.of_grid("map", Raster(grid, changed))
     assert second.distance([[2.525, 2.75]], 1)[0] < 0.0
     assert second.conditions[1] is first[0].conditions[1]  # "unknown" stayed
+
+
+def test_a_clock_that_goes_back_brings_a_zero_that_is_published():
+    d = Drive().run(1.0)
+    d.now = Now(100.0, d.now.steady)
+    assert d.core.step(d.now).command.tolist() == [0.0, 0.0]
+
+
+def test_a_zone_that_repeats_its_stamp_still_counts():
+    d = Drive(ZONE).run(0.5)
+    stamp = d.now.ros
+    for corners in ([], AROUND + d.pose[:2]):
+        shown = sources.of_polygon(d.core.sources["zone"].settings, corners)
+        d.core.hear_source("zone", shown, stamp, d.now, "odom")
+    assert d.core.sources["zone"].entries == shown
+    d.run(0.2)
+    assert d.last.level == Level.ERROR  # it stands in rank 1
+
+
+def test_a_source_that_is_refused_stops_the_robot_until_it_is_sound_again():
+    d = Drive(ZONE).run(0.5)
+    d.core.refuse_source("zone", "crosses itself")
+    d.run(0.1)
+    assert d.last.says == "zone: crosses itself"
+    assert not d.velocity.any()
+    show(d, "zone", [])
+    d.run(0.3)
+    assert d.velocity[0] > 0.1
+
+
+def test_a_wrong_pose_stops_the_robot_and_an_old_one_does_not():
+    d = Drive({"pose_source": "topic", "global_frame_id": "map"}).run(0.5)
+    d.core.localization.hear_pose((0.0, 0.0, 0.0), d.now.ros, d.now, "map")
+    d.run(0.5)
+    d.core.localization.hear_pose((np.nan, 0.0, 0.0), d.now.ros, d.now, "map")
+    d.run(0.1)
+    assert "pose: got" in d.last.says
+    assert not d.velocity.any()
+    d.core.localization.hear_pose((0.0, 0.0, 0.0), d.now.ros - 1e-3, d.now, "map")
+    d.run(0.5)
+    assert d.velocity[0] > 0.1
+
+
+def test_a_plan_keeps_the_cap_that_was_set_meanwhile():
+    d = Drive({"guidance": "geodesic"}).run(0.5)
+    planned = d.core.planned((3.0, 0.0))
+    d.core.set_v_max(0.6)
+    d.core.take(planned)
+    assert d.core.fastest < 0.6
 
 
 def test_a_clock_that_is_set_back_is_believed_after_new_data():

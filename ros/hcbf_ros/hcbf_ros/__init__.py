@@ -1,0 +1,1 @@
+"""What ROS starts of hcbf-gym."""
