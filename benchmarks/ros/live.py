@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ class Planner(Node):
         self.create_subscription(KeyValue, "hcbf_state", self._on_state, 10)
         for kind, topic in ((MarkerArray, "markers"), (DiagnosticArray, "report")):
             whole = f"hcbf_filter/{topic}"
-            self.create_subscription(kind, whole, lambda _, topic=topic: self._count(topic), 10)
+            self.create_subscription(kind, whole, partial(self._count, topic), 10)
         self._change = self.create_client(ChangeState, "hcbf_filter/change_state")
         self.toggle = self.create_client(SetBool, "hcbf_filter/toggle")
         self.create_timer(PERIOD, self._drive)
@@ -95,7 +96,7 @@ class Planner(Node):
         """Return now in ROS's form."""
         return self.get_clock().now().to_msg()
 
-    def _count(self, name: str) -> None:
+    def _count(self, name: str, message: Any = None) -> None:
         self.counts[name] = self.counts.get(name, 0) + 1
 
     def _on_told(self, message: Any) -> None:
