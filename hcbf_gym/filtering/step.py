@@ -280,6 +280,10 @@ def _begin(c: Any, plants: Plants) -> int:
     if plants.own.size == 0 and not c.made:
         for i in range(plants.told.size):
             plants.told[i].reason = believe(plants.sensed[i])
+    if c.drives:
+        for i in range(plants.told.size):
+            if plants.told[i].reason != 0:  # before anything is looked up where the axle is
+                axle_step.carry_on(axle_step.axle_of(c), plants.sensed[i])
     return DONE
 
 
