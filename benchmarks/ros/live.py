@@ -162,9 +162,8 @@ class Planner(Node):
 
     def moving(self) -> bool:
         """Return whether the last message on cmd_vel was recent, and no zero."""
-        return bool(self.told) and self.told[-1][0] > time.monotonic() - 0.2 and any(
-            self.told[-1][1:]
-        )  # fmt: skip
+        recent = bool(self.told) and self.told[-1][0] > time.monotonic() - 0.2
+        return recent and any(self.told[-1][1:])
 
     def stops(self, within: float, reason: str) -> str:
         """Return "" where zero is told in time and stays, with its reason; else what was wrong."""
@@ -286,11 +285,7 @@ def faults(planner: Planner, found: dict[str, str]) -> None:
     """Let faults happen to odometry, scan and command; each time it goes on by itself."""
     base = planner.base = Base(planner)
     base.pose = np.array([6.0, 3.0, 0.0])  # free, as far as a jump from where it was
-
-    def wants() -> tuple[float, float]:
-        return 0.3, 0.4  # round and round
-
-    planner.wants = wants
+    planner.wants = wants = lambda: (0.3, 0.4)  # round and round
 
     def goes_on() -> str:
         return "" if planner.spin(5.0, planner.moving) else f"stands: {planner.says}"

@@ -6,7 +6,7 @@ A fault is zero at once, with its reason; when it has gone, the filter goes on b
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,31 +23,12 @@ from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
 from hcbf_gym.ros.localization import Localization, placed
 from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
-from hcbf_gym.ros.sources import Beams, Entries
+from hcbf_gym.ros.sources import Beams, Entries, Source
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
 INSIDE = "the robot is inside"
 ZERO = 1e-9
 """A velocity below it is zero, as in the collision monitor."""
-
-
-@dataclass
-class Source:
-    """What is known of one source.
-
-    Attributes:
-        settings: its parameters.
-        watch: over its messages.
-        entries: what it has shown.
-    """
-
-    settings: SourceSettings
-    watch: Watch
-    entries: Entries = ()
-    enabled: bool = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.enabled = self.settings.enabled
 
 
 class NodeCore:

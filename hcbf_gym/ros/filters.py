@@ -9,7 +9,7 @@ import numpy as np
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 from hcbf_gym.ros import sources
-from hcbf_gym.ros.parameters import Settings
+from hcbf_gym.ros.parameters import GRIDS, Settings
 from hcbf_gym.ros.sources import Beams
 
 HELD = 1.3
@@ -58,7 +58,7 @@ def warmed(settings: Settings) -> VelocityFilter:
     grid = sources.grid_of(0.1, (-2.0, -2.0, 0.0), 40, 40)
     scene: list[Any] = []
     for one in settings.sources:
-        if one.is_grid:
+        if one.type in GRIDS:
             before = sources.of_grid(one, Raster(grid, cells), 100.0)
             shown = sources.of_grid(one, Raster(grid, again), 100.0, before)
         elif one.type == "scan":

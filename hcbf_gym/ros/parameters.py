@@ -151,11 +151,6 @@ class SourceSettings:
     center: tuple[float, ...] = _parameter((), "of a circle [m]")
     radius: float = _parameter(0.0, "of a circle [m]", low=0.0, high=1e4)
 
-    @property
-    def is_grid(self) -> bool:
-        """Whether it is an occupancy grid."""
-        return self.type in GRIDS
-
 
 @dataclass(frozen=True)
 class Settings:

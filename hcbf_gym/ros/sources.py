@@ -4,6 +4,7 @@ Nothing here knows ROS: the node hands over numbers.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,32 @@ from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, reading
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.ros.parameters import SourceSettings
+from hcbf_gym.ros.watches import Watch
 
 Entries = tuple[Barrier | Several, ...]
 """What a source puts into the list of barriers; () where nothing is there."""
 
 FAILED = 0.5
 """Share of a scan's beams that may be NaN; from there on the sensor is taken for broken."""
+
+
+@dataclass
+class Source:
+    """What is known of one source.
+
+    Attributes:
+        settings: its parameters.
+        watch: over its messages.
+        entries: what it has shown.
+    """
+
+    settings: SourceSettings
+    watch: Watch
+    entries: Entries = ()
+    enabled: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.enabled = self.settings.enabled
 
 
 class Beams(NamedTuple):
