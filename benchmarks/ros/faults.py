@@ -240,7 +240,8 @@ CASES = {
     "scan in a wrong frame": Case(_scan_frame, 0.0, "scan: frame 'laser'", _SCAN),
     "map missing": Case(_no_map, 0.6, "map: ", MAP, again=0.3),
     "clock goes back": Case(_clock_back, 0.0, "clock: has gone back", again=0.3, lasts=False),
-    "clock stands": Case(_clock_stands, 0.15, "clock: has stood still"),
+    # from the first reading on, which comes up to a tick later
+    "clock stands": Case(_clock_stands, 0.15 + TICK, "clock: has stood still"),
     "duplicated": Case(_duplicated, None, "", _SCAN),
     "reordered": Case(_reordered, None, "", _SCAN),
     "30 % lost": Case(_lost, None, "", _SCAN),
