@@ -19,6 +19,8 @@ CART = {"max_forward": 1.0, "max_turn": 2.0, "look_ahead": 0.2, "reach": 0.3}
 """Parameters of a cart that nobody has measured."""
 SCAN = {"observation_sources": ["scan"], "scan.type": "scan", "scan.topic": "scan"}
 """Parameters of one scan."""
+HARDEST = 1.5, 4.0
+"""Accelerations of the simulated robot [m/s², rad/s²]."""
 TICK = 0.01
 """Of the simulation [s]; odometry comes every 2, commands every 5, scans every 10 ticks."""
 ANGLES = np.linspace(-math.pi, math.pi, 72, endpoint=False)
@@ -37,7 +39,8 @@ class Drive:
         core: what is driven through.
         now: the two clocks.
         pose: (3,) of the cart.
-        velocity: (2,) what it does.
+        velocity: (2,) what it is told.
+        motion: (2,) what it does, as fast as its accelerations let it follow.
         decisions: all, each with its time.
         told: (2,) what the base does after each of them.
     """
@@ -52,6 +55,7 @@ class Drive:
         self.now = Now(1.7e9, 50.0)
         self.pose = np.array(start, dtype=np.float64)
         self.velocity: Array = np.zeros(2)
+        self.motion: Array = np.zeros(2)
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
         self.told: list[Array] = []
@@ -103,7 +107,9 @@ class Drive:
         self.told.append(self.velocity)
 
     def _move(self) -> None:
-        v, w = self.velocity
+        most = TICK * np.array(HARDEST)
+        self.motion = self.motion + np.clip(self.velocity - self.motion, -most, most)
+        v, w = self.motion
         yaw = self.pose[2]
         self.pose = self.pose + TICK * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 
@@ -115,7 +121,7 @@ class Drive:
         twist: ArrayLike | None = None,
     ) -> None:
         """Let the core hear the odometry, or something else."""
-        motion = (self.velocity[0], 0.0, self.velocity[1]) if twist is None else twist
+        motion = (self.motion[0], 0.0, self.motion[1]) if twist is None else twist
         when = self.now.ros if stamp is None else stamp
         place = self.pose if pose is None else pose
         self.core.hear_odometry(place, motion, when, self.now, frame, "base_footprint")
