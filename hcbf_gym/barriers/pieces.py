@@ -221,8 +221,12 @@ def in_frame(atlas: Array, at: int, x: float, y: float) -> tuple[float, float]:
 
 @kernel(error_model="numpy", inline="always")
 def bucket_of(atlas: Array, at: int, place: float, most: int) -> int:
-    """Return the bucket of a coordinate of the frame, the nearest for one beyond the last."""
-    return int(min(max(place / atlas[at + SIDE], 0.0), most - 1.0))
+    """Return the bucket of a coordinate of the frame, the nearest for one beyond the last.
+
+    What is no number is in the first one: as an index it would lead out of the atlas.
+    """
+    sides = place / atlas[at + SIDE]
+    return int(min(sides, most - 1.0)) if sides > 0.0 else 0
 
 
 @kernel(error_model="numpy", inline="always")

@@ -60,8 +60,6 @@ def place(c: Any, plant: Any) -> Known:
 def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
     """Write margins, rows and U of one plant; those of users' own conditions are made later."""
     plant, axle = p.sensed[i], axle_of(c)
-    if p.told[i].reason != 0:
-        carry_on(axle, plant)
     known = place(c, plant)
     margins.derive(c, p.kind[i], p.parameters[i], known, c.period, w.margin[:, i])
     w.margin[QUICKENING, i] += c.jerk

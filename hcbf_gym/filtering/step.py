@@ -100,7 +100,7 @@ def filter_plants(
         borrowed(told).view(report.PLANT),
         _rows_of(borrowed(rows).view(ROW), told.size // PLANT_WORDS),
     )
-    said = _begin(c, plants)
+    said = _begin(c, drives, plants)
     if said != DONE:
         return said
     count, m = plants.kind.shape
@@ -215,7 +215,7 @@ def pose(
     """
     c = borrowed(constants)[0]
     plants = Plants(*scene, sensed, own, told, rows)
-    said = _begin(c, plants)
+    said = _begin(c, drives, plants)
     settings = program_of(c, borrowed(program), 0, 1)
     part, source = plants, np.empty(0, dtype=np.int64)
     if atlas is not None and said == DONE and not c.made:
@@ -268,7 +268,7 @@ def close(
 
 
 @kernel(inline="always")
-def _begin(c: Any, plants: Plants) -> int:
+def _begin(c: Any, drives: Literal[True] | None, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
         u_nominal = plants.told[i].u_nominal
@@ -280,6 +280,10 @@ def _begin(c: Any, plants: Plants) -> int:
     if plants.own.size == 0 and not c.made:
         for i in range(plants.told.size):
             plants.told[i].reason = believe(plants.sensed[i])
+    if drives is not None:
+        for i in range(plants.told.size):
+            if plants.told[i].reason != 0:  # before anything is looked up where the axle is
+                axle_step.carry_on(axle_step.axle_of(c), plants.sensed[i])
     return DONE
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from hcbf_gym.barriers import pieces
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
@@ -247,3 +248,13 @@ def test_the_maps_of_nav2_are_read_unchanged():
     assert depot.grid.shape == (307, 604)
     assert [c.limit for c in depot.classes if c.kind == "speed"] == [0.8, 0.75, 0.5]
     assert len(depot.polygons("occupied")) < 400
+
+
+@pytest.mark.parametrize("x", [np.nan, np.inf, -np.inf, 1e300])
+def test_no_index_leaves_the_atlas_whatever_the_place(x):
+    """Without a fault the process goes on: what lies behind the atlas leads far out of memory."""
+    atlas = room().conditions[0].pieces.packed
+    memory = np.concatenate([atlas, 1e15 * np.arange(1.0, atlas.size + 1.0)])
+    found = np.full(64, -1)
+    count = pieces.near(memory[: atlas.size], 0, x, np.nan, 1.0, found)
+    assert (found[:count] < atlas.size).all()

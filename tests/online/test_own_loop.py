@@ -133,6 +133,22 @@ def test_data_from_before_max_age_brake():
     np.testing.assert_array_equal(told, np.zeros(3))
 
 
+def test_a_cart_whose_pose_is_missing_meets_the_map_where_it_was():
+    """Its heading is not known then, and led to an index that was none: a map was far away."""
+    cells = np.zeros((60, 60), dtype=bool)
+    cells[:, 45] = True
+    room = RankedMap(Grid(0.1, (0.0, 0.0, 0.0), cells.shape), (MapClass("w", 1, "keepout", cells),))
+    door = VelocityFilter("cart", [room])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SafetyWarning)
+        for time in (0.0, 0.05):  # before anything is known
+            command, report = door.step((0.0, 0.0), None, None, math.nan, time)
+            assert not command.any()
+        door.step((0.5, 0.0), (3.8, 3.0, 0.0), (0.0, 0.0, 0.0), 0.1, 0.1)
+        _, report = door.step((0.5, 0.0), None, None, math.nan, 0.15)
+    assert np.isnan(report["h"][0])  # the wall has a row, of which no h is told
+
+
 def test_settings_change_at_run_time():
     door = VelocityFilter(EXACT, FAR, period=PERIOD, guidance="geodesic", goal=(3.0, 0.0))
     path, _ = drive(door, 1.0)
