@@ -5,8 +5,11 @@ import gc
 import glob
 import hashlib
 import logging
+import math
 import re
+import time
 from collections.abc import Callable, Iterable
+from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
@@ -29,6 +32,8 @@ SELDOM = 50_000, 20, 50
 """How seldom garbage is collected while kernels are compiled: what Numba makes is kept, and looking
 through it takes a sixth of the time."""
 COMPILING = "compiling kernels, once; later starts read the cache"
+SAID_EVERY = 15.0
+"""Where no terminal shows the count, it is logged [s]."""
 PACKAGE = Path(__file__).parent
 """Where the sources of this package lie."""
 _IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (.+))", re.M)
@@ -314,14 +319,14 @@ def _place(file: Path, module: str) -> Path | None:
 class _Announcer(event.Listener):
     """Says that kernels are compiled instead of read from the cache, and how many by now.
 
-    A terminal shows a line that counts; elsewhere one message is logged.
+    A terminal shows a line that counts; elsewhere, and from workers, the count is logged at times.
     """
 
     def __init__(self) -> None:
-        self._depth = 0
+        self._depth = self._count = 0
         self._collects = gc.get_threshold()
         self._line: Progress | None = None
-        self._logged = False
+        self._logged = -math.inf
 
     def on_start(self, event: event.Event) -> None:
         """Begin with the kernel that Python calls; what it calls is compiled meanwhile."""
@@ -338,12 +343,15 @@ class _Announcer(event.Listener):
         if not _is_ours(event):
             return
         self._depth -= 1
+        self._count += 1
         if self._depth == 0:
             gc.set_threshold(*self._collects)
-        if self._line is not None:
-            self._line.advance(self._line.task_ids[0])
-            if self._depth == 0:
-                self._line.stop()
+        if self._line is None:
+            self._log(f"{COMPILING}: {self._count}")
+            return
+        self._line.update(self._line.task_ids[0], completed=self._count)
+        if self._depth == 0:
+            self._line.stop()
 
     def _begin(self) -> None:
         # only who compiles waits for the import
@@ -354,15 +362,21 @@ class _Announcer(event.Listener):
             self._line.start()
             return
         console = Console(stderr=True)
-        if console.is_terminal:
+        if console.is_terminal and current_process().name == "MainProcess":
             count = TextColumn(f"{COMPILING}: {{task.completed:.0f}}")
             columns = SpinnerColumn(), count, TimeElapsedColumn()
             self._line = Progress(*columns, console=console, transient=True)
             self._line.add_task("", total=None)
             self._line.start()
-        elif not self._logged:
-            self._logged = True
-            _LOGGER.warning(COMPILING)
+        else:
+            self._log(COMPILING)
+
+    def _log(self, says: str) -> None:
+        """Say something where the last time is long ago."""
+        now = time.monotonic()
+        if now - self._logged > SAID_EVERY:
+            self._logged = now
+            _LOGGER.warning(says)
 
 
 def _is_ours(event: event.Event) -> bool:

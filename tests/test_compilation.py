@@ -31,7 +31,7 @@ def make_package(folder):
             "def caller(x):\n    return inner.callee(x) + 1.0\n",
         ),
     ):
-        text = f"from numba import njit\n{imports}\n@njit(cache=True)\n{line}"
+        text = f"from hcbf_gym.compilation import kernel\n{imports}\n@kernel()\n{line}"
         (package / f"{name}.py").write_text(text)
     return package
 
@@ -132,3 +132,25 @@ def test_the_first_episode_from_an_empty_cache_is_the_second_bit_for_bit(tmp_pat
     assert first.count("\n") == 30
     assert first == second
     assert (compiled, again) == (True, False)
+
+
+def test_a_kernel_is_called_by_a_users_own_function_and_by_python(tmp_path):
+    make_package(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "from numba import njit\n"
+        "from hcbf_gym import inner, outer\n"
+        "@njit(cache=True)\n"
+        "def both(x):\n"
+        "    return outer.caller(x) - inner.callee(x)\n"
+        "print(both(1.0) + inner.callee(1.0))\n"
+    )
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "own.py"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert float(done.stdout) == 3.0

@@ -171,12 +171,18 @@ def _is_sound(state: State) -> bool:
 
 
 def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
-    """Return `value` as a new float64 array if it is one of finite real numbers; else None.
+    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
+    numbers = numbers_of(value, shape)
+    return None if numbers is None or not np.isfinite(numbers).all() else numbers
 
-    What a mask hides is no number.
+
+def numbers_of(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is a real one of that shape; else None.
+
+    What a mask hides is no number. Some of the numbers may be infinite or none.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
-        return value.copy() if np.isfinite(value).all() else None
+        return value.copy()
     try:
         if np.ma.is_masked(value):
             return None
@@ -186,8 +192,7 @@ def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
     if array.dtype.kind not in "fiu" or array.shape != shape:
         return None
     with np.errstate(all="ignore"):
-        numbers = array.astype(np.float64)
-    return numbers if np.isfinite(numbers).all() else None
+        return array.astype(np.float64)
 
 
 def real_number(value: Any) -> float | None:

@@ -2,7 +2,7 @@
 
 import warnings
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +103,7 @@ class Configured:
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._make_program(held)
-        self._drives: Literal[True] | None = None if plant.axle is None else True
+        self._drives: plants.Drives = None if plant.axle is None else True
         self._parts = plants.parts_of(self.count, threads)
         self._programs = self._of_parts()
         self._threads = Threads(len(self._parts))

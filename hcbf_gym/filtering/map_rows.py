@@ -1,6 +1,6 @@
 """What is at hand of a map, in the filter of N planar double integrators: taken, and told of."""
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.rows import U_MAX
 from hcbf_gym.compilation import kernel
 from hcbf_gym.filtering import axle_step
+from hcbf_gym.filtering.plants import Drives
 
 
 @kernel()
-def of_plant(c: Any, drives: Literal[True] | None, scene: Scene, atlas: Array, plant: Any) -> Scene:
+def of_plant(c: Any, drives: Drives, scene: Scene, atlas: Array, plant: Any) -> Scene:
     """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
 
     Args:

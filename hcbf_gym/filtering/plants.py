@@ -16,6 +16,9 @@ from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs.planar.records import Settings, Workspace, make_workspace
 from hcbf_gym.programs.result import FilterResult
 
+Drives = Literal[True] | None
+"""None of points, for which Numba then compiles nothing of an axle; True of robots with one."""
+
 CONSTANTS = np.dtype(
     (
         np.record,
@@ -237,7 +240,7 @@ def fits(p: Plants) -> bool:
 
 @kernel(inline="always")
 def make_work(
-    settings: Settings, n: int, m: int, total: int, n_u: int, drives: Literal[True] | None = None
+    settings: Settings, n: int, m: int, total: int, n_u: int, drives: Drives = None
 ) -> Work:
     """Return room for n plants of n_u inputs with m rows, `total` with guidance.
 

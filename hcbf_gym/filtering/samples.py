@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Mask, Records
-from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, real_numbers
+from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
 from hcbf_gym.filtering.plants import plant_dtype
 from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
@@ -123,18 +123,18 @@ class Samples:
             self._check_age(estimate.age)
 
     def _take_elapsed(self, elapsed: Any) -> bool:
-        """Note how long ago the samples before were [s], and return whether that is a time."""
+        """Note how long ago the samples before were [s]; return whether that is made of numbers."""
         since = self.plants["elapsed"]
         since[:] = self._period
         if elapsed is None:
             return True
-        numbers = np.full(len(since), -1.0)
-        known = self._note(_bare(numbers), elapsed) and bool(
-            ((numbers > 0.0) & (numbers <= LONGEST)).all()
-        )
-        if known:
-            since[:] = numbers
-        return known
+        numbers = np.empty(len(since))
+        if not self._note(_bare(numbers), elapsed):
+            return False
+        is_time = (numbers > 0.0) & (numbers <= LONGEST)
+        since[is_time] = numbers[is_time]
+        self.blame_where(~is_time)
+        return True
 
     def blame(self, reason: Any, mask: Any = ...) -> None:
         """Note why the masked plants are not believed."""
@@ -172,7 +172,7 @@ class Samples:
             value: whatever was handed in.
 
         Returns:
-            whether it is made of numbers.
+            whether it is made of numbers; which of them are finite is looked at plant by plant.
         """
         if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
             place[...] = value
@@ -182,7 +182,7 @@ class Samples:
             return True
         shapes = (place.shape, (1, *place.shape)) if len(self.plants) == 1 else (place.shape,)
         if type(value) is not np.ndarray or value.dtype.char != "d":
-            found = (real_numbers(value, shape) for shape in shapes)
+            found = (numbers_of(value, shape) for shape in shapes)
             value = next((numbers for numbers in found if numbers is not None), None)
         if value is None or value.shape not in shapes:
             return False
@@ -192,9 +192,9 @@ class Samples:
     def _alarms(self, fault: Any) -> Any:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
         alarms = np.zeros(len(self.plants))
-        if not self._note(_bare(alarms), fault) or not np.isin(alarms, KNOWN_FAULTS).all():
+        if not self._note(_bare(alarms), fault):
             return Reason.STATE
-        return alarms
+        return np.where(np.isin(alarms, KNOWN_FAULTS), alarms, Reason.STATE)
 
     def _check_age(self, age: Any) -> None:
         """Note which states are older than the plant allows, or of no age at all."""

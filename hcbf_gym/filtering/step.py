@@ -4,7 +4,7 @@ Of planar double integrators all of it happens here. Of other models the states 
 and rows, alarms and braking inputs were made beforehand.
 """
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hcbf_gym.filtering.monitor import watch
 from hcbf_gym.filtering.plants import (
     CONSTANTS,
     PLANT,
+    Drives,
     Plants,
     Work,
     fits,
@@ -52,7 +53,7 @@ RESPONSE = int(Reason.RESPONSE)
 def filter_plants(
     constants: Array,
     program: Array,
-    drives: Literal[True] | None,
+    drives: Drives,
     kind: Integers,
     parameters: Array,
     priority: Integers,
@@ -128,9 +129,7 @@ def _rows_of(rows: Records, count: int) -> Records:
 
 
 @kernel()
-def _filter(
-    c: Any, settings: Settings, drives: Literal[True] | None, some: Plants, work: Work
-) -> bool:
+def _filter(c: Any, settings: Settings, drives: Drives, some: Plants, work: Work) -> bool:
     """Filter as many plants as there is room for, and return whether a warning is due."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count = p.kind.shape[0]
@@ -154,7 +153,7 @@ def _filter(
 
 @kernel()
 def _filter_mapped(
-    c: Any, settings: Settings, drives: Literal[True] | None, p: Plants, atlas: Array, i: int
+    c: Any, settings: Settings, drives: Drives, p: Plants, atlas: Array, i: int
 ) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, drives, p, atlas, i)
@@ -166,9 +165,7 @@ def _filter_mapped(
 
 
 @kernel()
-def _nearby(
-    c: Any, drives: Literal[True] | None, p: Plants, atlas: Array, i: int
-) -> tuple[Plants, Integers]:
+def _nearby(c: Any, drives: Drives, p: Plants, atlas: Array, i: int) -> tuple[Plants, Integers]:
     """Return plant `i` with the nearby pieces of its map, and which condition each row is of."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
@@ -196,7 +193,7 @@ def _nearby(
 def pose(
     constants: Records,
     program: Array,
-    drives: Literal[True] | None,
+    drives: Drives,
     scene: tuple[Integers, Array, Integers, Array],
     atlas: Array | None,
     sensed: Records,
@@ -233,7 +230,7 @@ def pose(
 def close(
     constants: Records,
     program: Array,
-    drives: Literal[True] | None,
+    drives: Drives,
     answered: Mask,
     posed: tuple[Plants, Work, Integers],
     rows: Records,
@@ -268,7 +265,7 @@ def close(
 
 
 @kernel(inline="always")
-def _begin(c: Any, drives: Literal[True] | None, plants: Plants) -> int:
+def _begin(c: Any, drives: Drives, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
         u_nominal = plants.told[i].u_nominal
@@ -288,7 +285,7 @@ def _begin(c: Any, drives: Literal[True] | None, plants: Plants) -> int:
 
 
 @kernel(inline="always")
-def _make_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
+def _make_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
     """Write the margins and the rows."""
     count, m = p.kind.shape
     for i in range(count):
@@ -311,7 +308,7 @@ def _make_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None
 
 
 @kernel(inline="always")
-def _make_planar_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
+def _make_planar_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
     """Write the margins and rows of planar double integrators, users' own barriers left out."""
     count, m = p.kind.shape
     for i in range(count):
@@ -331,7 +328,7 @@ def _make_planar_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) 
 
 
 @kernel(inline="always")
-def _take_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None:
+def _take_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
@@ -349,9 +346,7 @@ def _take_rows(c: Any, drives: Literal[True] | None, p: Plants, w: Work) -> None
 
 
 @kernel(inline="always")
-def _ask(
-    c: Any, settings: Settings, drives: Literal[True] | None, p: Plants, w: Work, i: int
-) -> None:
+def _ask(c: Any, settings: Settings, drives: Drives, p: Plants, w: Work, i: int) -> None:
     """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
     plant = p.sensed[i]
     told = p.told[i]
@@ -453,7 +448,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
 
 
 @kernel(inline="always")
-def _conclude(c: Any, drives: Literal[True] | None, p: Plants, w: Work, i: int) -> None:
+def _conclude(c: Any, drives: Drives, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
     plant = p.sensed[i]
     told = p.told[i]

@@ -156,6 +156,33 @@ def test_a_bad_state_brakes_alone():
     )
 
 
+PARTS = {
+    "x": np.zeros((3, 4)),
+    "time": np.full(3, PERIOD),
+    "covariance": np.zeros((3, 4, 4)),
+    "model": np.zeros((3, 4)),
+    "lag": np.zeros((3, 4)),
+    "age": np.zeros(3),
+    "fault": np.zeros(3),
+    "elapsed": np.full(3, PERIOD),
+}
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.float16])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
+def test_what_is_not_finite_of_one_plant_brakes_it_alone_whatever_the_type(name, bad, dtype):
+    filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
+    filt.set_scene([Disc("far", 1, center=(50.0, 0.0), radius=1.0)])
+    filt.reset(x=np.zeros((3, 4)))
+    part = PARTS[name].astype(dtype)
+    part[1] = bad
+    told = Estimate(np.zeros((3, 4)))._replace(**{name: part})
+    _, report = filt(np.ones((3, 2)), told)
+    assert (report["status"] == FilterStatus.BACKUP).tolist() == [False, True, False]
+
+
 def test_a_missing_sample_brakes_and_a_varying_period_is_no_alarm():
     filt = hcbf_gym.BatchFilter(U, PERIOD, 2)
     filt.set_scene([Disc("far", 1, center=(50.0, 0.0), radius=1.0)])

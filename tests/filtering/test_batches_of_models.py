@@ -153,15 +153,16 @@ def ahead(model, scenes):
     return [seen(scenes[0])]
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("name", ["velocities", "drag", "own", "three inputs"])
 @pytest.mark.filterwarnings("ignore")
-def test_a_plant_that_is_not_known_brakes_alone(name):
+def test_a_plant_that_is_not_known_brakes_alone(name, dtype):
     model = MODELS[name]
 
     def lies(x, k):
         if 20 <= k < 30:
             x[2, 0] = np.nan
-        return x
+        return x.astype(dtype)
 
     many = batch_of(model, SHARED, lies)
     many.reset()
