@@ -176,7 +176,7 @@ class Configured:
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"brakes": self.brakes_on_alarm, "made": not self._is_planar}
-        numbers["moves_now"] = True
+        numbers["observed"] = True
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
         numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
         numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
@@ -203,9 +203,9 @@ class Configured:
         rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
         self._constants["rounding"] = rounding if rounds else 0.0
 
-    def leave_motion(self) -> None:
-        """Compare no positions with velocities: states are carried on from what was measured."""
-        self._constants["moves_now"] = False
+    def leave_monitor(self) -> None:
+        """Compare nothing: whoever carries the states on compares what it measured itself."""
+        self._constants["observed"] = False
 
     def set_inputs(self, vertices: Array) -> None:
         """Give each plant a U of its own from now on, within the ball that the first U lies in.

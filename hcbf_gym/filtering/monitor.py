@@ -146,7 +146,7 @@ def latch(plant: Any, alarm: int) -> None:
 
 
 @kernel(error_model="numpy")
-def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: bool) -> None:
+def watch(plant: Any, radius: float, confidence: float, exact: bool, observed: bool) -> None:
     """Compare a believed sample of a planar double integrator with the one before.
 
     Args:
@@ -154,13 +154,13 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: 
         radius: the largest norm of an input [m/s²].
         confidence: κ.
         exact: whether the plant is its model.
-        moves_now: whether position and velocity are those of the present.
+        observed: whether states were measured; who carries them on compares them itself.
     """
     model, lag, period = plant.model, plant.lag, plant.elapsed
     body = (model[0] + lag[0], model[1] + lag[1], model[2] + lag[2], model[3] + lag[3])
     if plant.fault >= ALARM:
         latch(plant, plant.fault)
-    if plant.follows and period > 0.0:
+    if observed and plant.follows and period > 0.0:
         missed = chosen = 0.0
         for k in range(2):
             miss = (model[2 + k] - plant.expected[k]) / period - plant.input[k]
@@ -170,7 +170,7 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool, moves_now: 
             latch(plant, INPUT)
         covariance = plant.covariance
         spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
-        if moves_now and drifts(plant, body, period, spread, exact):
+        if drifts(plant, body, period, spread, exact):
             latch(plant, MOTION)
     note_body(plant, body)
     plant.expected[0] = model[2]

@@ -53,7 +53,7 @@ CONSTANTS = np.dtype(
                 ("has_way", "?"),
                 ("through", "i8"),  # the highest rank that gives way to guidance, 0 for none
                 ("brakes", "?"),  # whether an alarm makes the filter brake
-                ("moves_now", "?"),  # whether positions and velocities are of the present
+                ("observed", "?"),  # whether states were measured, and are compared here
             ],
             align=True,  # so that it is made of whole numbers
         ),

@@ -357,7 +357,7 @@ def _ask(c: Any, settings: Settings, drives: Drives, p: Plants, w: Work, i: int)
     if told.reason == 0:
         if not c.made:
             exact = c.settles == 0.0 and drives is None
-            watch(plant, c.radius, c.confidence, exact, c.moves_now)
+            watch(plant, c.radius, c.confidence, exact, c.observed)
         told.reason = plant.alarm
     else:
         plant.follows = 0

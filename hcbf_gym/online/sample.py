@@ -37,6 +37,18 @@ def moved(place: Array, motion: Array, seconds: float) -> Array:
     return place + np.array([cos * ahead - sin * aside, sin * ahead + cos * aside, turned])
 
 
+def placed(frame: Array, pose: Array) -> Array:
+    """Return (3,) a pose of a frame (x, y, θ) in that frame's own parent [m, rad]."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    x, y, yaw = pose
+    return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
+
+
+def frame_of(frame: Any) -> Array:
+    """Return (3,) a frame in its parent [m, rad]: itself for None, NaN for what is none."""
+    return np.zeros(3) if frame is None else _numbers(frame, ON_EARTH)
+
+
 def sample_of(pose: Any, twist: Any, time: Any) -> Sample:
     """Return the sample of a message; NaN stands for what is none."""
     return Sample(number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))

@@ -33,7 +33,7 @@ from hcbf_gym.online.barrier_clock import ROUNDING, BarrierClock
 from hcbf_gym.online.motion_monitor import MotionMonitor
 from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
-from hcbf_gym.online.sample import Sample, moved, number, sample_of
+from hcbf_gym.online.sample import Sample, frame_of, moved, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
@@ -264,7 +264,7 @@ class VelocityFilter:
     def _core_of(self, settings: FilterSettings) -> PlanarCore:
         """Return the core; what is measured is compared here, at its own time."""
         core = PlanarCore(self._plant, self._input_set, settings)
-        core.leave_motion()
+        core.leave_monitor()
         return core
 
     def _compile(self) -> None:
@@ -294,6 +294,7 @@ class VelocityFilter:
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
         self._input: Array = np.zeros(2)
+        self._frame_yaw = 0.0  # of the pose's frame in the barriers' [rad]
         self._time: float | None = None  # of the last sample, while none is missing [s]
         self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
@@ -313,17 +314,21 @@ class VelocityFilter:
         twist: ArrayLike | None,
         time: float,
         now: float | None = None,
+        frame: ArrayLike | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """Return what to tell the robot, and the report of it.
 
         Args:
             command: what it shall do, in its own axes: (v_x, v_y, ω), or (v, ω) of a differential
                 drive [m/s, rad/s].
-            pose: (x, y, θ) of its centre in the barriers' frame [m, rad]; None where there is none.
+            pose: (x, y, θ) of its centre in `frame` [m, rad]; None where there is none. It goes on
+                smoothly, as odometry does: what was told is compared with it.
             twist: (v_x, v_y, ω) of its centre, in its own axes [m/s, rad/s]; None where there is
                 none.
             time: at which pose and twist were measured [s].
             now: the present on the same clock, from which their age counts [s]; None is `time`.
+            frame: (x, y, θ) of the pose's frame in the barriers' [m, rad], as tf has ``map`` →
+                ``odom``; it may jump where a localization corrects it. None where they are one.
 
         Returns:
             The command in the robot's axes, and a dict as ``info["safety_filter"]`` has it, with
@@ -345,11 +350,13 @@ class VelocityFilter:
         age = 0.0 if now is None else present - sample.stamp
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        place, motion = self._from.place(sample.place), sample.motion
+        motion, correction = sample.motion, frame_of(frame)
+        place = self._from.place(placed(correction, sample.place))
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
-        measured = self._follower(place, motion)
         if sound and sample is given:
-            self._watch(measured, place[2], sample.stamp)
+            self._watch(sample.place, motion, sample.stamp)
+        if sound:
+            self._turn(correction[2])
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
             place, motion = self._carried(place, motion, sample.stamp, present)
@@ -469,9 +476,24 @@ class VelocityFilter:
         self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
         return place, motion
 
-    def _watch(self, measured: Array, yaw: float, stamp: float) -> None:
-        """Raise an alarm where what was measured at a time [s] is not what the robot was told."""
-        at = np.array([measured[0], measured[1], yaw])
+    def _turn(self, yaw: float) -> None:
+        """Let the model's velocity turn with the pose's frame, of which this is the yaw [rad]."""
+        turned, self._frame_yaw = math.remainder(yaw - self._frame_yaw, math.tau), yaw
+        if turned != 0.0 and self._axle is None:
+            cos, sin = math.cos(turned), math.sin(turned)
+            turn = np.array([[cos, -sin], [sin, cos]])
+            self._velocity, self._input = turn @ self._velocity, turn @ self._input
+
+    def _watch(self, place: Array, motion: Array, stamp: float) -> None:
+        """Raise an alarm where what was measured at a time [s] is not what the robot was told.
+
+        Args:
+            place: (3,) pose then, in a frame in which it goes on smoothly [m, rad].
+            motion: (3,) twist then [m/s, rad/s].
+            stamp: of both [s].
+        """
+        measured = self._follower(place, motion)
+        at = np.array([measured[0], measured[1], place[2]])
         strays = self._monitor.observe(at, measured[2:], stamp)
         drifts = self._motion.observe(measured, stamp)
         if self._fault == Reason.NONE and (strays or drifts):

@@ -18,10 +18,11 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
+from hcbf_gym.online.sample import placed
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
-from hcbf_gym.ros.localization import Localization, placed
+from hcbf_gym.ros.localization import Localization
 from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
 from hcbf_gym.ros.sources import Beams, Entries, Source
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
@@ -238,7 +239,9 @@ class NodeCore:
             newest = self.localization.newest
             if newest is None:
                 raise InvalidInputError("goal: there is no pose yet, expected odometry first")
-            _, report = made.step(np.zeros(self._size), newest.pose, newest.twist, newest.stamp)
+            pose, frame = self.localization.steady
+            still, stamp = np.zeros(self._size), newest.stamp
+            _, report = made.step(still, pose, newest.twist, stamp, frame=frame)
             if report["reason"] == Reason.BARRIERS:
                 raise InvalidInputError(
                     f"goal: got {np.asarray(goal).tolist()}, expected a goal that can be reached"
@@ -296,7 +299,8 @@ class NodeCore:
                 return self._stopped([Fault(source.settings.name, INSIDE)], now)
         wanted = self._wanted
         stamp = min(last.stamp, now.ros)  # by no more than the tolerance ahead
-        told, report = self._filter.step(wanted, last.pose, last.twist, stamp, now.ros)
+        pose, frame = self.localization.steady
+        told, report = self._filter.step(wanted, pose, last.twist, stamp, now.ros, frame)
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
         if reason >= FIRST_ALARM:
             fault = Fault("robot", reason.says)

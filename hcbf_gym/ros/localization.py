@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.online.sample import placed
 from hcbf_gym.ros.parameters import Settings
 from hcbf_gym.ros.watches import Fault, Now, Watch
 
@@ -56,12 +57,18 @@ class Localization:
         self._needs_pose = settings.pose_source != "odom"
         self._correction: Array | None = None if self._needs_pose else np.zeros(3)
         self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
-        self._still, self._still_path = np.full(2, np.inf), 0.0
+        self._still, self._still_path, self._seen_still = np.full(2, np.inf), 0.0, -math.inf
 
     @property
     def newest(self) -> Odometry | None:
         """Where the robot was last; None where nobody knows."""
         return self._track[-1] if self._track else None
+
+    @property
+    def steady(self) -> tuple[Array, Array]:
+        """(3,) the newest pose as odometry has it, and (3,) its frame in the global one."""
+        local = self._local[-1].pose
+        return local, _between(local, self._track[-1].pose)
 
     def at(self, stamp: float) -> Array | None:
         """Return (3,) where the robot was at a stamp [s]; None where nobody knows."""
@@ -88,6 +95,7 @@ class Localization:
             watch.refuse(f"got {[*place.tolist(), *motion.tolist()]}, expected finite numbers")
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
             self._local.append(Odometry(stamp, place, motion))
+            self._look_still(self._local[-1])
             if self._correction is not None:
                 return self._follow(Odometry(stamp, placed(self._correction, place), motion), now)
         return False
@@ -133,6 +141,7 @@ class Localization:
             self._correction = None
         self._track.clear()
         self._local.clear()
+        self._still = np.full(2, np.inf)
 
     def _follow(self, newest: Odometry, now: Now) -> bool:
         """Remember a pose; if it has jumped, forget the others and return True."""
@@ -146,29 +155,26 @@ class Localization:
                 says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
                 self._jump = now.steady + self._settings.settle_time, Fault("odometry", says)
                 self._track.clear()
-        if np.abs(newest.pose[:2] - self._still).max() > FROZEN_WITHIN or not self._track:
-            self._still, self._still_path = newest.pose[:2], 0.0
-        else:
-            seconds = min(newest.stamp - self._track[-1].stamp, 1.0)
-            made = seconds * float(np.hypot(*newest.twist[:2]))
-            self._still_path += made - seconds * self._still_path
         self._track.append(newest)
         while newest.stamp - self._track[0].stamp > REMEMBERED:
             self._track.popleft()
         return jumped
+
+    def _look_still(self, newest: Odometry) -> None:
+        """Note how far the twist would have moved the robot while odometry's pose stands."""
+        if np.abs(newest.pose[:2] - self._still).max() > FROZEN_WITHIN:
+            self._still, self._still_path = newest.pose[:2], 0.0
+        else:
+            seconds = min(newest.stamp - self._seen_still, 1.0)
+            made = seconds * float(np.hypot(*newest.twist[:2]))
+            self._still_path += made - seconds * self._still_path
+        self._seen_still = newest.stamp
 
     def _frozen(self) -> Fault | None:
         """Return a fault where the pose stands although the twist says that the robot moves."""
         if self._still_path < FROZEN_PATH:
             return None
         return Fault("odometry", f"the pose stands while the twist makes {self._still_path:.2f} m")
-
-
-def placed(frame: Array, pose: Array) -> Array:
-    """Return (3,) a pose of a frame (x, y, yaw) in that frame's own parent."""
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    x, y, yaw = pose
-    return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
 
 
 def _plausible(numbers: Array) -> bool:

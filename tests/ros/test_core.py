@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ros import faults
-from benchmarks.ros.drive import SCAN, Drive
+from benchmarks.ros.drive import HARDEST, SCAN, Drive
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
@@ -112,9 +112,12 @@ def test_a_zone_around_the_robot_is_left_or_stops_it_as_it_says():
     show(stops, "zone", AROUND + stops.pose[:2])
     stops.run(0.1)
     assert stops.last.says == "zone: the robot is inside"
+    before, speed = stops.pose, stops.motion[0]
+    stops.run(speed / HARDEST[0] + 0.05)
     stood = stops.pose
     stops.run(2.0)
     assert (stops.pose == stood).all()
+    assert np.hypot(*(stood - before)[:2]) <= speed**2 / HARDEST[0]
     show(stops, "zone", [])
     stops.run(0.5)
     assert stops.last.command[0] > 0.1
@@ -218,6 +221,27 @@ def test_a_wrong_pose_stops_the_robot_and_an_old_one_does_not():
     assert not d.velocity.any()
     d.core.localization.hear_pose((0.0, 0.0, 0.0), d.now.ros - 1e-3, d.now, "map")
     d.run(0.5)
+    assert d.velocity[0] > 0.1
+
+
+def test_a_localization_may_correct_the_pose_and_a_jump_is_none():
+    """In a bounded walk, by up to .1 m and .05 rad every .2 s, as AMCL does."""
+    d = Drive({"pose_source": "topic", "global_frame_id": "map"})
+    rng = np.random.default_rng(0)
+
+    def correct(d):
+        if d.ticks % 20 == 0:
+            off = rng.uniform(-1.0, 1.0, 3) * (0.05, 0.05, 0.025)
+            d.core.localization.hear_pose(d.pose + off, d.now.ros, d.now, "map")
+
+    d.run(60.0, each=correct)
+    assert all(one.level == Level.OK for _, one in d.decisions[20:])
+    d.run(0.05)
+    jumped = d.pose + np.array([0.6, 0.0, 0.0])
+    d.core.localization.hear_pose(jumped, d.now.ros, d.now, "map")
+    d.run(0.1)
+    assert "the pose has jumped" in d.last.says
+    d.run(1.0)
     assert d.velocity[0] > 0.1
 
 

@@ -19,7 +19,7 @@ def alarmed(inputs, applied):
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
         assert belief.believe(plant) == 0
-        monitor.watch(plant, RADIUS, 3.0, exact=True, moves_now=True)
+        monitor.watch(plant, RADIUS, 3.0, exact=True, observed=True)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really
