@@ -6,8 +6,9 @@ Each command takes --help.
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import tyro
 from threadpoolctl import threadpool_limits
@@ -106,6 +107,7 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
     # one episode, one core: processes share the work, not threads, unless the user says otherwise
     threads = None if "OMP_NUM_THREADS" in os.environ else 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    usual, warnings.formatwarning = warnings.formatwarning, _warning
     goes_on = ""
     try:
         module = importlib.import_module(name)
@@ -120,6 +122,13 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
     except KeyboardInterrupt:
         print("; ".join(filter(None, ("interrupted", goes_on))), file=sys.stderr)
         sys.exit(130)
+    finally:
+        warnings.formatwarning = usual
+
+
+def _warning(message: Warning | str, *_: Any, **__: Any) -> str:
+    """Return a warning as a command says it: where in the code it was raised helps nobody."""
+    return f"warning: {message}\n"
 
 
 def _overview() -> str:

@@ -1,7 +1,9 @@
 """One family of errors; a message says what is wrong, what was expected and the choices."""
 
+import contextlib
 import importlib.util
-from collections.abc import Iterable, Mapping
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -67,6 +69,16 @@ class LoweredWarning(UserWarning):
 
 class SafetyWarning(UserWarning):
     """The filter brakes, or has noticed that the plant is not the one that was declared."""
+
+
+@contextlib.contextmanager
+def said_once() -> Iterator[None]:
+    """Let what is warned of inside be said once, at the end."""
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        yield
+    for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
+        warnings.warn(text, category, stacklevel=3)
 
 
 def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:

@@ -12,6 +12,7 @@ EXTRAS = {
     "gymnasium_robotics": "examples",
     "stable_baselines3": "rl",
     "torch": "rl",
+    "onnxruntime": "walkers",
     "ray": "cluster",
     "rclpy": "ros-wheels",
 }

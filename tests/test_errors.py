@@ -1,11 +1,13 @@
 """What counts as a number, wherever coordinates are given."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, said_once
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.scenarios import BoxObstacle
@@ -73,3 +75,15 @@ def test_sensors_beyond_what_can_be_computed_with_are_refused(name, bent):
 def test_a_sensor_s_number_that_is_divided_by_is_not_next_to_nothing(name):
     with pytest.raises(InvalidInputError):
         Sensors(**{name: 1e-300})
+
+
+def test_what_is_warned_of_many_times_is_said_once():
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with said_once():
+            for text in ("one", "other", "one", "one"):
+                warnings.warn(text, CoverageWarning, stacklevel=2)
+    assert [(str(one.message), one.category) for one in said] == [
+        ("one", CoverageWarning),
+        ("other", CoverageWarning),
+    ]

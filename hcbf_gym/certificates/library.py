@@ -50,7 +50,7 @@ def stale(certificate: Certificate) -> str:
     return (
         f"the sources {today} (certificate {certificate.name!r}: earned on {certificate.sources}"
         f"{', repeated on ' + certificate.repeated if certificate.repeated else ''}{listed}; "
-        "`hcbf certify --check FILE --write` repeats a part of it)"
+        f"`hcbf certify --check {certificate.name}.json --write` repeats a part of it)"
     )
 
 

@@ -12,6 +12,7 @@ The same command goes on where it was interrupted.
 
 import itertools
 import shutil
+import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -27,7 +28,7 @@ from rich.progress import track
 from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, require, said_once
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.episode import Sample, samples
@@ -122,10 +123,18 @@ def main(args: Args) -> None:
     cases = [
         _case(args, scene, policy, program) for policy in args.policy for program in args.program
     ]
-    for case in cases:  # bad names, options and policies fail here, before anything runs
-        env = case.make(seed=args.seed)
-        policies.try_out(case.policy, env, args.seed)
-        env.close()
+    with said_once():
+        for case in cases:  # bad names, options and policies fail here, before anything runs
+            env = case.make(seed=args.seed)
+            policies.try_out(case.policy, env, args.seed)
+            env.close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)  # it has just been said
+        _run(args, cases)
+
+
+def _run(args: Args, cases: Sequence[Case]) -> None:
+    """Run every case, and write what came out."""
     files, seeds = _files(args), range(args.seed, args.seed + args.episodes)
     open_folder(args.output, _settings(args, files), args.overwrite)
     finished = args.output / "episodes"
@@ -298,7 +307,7 @@ def comparison(rows: list[dict[str, Any]], conditions: Sequence[tuple[str, int]]
     ]
     cells: list[tuple[str, ...]] = []
     for k, (name, rank) in enumerate(conditions):
-        title = f"{name} (priority {rank}): min h [m]"
+        title = f"{name} (rank {rank}): min h [m]"
         cells.append((title, *(f"{row['min_h'][k]:+.3f}" for row in rows)))
         cells.append(("time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)))
     for title, key, form in (

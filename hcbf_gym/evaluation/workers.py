@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from typing import Annotated, Any, Literal, Protocol
@@ -13,7 +14,13 @@ import joblib
 import tyro
 from joblib.externals.loky import ProcessPoolExecutor
 
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, install
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    MissingDependencyError,
+    choose,
+    install,
+)
 
 Backend = Literal["processes", "ray"]
 """Processes of this machine, or a Ray cluster (the extra `cluster`)."""
@@ -140,8 +147,9 @@ class Processes:
 
 
 def _follow(parent: int) -> None:
-    """Leave interrupts to the parent, and end with it: one that was killed ends nobody itself."""
+    """Leave interrupts and coverage to the parent, and end with it, which may be killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore", CoverageWarning)  # the parent has said it before work began
 
     def watch() -> None:
         while os.getppid() == parent:

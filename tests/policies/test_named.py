@@ -1,7 +1,5 @@
 """A policy of one's own is taken from a function, a zip, an ONNX file or a torch module."""
 
-import importlib.util
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -82,9 +80,7 @@ def test_every_episode_has_an_instance_of_a_class_of_its_own(own, env):
         assert [asked(policy, OBSERVATION)[0] for _ in range(3)] == [1.0, 2.0, 3.0]
 
 
-@pytest.mark.skipif(importlib.util.find_spec("onnxruntime") is None,
-                    reason="needs onnxruntime of the extra walkers: pip install -c "
-                    "constraints.txt -e '.[walkers]'")  # fmt: skip
+@needs("onnxruntime")
 def test_a_network_acts_and_one_of_another_size_is_refused(tmp_path, env):
     path = write_onnx(tmp_path / "policy.onnx", gains(N).T)
     policy = policies.make(str(path), env)
