@@ -18,6 +18,7 @@ import inspect
 import pickle
 import platform
 import reprlib
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -30,7 +31,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 import hcbf_gym
-from hcbf_gym.compilation import PACKAGE, read_by_name, sources_hash
+from hcbf_gym.compilation import PACKAGE, SAID_EVERY, read_by_name, sources_hash
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
 from hcbf_gym.records import whole
@@ -217,8 +218,13 @@ def _complete(
             total=sum(len(chunk.jobs) for chunk in chunks),
             completed=sum(len(chunk.jobs) for chunk in saved),
         )
+        said = time.monotonic()
         for chunk, results in _finished(function, missing, pool):
             progress.advance(bar, len(results))
+            quiet = title is None or progress.console.is_terminal
+            if not quiet and time.monotonic() - said > SAID_EVERY:
+                said, task = time.monotonic(), progress.tasks[bar]
+                progress.print(f"{title}: {task.completed:g} of {task.total:g}")
             yield from enumerate(results, chunk.start)
 
 

@@ -198,3 +198,10 @@ def test_bad_arguments_are_refused_before_anything_runs(options, error):
 def test_what_cannot_be_pickled_is_refused_where_it_is_to_be_saved(tmp_path):
     with pytest.raises(InvalidInputError, match="can be pickled"):
         chunks.run(lambda job: job, [1.0], folder=tmp_path)
+
+
+def test_where_no_terminal_shows_the_bar_lines_say_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(chunks, "SAID_EVERY", 0.0)
+    list(chunks.run(abs, range(3), workers=1, size=1, title="numbers"))
+    said = capsys.readouterr().err
+    assert [f"numbers: {k} of 3" in said for k in (1, 2, 3)] == [True] * 3
