@@ -33,7 +33,7 @@ from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
-from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.output_folder import free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggregate, evaluate
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
@@ -44,6 +44,7 @@ from hcbf_gym.robots.walker import Walker
 
 GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""
+OUTPUT = Path("results/evaluate")
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
 OWN_STEPS = 500
@@ -98,8 +99,9 @@ class Args:
     """Episodes that run at once."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
-    output: Path = Path("results/evaluate")
-    """Folder for the table, the figures and summary.json."""
+    output: Path | None = None
+    """Folder for the table, the figures and summary.json [default: results/evaluate, or
+    results/evaluate-2, … where that holds another run]."""
     overwrite: bool = False
     """Write over what another run left in that folder."""
     figures: Literal["png", "pdf", "svg"] = "png"
@@ -136,8 +138,12 @@ def main(args: Args) -> None:
 def _run(args: Args, cases: Sequence[Case]) -> None:
     """Run every case, and write what came out."""
     files, seeds = _files(args), range(args.seed, args.seed + args.episodes)
-    open_folder(args.output, _settings(args, files), args.overwrite)
-    finished = args.output / "episodes"
+    settings = _settings(args, files)
+    output = args.output or OUTPUT
+    if args.output is None and not args.overwrite:
+        output = free_folder(OUTPUT, settings)
+    open_folder(output, settings, args.overwrite)
+    finished = output / "episodes"
     runs = Runs(finished, args.workers, args.backend)
     episodes = evaluate(cases, seeds, runs, "episodes", files)
     summaries: dict[tuple[str, str, int], dict[str, Any]] = {}
@@ -151,18 +157,18 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     in_order = [summaries[*pair, seed] for pair in pairs for seed in seeds]
     rows = aggregate(in_order)
     first = {pair: shown[pair] for pair in pairs}
-    write_json(args.output / "summary.json", _summary(args, files, in_order, rows, first))
-    written = _draw(args, cases[0], first)
+    write_json(output / "summary.json", _summary(args, files, in_order, rows, first))
+    written = _draw(args, output, cases[0], first)
     shutil.rmtree(finished)
     console, names = Console(), _conditions(first)
     for start in range(0, len(rows), COLUMNS):
         console.print(comparison(rows[start : start + COLUMNS], names).rich())
     for case in cases:
         if args.video:
-            written.append(_record(case, args))
+            written.append(_record(case, args, output))
         if args.snapshot is not None:
-            _take_snapshot(case, args, args.snapshot)
-    console.print(f"written to {args.output}: {', '.join(written)}", soft_wrap=True)
+            _take_snapshot(case, args, args.snapshot, output)
+    console.print(f"written to {output}: {', '.join(written)}", soft_wrap=True)
 
 
 def _check(args: Args) -> None:
@@ -265,22 +271,24 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
     return Case(args.env, scene, policy, program, options, env_options, v_max, args.steps)
 
 
-def _draw(args: Args, case: Case, shown: Mapping[tuple[str, str], Episode]) -> list[str]:
+def _draw(
+    args: Args, output: Path, case: Case, shown: Mapping[tuple[str, str], Episode]
+) -> list[str]:
     """Draw the first episodes, and return the figures' names, summary.json before them."""
     written = ["summary.json"]
     if args.own:
         barriers = _own_barriers(args)
         for (policy, program), episode in shown.items():
             name = f"episode-{_file_name(policy)}-{program}.{args.figures}"
-            plot_episode(episode, barriers, f"{policy}, {program}").savefig(args.output / name)
+            plot_episode(episode, barriers, f"{policy}, {program}").savefig(output / name)
             written.append(name)
         return written
     env = case.make(seed=args.seed)
     inner: Any = env.unwrapped
     env.reset(seed=args.seed)
     paths, series = f"paths.{args.figures}", f"series.{args.figures}"
-    plot_paths(inner.scenario, shown).savefig(args.output / paths)
-    plot_series(shown).savefig(args.output / series)
+    plot_paths(inner.scenario, shown).savefig(output / paths)
+    plot_series(shown).savefig(output / series)
     env.close()
     return [*written, paths, series]
 
@@ -346,10 +354,10 @@ def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
     return f"{format(value, '.1%' if form == '.0%' else form)} [{low}, {high}]"
 
 
-def _record(case: Case, args: Args) -> str:
+def _record(case: Case, args: Args, output: Path) -> str:
     """Film the first episode of a pair, and return the film's name."""
     name = f"{_file_name(case.policy)}-{case.program}"
-    folder = args.output / "video" / name
+    folder = output / "video" / name
     if args.own:
         folder.parent.mkdir(parents=True, exist_ok=True)
         film(case.run(args.seed), folder.with_suffix(".mp4"), _own_barriers(args))
@@ -368,11 +376,11 @@ def _record(case: Case, args: Args) -> str:
     return f"video/{name}"
 
 
-def _take_snapshot(case: Case, args: Args, time: float) -> None:
+def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
     env = case.make(render_mode="rgb_array", seed=args.seed)
     walk: Iterator[Sample] = samples(env, policies.make(case.policy, env), args.seed)
     deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
-    path = args.output / f"snapshot-{_file_name(case.policy)}-{case.program}.png"
+    path = output / f"snapshot-{_file_name(case.policy)}-{case.program}.png"
     imsave(path, np.asarray(env.render()))
     env.close()
 

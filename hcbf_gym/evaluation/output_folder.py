@@ -1,5 +1,7 @@
 """Output folders that know what they hold, so that a run resumes its own study and no other."""
 
+import contextlib
+import itertools
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,13 +27,36 @@ def open_folder(
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
     """
+    check_folder(folder, settings, overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    write_text(folder / _SETTINGS, text)
+
+
+def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
+    """Return a folder for a study: `base`, or it with the least number that holds no other one."""
+    numbered = (base.with_name(f"{base.name}-{number}") for number in itertools.count(2))
+    for folder in itertools.chain([base], numbered):
+        with contextlib.suppress(InvalidInputError):
+            check_folder(folder, settings)
+            return folder
+    raise AssertionError
+
+
+def check_folder(
+    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
+) -> None:
+    """Refuse a folder that `open_folder` would refuse.
+
+    Raises:
+        InvalidInputError: if the folder holds another study or anything else.
+    """
     path = folder / _SETTINGS
     flag = "" if overwrite is None else ", or --overwrite"
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
     if path.exists():
-        differing = _differences(path, json.loads(text))
+        differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)))
         if not differing:
             return
         if not overwrite:
@@ -44,8 +69,6 @@ def open_folder(
             f"output: {folder} holds other files, expected an empty folder, a new one, or one "
             f"that this study began{flag}"
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(path, text)
 
 
 def write_json(path: Path, data: object) -> None:

@@ -228,3 +228,15 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
         cli.main(["evaluate"])
     told = "interrupted; the same command goes on where this one stopped\n"
     assert capsys.readouterr().err == told
+
+
+def test_without_a_folder_every_run_has_one_of_its_own_and_the_same_run_its_old_one(
+    own, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for seed, folder in ((0, "evaluate"), (1, "evaluate-2"), (0, "evaluate"), (2, "evaluate-3")):
+        arguments = f"--env {ROM} --policy {own}:act --program none --steps 2 --workers 1"
+        cli.main(["evaluate", *arguments.split(), "--seed", str(seed)])
+        path = tmp_path / "results" / folder / "summary.json"
+        assert json.loads(path.read_text(encoding="utf-8"))["seeds"] == [seed, seed]
+    assert len(list((tmp_path / "results").iterdir())) == 3
