@@ -9,7 +9,7 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins, speed_row
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins, speed_row, warn_of_standing
 from hcbf_gym.robots.walker_response import assumed
 
 OFF_NOMINAL = 0.02
@@ -92,6 +92,8 @@ def plant_model(
     more = OFF_NOMINAL if declared.departures else 0.0
     known = found.margins or margins(response, CONTROL_DT, said["robot"], more)
     row = speed_row(declared.v_max, known.speed, is_own)
+    if not is_own:
+        warn_of_standing(row, known, response)
     axle = axle_of(walker.command, response, input_set, declared.v_max)
     known, able = known._replace(body=body), braked(input_set, response)
     return PlantModel(able, row, known, said, found, axle)
