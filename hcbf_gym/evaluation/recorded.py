@@ -43,7 +43,8 @@ class Episode:
         slack: (k, m) violation of the filter's rows; zeros without a filter.
         delta: (k, m) the program's own relaxation; zeros without a filter.
         status: (k,) `FilterStatus`; NOMINAL without a filter.
-        deadlock: (k,) whether the robot stood though u* asked it to move.
+        deadlock: (k,) whether the robot stood though u* asked it to move; None where the model does
+            not say how fast it is.
         obstacle_force: (k, n) largest contact force with each box during the step [N].
         names: of the m barriers.
         priority: (m,) of the barriers; 1 is strict.
@@ -65,7 +66,7 @@ class Episode:
     slack: Array
     delta: Array
     status: Integers
-    deadlock: Mask
+    deadlock: Mask | None
     obstacle_force: Array
     names: tuple[str, ...]
     priority: Integers
@@ -101,7 +102,7 @@ class Episode:
                 status.name: int((self.status == status).sum()) for status in FilterStatus
             },
             "outside_steps": int(outside.sum()),
-            "deadlock_share": float(np.mean(self.deadlock)),
+            "deadlock_share": None if self.deadlock is None else float(np.mean(self.deadlock)),
             "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),
         }
 
@@ -167,7 +168,9 @@ def rollout(
     if own:
         said = last.get("is_success", last.get("success"))
         reached = None if said is None else bool(said)
-        stood = np.array([bool(record["deadlock"]) for record in records])
+        stood = None  # only the planar double integrator has a velocity that a filter knows
+        if plant is not None and plant.model == DoubleIntegrator():
+            stood = np.array([bool(record["deadlock"]) for record in records])
     else:
         radius = inner.scenario.goal_radius
         reached = taken[-1].over and not fell and bool(error[-1] <= radius)

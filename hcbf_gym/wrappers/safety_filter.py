@@ -23,7 +23,8 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
     `hcbf_gym.models.Reason`, 0 where there is none), `covered` (a
     `hcbf_gym.models.Coverage`), `covered_by` (why, a `hcbf_gym.models.CoveredBy`), and
     what is measured on the way, such as `intervention` ‖u − u*‖ and `deadlock`, 1 where the plant
-    stands (‖v‖ < 0.05 m/s) though u* asks it to move (‖u*‖ > 0.3 m/s²).
+    stands (‖v‖ < 0.05 m/s) though u* asks it to move (‖u*‖ > 0.3 m/s²), and 0 of any model but
+    the planar double integrator.
     `reset` reports the same keys.
 
     Args:

@@ -99,7 +99,7 @@ def test_numbers_that_contradict_each_other_are_refused(change, message):
 
 def test_episodes_that_put_nothing_to_the_test_give_no_certificate():
     assert "ended within 1 steps" in vacuous(Shown(100, 0.05, 1), 100)
-    assert "rank 1 was hardly at stake" in vacuous(Shown(49, 90.0, 500), 100)
+    assert "hardly at stake" in vacuous(Shown(49, 90.0, 500), 100)
     assert vacuous(Shown(50, 0.05, 500), 100) == ""
 
 
