@@ -99,7 +99,8 @@ def vacuous(shown: Shown, episodes: int) -> str:
             f"in {shown.pressed} of {episodes} episodes the filter had to change an input that "
             f"would have entered rank 1 within a second, expected {PRESSED:.0%} at least; half of "
             f"the episodes stayed {shown.half_within:.3g} or more away: rank 1 was hardly at "
-            "stake; let episodes begin nearer, last longer (--steps), or policies press (--policies)"
+            "stake; let episodes begin nearer, last longer (--steps), or policies press "
+            "(--policies)"
         )
     return ""
 
