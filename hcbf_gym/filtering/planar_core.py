@@ -80,6 +80,25 @@ class PlanarCore(FilterCore):
         self._checked = own
         return own, reaches
 
+    def _looks_back(self) -> bool:
+        """Write what strict conditions lack of the scene until now; return whether that is known.
+
+        The filter is asked as if the scene had stayed, and forgets that it was.
+        """
+        scene, samples, buffer = self._scene, self._samples, self._buffer
+        stands = scene.edits == self._edits and scene.kind.shape[1] == self._m
+        if self._refused or scene.own or not stands:
+            return False
+        before = samples.remembered()
+        buffer.renew()
+        buffer.u_nominal[...] = 0.0
+        numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
+        self._filter((*numbers, scene.atlas.numbers), self._no_rows)
+        kept, headway = samples.plants["kept"].copy(), samples.plants["headway"].copy()
+        samples.restore(before)
+        samples.plants["kept"], samples.plants["headway"] = kept, headway
+        return True
+
     def _enter(self, goal: Any, extent: Any) -> None:
         """Look at the scenes that begin."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)

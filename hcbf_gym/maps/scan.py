@@ -69,10 +69,10 @@ class Scan(Several):
         for name in ("period", "speed", "margin", "noise"):
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=0.0)
             object.__setattr__(self, name, number)
+        errors = self.noise + FINE + self.period * self.speed
         seen = SeenRegion(
-            self.name, self.rank, pieces=self._pieces(),
-            margin=self.margin + self.noise + FINE + self.period * self.speed,
-        )  # fmt: skip
+            self.name, self.rank, pieces=self._pieces(errors), margin=self.margin + errors
+        )
         object.__setattr__(self, "_seen", seen)
 
     @classmethod
@@ -119,8 +119,8 @@ class Scan(Several):
         """The one barrier that it stands for."""
         return (self._seen,)
 
-    def _pieces(self) -> Pieces:
-        """Return the pieces in the world.
+    def _pieces(self, errors: float) -> Pieces:
+        """Return the pieces in the world, of whose margin errors [m] are a part.
 
         Raises:
             InvalidInputError: if the points are no (k, 2).
@@ -135,7 +135,7 @@ class Scan(Several):
         cos, sin = np.cos(yaw), np.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])
         corners = surfaces.pieces(near, self.noise + FINE) @ turn + (x, y)
-        return Pieces(corners, np.full(len(corners), 4), self.pose)
+        return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:

@@ -61,8 +61,9 @@ class Scene:
         return [maps.RankedMap(GRID, (maps.MapClass("wall", 1, "keepout", cells),)), *self.others]
 
     def scanned(self):
-        """All of the wall as points: a scan of its near side alone would be hollow."""
-        x, y = np.meshgrid(self.wall + np.arange(0.02, THICK, 0.04), np.arange(-HALF, HALF, 0.04))
+        """All of the wall, one layer behind another: a scan of its near side would be hollow."""
+        layers = np.minimum(np.arange(0.0, THICK, 0.04), THICK - surfaces.DEPTH)
+        x, y = np.meshgrid(self.wall + layers, np.arange(-HALF, HALF, 0.04), indexing="ij")
         points = np.column_stack([x.ravel(), y.ravel()])
         return [maps.Scan("wall", points, (0.0, 0.0, 0.0)), *self.others]
 
