@@ -27,6 +27,8 @@ DEPTH = 0.05
 """How far pieces reach away from the sensor, where nobody has seen anything [m]."""
 EDGE = 1e-3
 """By how much pieces reach beyond their outermost points, so that a point alone has a width [m]."""
+ROUNDING = 1e-6
+"""By how much they reach towards the sensor [m]: more than the rounding of any distance."""
 
 
 def pieces(points: Array, tolerance: float) -> Array:
@@ -99,8 +101,9 @@ def _cut(chain: Array, tolerance: float, out: Array, found: int) -> int:
             continue
         if dx * mean_y - dy * mean_x < 0.0:  # the left of the line shall lie farther away
             dx, dy, low, high = -dx, -dy, -high, -low
-        ax, ay = mean_x + (low - EDGE) * dx, mean_y + (low - EDGE) * dy
-        bx, by = mean_x + (high + EDGE) * dx, mean_y + (high + EDGE) * dy
+        near_x, near_y = mean_x + ROUNDING * dy, mean_y - ROUNDING * dx
+        ax, ay = near_x + (low - EDGE) * dx, near_y + (low - EDGE) * dy
+        bx, by = near_x + (high + EDGE) * dx, near_y + (high + EDGE) * dy
         out[found, 0, 0], out[found, 0, 1] = ax, ay
         out[found, 1, 0], out[found, 1, 1] = bx, by
         out[found, 2, 0], out[found, 2, 1] = bx - DEPTH * dy, by + DEPTH * dx

@@ -16,6 +16,7 @@ from hcbf_gym import maps, models, scenarios, wrappers
 from hcbf_gym.barriers import Barrier, BarrierSet, ConvexPolygon, Disc, Jet, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
+from hcbf_gym.maps import surfaces
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.online import Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
