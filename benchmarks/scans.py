@@ -43,7 +43,7 @@ class Case(NamedTuple):
     """How a room is seen.
 
     Attributes:
-        beams: all around.
+        beams: all around; 0 where the filter knows the walls, to see what is the robot's own.
         error: standard deviation of a range [m].
         dropped: share of beams that see nothing.
         speed: that the scan reserves for [m/s].
@@ -58,12 +58,14 @@ class Case(NamedTuple):
 
 
 CASES = {
+    "no scan": Case(0),
     "perfect": Case(),
     "speed .5 m/s": Case(speed=0.5),
     "noise 1 cm": Case(error=0.01),
     "noise 2 cm": Case(error=0.02),
     "72 beams": Case(72),
     "30 % dropped": Case(dropped=0.3),
+    "at rest, no scan": Case(0, rests=True),
     "at rest": Case(rests=True),
     "at rest, noise 1 cm": Case(error=0.01, rests=True),
 }
@@ -184,10 +186,11 @@ def goal_of(room: Room, reach: float, seed: int) -> Array:
 def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
     """Return what hostile drives behind a scan alone showed, and who arrives beside a map."""
     walker, arrived, runs = Walker.load(ROBOTS[robot]), [0, 0], []
-    guided = np.zeros(len(FilterStatus), dtype=int)
+    guided, guides = np.zeros(len(FilterStatus), dtype=int), case.beams and not case.rests
     for seed in range(count):
         room = room_of(seed)
-        door = VelocityFilter(walker, [], period=LONGEST)
+        known = () if case.beams else room.walls
+        door = VelocityFilter(walker, known, period=LONGEST)
         laser = Laser(door, case, room.edges, (), seed)
         rng = np.random.default_rng([15, seed])
         planner = hostile(room.walls, walker.command, rng, wanders=not case.rests)
@@ -195,10 +198,10 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
         runs.append(
             loop(
                 door, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
-                sees=laser.sees,
+                sees=laser.sees if case.beams else _nothing,
             )
         )  # fmt: skip
-        if case.rests:
+        if not guides:
             continue
         goal = goal_of(room, walker.reach, seed)
         for scanned in (False, True):
@@ -210,12 +213,12 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
                 door, Moving(walker, np.zeros(3), seed), lambda _: 0.0 * walker.command.limits,
                 walker.reach, 25.0, seed=seed, walls=room.walls,
                 until=lambda p, g=goal: float(np.hypot(*(p[:2] - g))) < NEAR,
-                sees=laser.sees if scanned else lambda now, robot: None,
+                sees=laser.sees if scanned else _nothing,
             )  # fmt: skip
             arrived[scanned] += float(np.hypot(*(run.path[-1, :2] - goal))) < NEAR
             guided += run.statuses if scanned else 0
     statuses = sum(run.statuses for run in runs)
-    arrivals = "" if case.rests else f", guided {share(guided)}, arrive {arrived[0]} → {arrived[1]}"
+    arrivals = "" if not guides else f", guided {share(guided)}, arrive {arrived[0]} → {arrived[1]}"
     alarms = sum(bool(run.alarms) for run in runs)
     return (
         f"{robot}: {name}: {share(statuses)} of steps VIOLATED or UNSAFE, "
@@ -223,6 +226,10 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
         f"{min(run.least for run in runs):+.3f} m, alarms {alarms}, "
         f"fell {sum(run.fell for run in runs)}{arrivals}; statuses {statuses}"
     )
+
+
+def _nothing(now: float, robot: Moving) -> None:
+    """See nothing."""
 
 
 def share(statuses: Array) -> str:
