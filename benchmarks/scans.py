@@ -217,7 +217,7 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
             )  # fmt: skip
             arrived[scanned] += float(np.hypot(*(run.path[-1, :2] - goal))) < NEAR
             guided += run.statuses if scanned else 0
-    statuses = sum(run.statuses for run in runs)
+    statuses = np.sum([run.statuses for run in runs], axis=0)
     arrivals = "" if not guides else f", guided {share(guided)}, arrive {arrived[0]} → {arrived[1]}"
     alarms = sum(bool(run.alarms) for run in runs)
     return (
@@ -310,7 +310,8 @@ class People:
 
 def people(robot: str, count: int, seconds: float) -> str:
     """Return what drives among people showed."""
-    walker, contacts, statuses, entered = Walker.load(ROBOTS[robot]), [], 0, 0
+    walker, contacts, entered = Walker.load(ROBOTS[robot]), [], 0
+    statuses = np.zeros(len(FilterStatus), dtype=int)
     for seed in range(count):
         room = room_of(seed, 0)
         door = VelocityFilter(walker, room.walls, period=LONGEST)
@@ -325,7 +326,8 @@ def people(robot: str, count: int, seconds: float) -> str:
             sees=crowd.walk,
         )  # fmt: skip
         contacts += crowd.contacts
-        statuses, entered = statuses + run.statuses, entered + (run.least < 0.0)
+        statuses += run.statuses
+        entered += run.least < 0.0
     own = [towards for towards, _ in contacts if towards > CREEPS]
     free = sum(free for _, free in contacts)
     return (
