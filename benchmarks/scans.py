@@ -33,6 +33,8 @@ NEAR = 0.35
 """Of the goal [m]."""
 PERSON, PACE, PEOPLE = 0.25, 0.5, 3
 """Radius [m] and speed [m/s] of a person, and how many there are."""
+MARGINS = 0.0, 0.3
+"""Of a scan of people [m]: none, and what α₁ of the cart asks for before it goes as fast as they."""
 CREEPS = 0.02
 """Below it nobody's velocity points anywhere [m/s]."""
 STEP = 0.5
@@ -48,6 +50,7 @@ class Case(NamedTuple):
         dropped: share of beams that see nothing.
         speed: that the scan reserves for [m/s].
         rests: whether the robot drives at a wall and stays there.
+        margin: of the scan [m].
     """
 
     beams: int = 360
@@ -55,6 +58,7 @@ class Case(NamedTuple):
     dropped: float = 0.0
     speed: float = 0.0
     rests: bool = False
+    margin: float = 0.0
 
 
 CASES = {
@@ -168,7 +172,7 @@ class Laser:
         x, y, yaw = pose.tolist()
         scan = Scan.of_ranges(
             "scan", ranges, angles, (x, y, yaw), PERIOD, self._case.speed,
-            noise=3.0 * self._case.error,
+            margin=self._case.margin, noise=3.0 * self._case.error,
         )  # fmt: skip
         self._door.set_barriers([*self._known, scan], look=False)
 
@@ -308,14 +312,15 @@ class People:
         return False
 
 
-def people(robot: str, count: int, seconds: float) -> str:
-    """Return what drives among people showed."""
+def people(robot: str, margin: float, count: int, seconds: float) -> str:
+    """Return what drives among people showed, where the scan has a margin [m]."""
     walker, contacts, entered = Walker.load(ROBOTS[robot]), [], 0
     statuses = np.zeros(len(FilterStatus), dtype=int)
     for seed in range(count):
         room = room_of(seed, 0)
         door = VelocityFilter(walker, room.walls, period=LONGEST)
-        laser = Laser(door, Case(speed=PACE, error=0.01), room.edges[:0], room.walls, seed)
+        case = Case(speed=PACE, error=0.01, margin=margin)
+        laser = Laser(door, case, room.edges[:0], room.walls, seed)
         crowd = People(laser, room, walker, seed)
         rng = np.random.default_rng([17, seed])
         goals = [(float(x), float(y)) for x, y in rng.uniform(-2.5, 2.5, (40, 2))]
@@ -331,9 +336,10 @@ def people(robot: str, count: int, seconds: float) -> str:
     own = [towards for towards, _ in contacts if towards > CREEPS]
     free = sum(free for _, free in contacts)
     return (
-        f"{robot}: {count} drives of {seconds:g} s: {len(contacts)} contacts, in {len(own)} the "
-        f"robot's own velocity points at the person (at most {max(own, default=0.0):.3f} m/s), a "
-        f"way was free at {free}; walls entered {entered}; {share(statuses)} VIOLATED or UNSAFE"
+        f"{robot}, margin {margin} m: {count} drives of {seconds:g} s: {len(contacts)} contacts, "
+        f"in {len(own)} the robot's own velocity points at the person (at most "
+        f"{max(own, default=0.0):.3f} m/s), a way was free at {free}; walls entered {entered}; "
+        f"{share(statuses)} VIOLATED or UNSAFE"
     )
 
 
@@ -344,7 +350,8 @@ def lines(part: str, robot: str, case: str, count: int, seconds: float) -> Itera
             if part in ("all", "walls") and case in ("", name):
                 yield "walls: " + walls(known, name, one, count, seconds)
         if part in ("all", "people"):
-            yield "people: " + people(known, count, seconds)
+            for margin in MARGINS:
+                yield "people: " + people(known, margin, count, seconds)
 
 
 def main(
