@@ -34,7 +34,7 @@ NEAR = 0.35
 PERSON, PACE, PEOPLE = 0.25, 0.5, 3
 """Radius [m] and speed [m/s] of a person, and how many there are."""
 MARGINS = 0.0, 0.3
-"""Of a scan of people [m]: none, and what α₁ of the cart asks for before it goes as fast as they."""
+"""Of a scan of people [m]: none, and by how much a cart falls short before it goes at `PACE`."""
 CREEPS = 0.02
 """Below it nobody's velocity points anywhere [m/s]."""
 STEP = 0.5
