@@ -94,9 +94,12 @@ class PlanarCore(FilterCore):
         buffer.u_nominal[...] = 0.0
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         self._filter((*numbers, scene.atlas.numbers), self._no_rows)
-        kept, headway = samples.plants["kept"].copy(), samples.plants["headway"].copy()
+        plants = samples.plants
+        least = {name: plants[name].copy() for name in ("kept", "headway")}
         samples.restore(before)
-        samples.plants["kept"], samples.plants["headway"] = kept, headway
+        unseen = plants["news"] != 0  # by any step: what was before that counts, too
+        for name, now in least.items():
+            plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
         return True
 
     def _enter(self, goal: Any, extent: Any) -> None:

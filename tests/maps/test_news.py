@@ -86,3 +86,16 @@ def test_the_same_wall_handed_over_anew_is_no_news_to_a_robot_that_sways(mapped)
     door.barriers = wall(5.8, mapped)
     _, report = door.step(still, (x - 0.12, 4.0, 0.0), still, 0.05 * 60)
     assert report["status"] >= FilterStatus.VIOLATED
+
+
+def test_what_was_handed_over_twice_between_two_steps_is_compared_with_what_a_step_has_seen():
+    door = VelocityFilter("holonomic-cart", wall(6.0, False), radius=0.2)
+    still, core = np.zeros(3), door._core
+    for k in range(10):
+        door.step(still, (5.5, 4.0, 0.0), still, 0.05 * k)
+    told = []
+    for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
+        core._take_barriers([*wall(at, False), *door._scene()[1:]])
+        told.append(float(core._samples.plants["kept"][0]))
+    assert told[0] == pytest.approx(0.5 - 0.2 - core.uncertainty.distance, abs=0.01)
+    assert told[1] == told[0]
