@@ -352,7 +352,8 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
-        return scenes_of(barriers, self.count)
+        listed = self._listed is not None  # and so the set was made here
+        return scenes_of(barriers, self.count, self._scene if listed else None)
 
     def _read_static(self) -> None:
         """Take barriers that never change, and refuse what cannot be.

@@ -13,6 +13,7 @@ from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps import surfaces
+from hcbf_gym.maps.surfaces import EDGE
 from hcbf_gym.models.constants import ON_EARTH
 
 FINE = 0.005
@@ -43,6 +44,8 @@ class Scan(Several):
         rank: 1 is strict.
         margin: reserved in any case [m].
         noise: by how much a range is wrong at most [m]; of normal errors, three deviations.
+        depth: how far what is seen reaches behind its surface [m]. From where the sensor stood it
+            changes no distance; who has been pushed in is led out by the nearer side.
 
     Raises:
         InvalidInputError: if a number is not finite or out of range, or the points are no (k, 2).
@@ -61,13 +64,15 @@ class Scan(Several):
     rank: int = 1
     margin: float = 0.0
     noise: float = 0.0
+    depth: float = 0.05
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         x, y, yaw = finite_array(f"{self.name}: pose", self.pose, (3,), largest=ON_EARTH).tolist()
         object.__setattr__(self, "pose", (x, y, yaw))
-        for name in ("period", "speed", "margin", "noise"):
-            number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=0.0)
+        for name in ("period", "speed", "margin", "noise", "depth"):
+            least = EDGE if name == "depth" else 0.0
+            number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=least)
             object.__setattr__(self, name, number)
         errors = self.noise + FINE + self.period * self.speed
         seen = SeenRegion(
@@ -134,7 +139,7 @@ class Scan(Several):
         x, y, yaw = self.pose
         cos, sin = np.cos(yaw), np.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])
-        corners = surfaces.pieces(near, self.noise + FINE) @ turn + (x, y)
+        corners = surfaces.pieces(near, self.noise + FINE, self.depth) @ turn + (x, y)
         return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
 
 

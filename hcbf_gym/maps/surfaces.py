@@ -23,26 +23,25 @@ WIDEST = math.radians(10.0)
 """Of the angle between two beams that may see one surface: at 1.5 m they are 26 cm apart."""
 CLOSE = 0.05
 """Points that are no farther apart belong together however they lie [m], as no robot passes."""
-DEPTH = 0.05
-"""How far pieces reach away from the sensor, where nobody has seen anything [m]."""
 EDGE = 1e-3
 """By how much pieces reach beyond their outermost points, so that a point alone has a width [m]."""
 ROUNDING = 1e-6
 """By how much they reach towards the sensor [m]: more than the rounding of any distance."""
 
 
-def pieces(points: Array, tolerance: float) -> Array:
+def pieces(points: Array, tolerance: float, depth: float) -> Array:
     """Return (P, 4, 2) rectangles, counter-clockwise, along the surfaces that points show.
 
     Args:
         points: (k, 2) in the sensor's axes [m], in the order in which a beam turns.
         tolerance: how far from a piece its points may lie [m].
+        depth: how far pieces reach away from the sensor, where nobody has seen anything [m].
     """
-    return _pieces(np.ascontiguousarray(points), tolerance)
+    return _pieces(np.ascontiguousarray(points), tolerance, depth)
 
 
 @kernel(error_model="numpy")
-def _pieces(points: Array, tolerance: float) -> Array:
+def _pieces(points: Array, tolerance: float, depth: float) -> Array:
     k = len(points)
     out = np.empty((2 * k, 4, 2))
     if k == 0:
@@ -61,7 +60,7 @@ def _pieces(points: Array, tolerance: float) -> Array:
         chain = np.empty((last - first + 1 + closed, 2))
         for n in range(len(chain)):
             chain[n] = points[(start + first + n) % k]
-        found = _cut(chain, tolerance, out, found)
+        found = _cut(chain, tolerance, depth, out, found)
         first = last + 1
     return out[:found].copy()
 
@@ -82,7 +81,7 @@ def _joined(points: Array, tolerance: float) -> Mask:
 
 
 @kernel(error_model="numpy")
-def _cut(chain: Array, tolerance: float, out: Array, found: int) -> int:
+def _cut(chain: Array, tolerance: float, depth: float, out: Array, found: int) -> int:
     """Write the pieces of a chain (n, 2) from out[found] on; return how many there are then."""
     waiting = [(0, len(chain) - 1)]
     while len(waiting) > 0:
@@ -106,8 +105,8 @@ def _cut(chain: Array, tolerance: float, out: Array, found: int) -> int:
         bx, by = near_x + (high + EDGE) * dx, near_y + (high + EDGE) * dy
         out[found, 0, 0], out[found, 0, 1] = ax, ay
         out[found, 1, 0], out[found, 1, 1] = bx, by
-        out[found, 2, 0], out[found, 2, 1] = bx - DEPTH * dy, by + DEPTH * dx
-        out[found, 3, 0], out[found, 3, 1] = ax - DEPTH * dy, ay + DEPTH * dx
+        out[found, 2, 0], out[found, 2, 1] = bx - depth * dy, by + depth * dx
+        out[found, 3, 0], out[found, 3, 1] = ax - depth * dy, ay + depth * dx
         found += 1
     return found
 

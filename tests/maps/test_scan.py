@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import MapClass, Scan, paying
 from hcbf_gym.maps.scan import FINE, REACH
@@ -104,6 +105,15 @@ def test_what_stands_before_a_wall_is_not_joined_to_it():
     assert h(scan, np.array([[1.0, 0.0], [3.0, 1.0]])).max() <= 0.0
 
 
+def test_its_depth_changes_no_distance_from_where_it_was_seen():
+    points = np.array([[1.0, y] for y in np.arange(-0.5, 0.5, 0.02)])
+    thin, thick = (Scan("laser", points, (0.0, 0.0, 0.0), depth=d) for d in (0.01, 1.0))
+    before = np.random.default_rng(5).uniform([-1.0, -2.0], [0.99, 2.0], (50, 2))
+    np.testing.assert_allclose(h(thin, before), h(thick, before), atol=1e-12)
+    assert h(thick, np.array([[1.3, 0.0]]))[0] == pytest.approx(-0.3, abs=1e-3)
+    assert h(thin, np.array([[1.3, 0.0]]))[0] > 0.2
+
+
 def test_a_ring_around_the_sensor_is_closed():
     for first in (0.0, 0.7, 3.0):
         angles = first + np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
@@ -142,6 +152,7 @@ def test_speed_times_period_is_reserved_all_the_time():
         {"points": [[np.nan, 0.0]]},
         {"pose": (0.0, np.nan, 0.0)},
         {"period": -0.1},
+        {"depth": 0.0},
         {"noise": np.nan},
         {"speed": np.inf},
     ],
@@ -165,3 +176,28 @@ def test_who_pays_is_named_with_the_place():
     assert ranked.distance([only.place], 2)[0] <= 1e-9
     away = max(ranked.distance([at], 2)[0], 0.0)
     assert np.linalg.norm(only.place - at) == pytest.approx(away)
+
+
+def test_a_map_beside_new_scans_stays_where_it_stands():
+    rng, floor = np.random.default_rng(4), room(0)
+    last, arrays, at = (
+        None,
+        [],
+        np.column_stack([rng.uniform(0.0, 4.0, (20, 2)), np.zeros((20, 2))]),
+    )
+    for k in range(60):
+        scan = Scan("laser", rng.uniform(-2.0, 2.0, (3, 2)), (2.0, 2.0, 0.1 * k))
+        listed = [Disc("post", 1, (1.0, 1.0), 0.1)] if k % 20 == 19 else [floor, scan]
+        made = BarrierSet([listed], last)
+        np.testing.assert_array_equal(
+            made.along(at, np.zeros(20)), BarrierSet([listed]).along(at, np.zeros(20))
+        )
+        if last is not None and len(last.entries[0]) == 2:  # the old set still says what it said
+            np.testing.assert_array_equal(
+                last.along(at, np.zeros(20)), BarrierSet(last.entries).along(at, np.zeros(20))
+            )
+        if made.atlas:
+            arrays.append(made.atlas.numbers)
+        last = made
+    assert len({id(one) for one in arrays}) < 20
+    assert max(one.size for one in arrays) < 2 * arrays[0].size

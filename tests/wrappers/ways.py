@@ -16,7 +16,6 @@ from hcbf_gym import maps, models, scenarios, wrappers
 from hcbf_gym.barriers import Barrier, BarrierSet, ConvexPolygon, Disc, Jet, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.maps import surfaces
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.online import Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
@@ -30,6 +29,7 @@ FAR = 20.0
 AHEAD = np.array([LIMIT, 0.0])
 CALM = FilterStatus.VIOLATED  # what is below it promises something
 HALF, THICK = 3.0, 1.0
+AFAR = 5.0
 GRID = maps.Grid(0.05, (-5.0, -HALF, 0.0), (120, 600))
 
 
@@ -62,11 +62,11 @@ class Scene:
         return [maps.RankedMap(GRID, (maps.MapClass("wall", 1, "keepout", cells),)), *self.others]
 
     def scanned(self):
-        """All of the wall, one layer behind another: a scan of its near side would be hollow."""
-        layers = np.minimum(np.arange(0.0, THICK, 0.04), THICK - surfaces.DEPTH)
-        x, y = np.meshgrid(self.wall + layers, np.arange(-HALF, HALF, 0.04), indexing="ij")
-        points = np.column_stack([x.ravel(), y.ravel()])
-        return [maps.Scan("wall", points, (0.0, 0.0, 0.0)), *self.others]
+        """The near side, as a sensor sees it from afar, and all that is behind it."""
+        y = np.arange(-HALF, HALF + 0.02, 0.04)
+        points = np.column_stack([np.full(y.size, AFAR), y])
+        pose = (self.wall - AFAR, 0.0, 0.0)
+        return [maps.Scan("wall", points, pose, depth=THICK), *self.others]
 
     def distance(self, x, t):
         """How far a point is from what is strict [m]."""
