@@ -74,9 +74,9 @@ class Scan(Several):
             least = EDGE if name == "depth" else 0.0
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=least)
             object.__setattr__(self, name, number)
-        errors = self.noise + FINE + self.period * self.speed
+        errors = self.noise + self.period * self.speed
         seen = SeenRegion(
-            self.name, self.rank, pieces=self._pieces(errors), margin=self.margin + errors
+            self.name, self.rank, pieces=self._pieces(errors), margin=self.margin + FINE + errors
         )
         object.__setattr__(self, "_seen", seen)
 
