@@ -291,15 +291,14 @@ class Sensor:
         self._next = 0.0
 
     def at(self, time: float, x: Array) -> Scan:
-        """Return the newest scan that has come through at a time [s], aged to it."""
+        """Return the newest scan that has come through at a time [s]."""
         if time >= self._next - 1e-9:
             self._next += 0.1
             if self._rng.random() >= LOST or not self._taken:
                 self._taken.append((time, self._look(x)))
         come = [one for one in self._taken if one[0] <= time - LATENCY + 1e-9] or self._taken[:1]
-        then, scan = come[-1]
         self._taken = self._taken[-4:]
-        return scan.aged(max(0.0, time - then))
+        return come[-1][1]
 
     def _look(self, x: Array) -> Scan:
         angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)

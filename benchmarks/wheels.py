@@ -157,6 +157,8 @@ def loop(
     link: Link = PERFECT,
     seed: int = 0,
     until: Callable[[Array], bool] = lambda pose: False,
+    walls: Sequence[Barrier] | None = None,
+    sees: Callable[[float, Moving], None] = lambda now, robot: None,
 ) -> Driven:
     """Run a robot's own loop, as a node runs it: commands at 20 Hz, odometry as it comes.
 
@@ -169,8 +171,11 @@ def loop(
         link: of the odometry.
         seed: of what is lost and late.
         until: pose → whether it has arrived.
+        walls: what is there; None for what the filter knows.
+        sees: called in every control step, with the time [s], before what the filter is asked.
     """
-    rng, regions = np.random.default_rng(seed), BarrierSet([door.barriers])
+    rng = np.random.default_rng(seed)
+    regions = BarrierSet([door.barriers if walls is None else walls])
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
     waiting: list[tuple[float, float, Array, Array]] = []
     newest: tuple[float, Array, Array] | None = None
@@ -179,6 +184,7 @@ def loop(
     said, commanded = -np.inf, -np.inf
     for k in range(round(seconds / CONTROL_DT)):
         now = 100.0 + CONTROL_DT * k
+        sees(now, robot)
         if now - said >= 1.0 / link.rate - 1e-9:
             said = now
             if dropped == 0 and rng.random() * link.burst < link.lost:
@@ -411,7 +417,7 @@ MAX_AGE = 0.4
 """That the loops believe [s]."""
 
 
-def _boxes(rng: np.random.Generator) -> list[Barrier]:
+def boxes_of(rng: np.random.Generator) -> list[Barrier]:
     """Return six boxes in a room of 8 m, none at the start."""
     walls: list[Barrier] = [
         HalfPlane(f"wall {k}", 1, normal, -4.0)
@@ -433,9 +439,9 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
         runs = []
         for seed in range(count):
             rng = np.random.default_rng([3, seed])
-            boxes, reach = _boxes(rng), walker.reach
+            boxes, reach = boxes_of(rng), walker.reach
             door = VelocityFilter(walker, boxes, period=LONGEST, max_age=MAX_AGE)
-            planner = _hostile(boxes, walker.command, rng)
+            planner = hostile(boxes, walker.command, rng)
             start = Moving(walker, np.zeros(3), seed)
             runs.append(loop(door, start, planner, reach, 20.0, link, seed))
         shares = [run.length / (lengths[k] or run.length) for k, run in enumerate(runs)]
@@ -451,9 +457,18 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
         )
 
 
-def _hostile(barriers: Sequence[Barrier], command: Command, rng: np.random.Generator) -> Planner:
-    """Return a planner that drives at the nearest region, wanders, backs off and spins in turn."""
-    state = {"mode": 0, "left": 0, "drawn": np.zeros(len(command.limits))}
+def hostile(
+    barriers: Sequence[Barrier],
+    command: Command,
+    rng: np.random.Generator,
+    *,
+    wanders: bool = True,
+) -> Planner:
+    """Return a planner that drives at the nearest region, wanders, backs off and spins in turn.
+
+    One that does not wander drives at what is nearest alone.
+    """
+    state = {"mode": 0, "left": 0 if wanders else -1, "drawn": np.zeros(len(command.limits))}
 
     def plan(pose: Array) -> Array:
         if state["left"] == 0:
@@ -506,9 +521,9 @@ def logs(quick: bool, count: int) -> Iterator[str]:
             robot, least = Robot(walker.command, found, walker.reach), []
             for seed in range(2 if quick else 10):
                 draw = np.random.default_rng([6, seed])
-                boxes = _boxes(draw)
+                boxes = boxes_of(draw)
                 door = VelocityFilter(robot, boxes, period=PERIOD)
-                planner = _hostile(boxes, walker.command, draw)
+                planner = hostile(boxes, walker.command, draw)
                 moving = Moving(walker, np.zeros(3), seed)
                 least.append(loop(door, moving, planner, walker.reach, 20.0, seed=seed).least)
             yield f"  filtered by it: least {min(least):+.3f} m in {len(least)} hostile loops"

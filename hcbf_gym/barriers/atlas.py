@@ -15,13 +15,18 @@ class Atlas:
     What several scenes share stands there once. What no scene holds any more is cleared away when
     room is short.
 
+    Args:
+        before: what stands there is not copied, and no more is put there: a scan beside a large map
+            costs what the scan does.
+
     Attributes:
         numbers: (L,) `Pieces.packed` of all of them; None as long as there was none.
         held: (scene, place) → the class of a map that stands there.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, before: "Atlas | None" = None) -> None:
         self.numbers: Array | None = None
+        self._before = before if before else None  # one without a map would lead to its own
         self.held: dict[Place, Mapped] = {}
         self._begins: dict[Pieces, int] = {}  # by the objects: a copy of an atlas has its own
         self._end = 0
@@ -42,6 +47,10 @@ class Atlas:
             barrier: the class.
             parameters: (N, m, WIDTH) of the set, written to; of every class where others move.
         """
+        if self._before is not None:
+            before, self._before = self._before, None
+            self.numbers, self._end = before.numbers, before._end
+            self._begins = before._begins.copy()
         self.held[place] = barrier
         pieces = barrier.pieces
         if pieces not in self._begins:

@@ -34,7 +34,7 @@ ROOM = 256
 
 @dataclass(frozen=True, eq=False)
 class Mapped(Barrier):
-    """What classes of a map share: pieces, and what is reserved around them.
+    """What classes of a map and scans share: pieces, and what is reserved around them.
 
     For two-input filters of the planar double integrator.
 
@@ -43,14 +43,10 @@ class Mapped(Barrier):
         priority: 1 is the highest and strict.
         pieces: what covers the cells.
         margin: reserved around the pieces besides the robot's own margins [m].
-        grid: of the map, for guidance.
-        cells: (rows, columns) of the class in that grid, row 0 the lowest.
     """
 
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
-    grid: Grid = field(kw_only=True)
-    cells: Mask = field(kw_only=True, repr=False)
     code: ClassVar[int] = MAPPED
 
     def __eq__(self, other: object) -> bool:
@@ -71,8 +67,8 @@ class Mapped(Barrier):
         return self.code
 
     def moved(self, step: Array) -> Self:
-        """Return the same cells a step (2,) [m] away."""
-        return replace(self, pieces=self.pieces.moved(step), grid=self.grid.moved(step))
+        """Return the same pieces a step (2,) [m] away."""
+        return replace(self, pieces=self.pieces.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
         """Return what lies about as near as the nearest piece: (k,) distances, nearest first.
@@ -107,7 +103,24 @@ class Mapped(Barrier):
 
 
 @dataclass(frozen=True, eq=False)
-class MappedRegion(Mapped):
+class OnGrid(Mapped):
+    """What classes of cells share.
+
+    Args:
+        grid: of the map, for guidance.
+        cells: (rows, columns) of the class in that grid, row 0 the lowest.
+    """
+
+    grid: Grid = field(kw_only=True)
+    cells: Mask = field(kw_only=True, repr=False)
+
+    def moved(self, step: Array) -> Self:
+        """Return the same cells a step (2,) [m] away."""
+        return replace(super().moved(step), grid=self.grid.moved(step))
+
+
+@dataclass(frozen=True, eq=False)
+class MappedRegion(OnGrid):
     """The outside of the cells of a class: h is the signed distance to the nearest piece.
 
     Args:
@@ -123,7 +136,7 @@ class SeenRegion(Mapped):
 
 
 @dataclass(frozen=True, eq=False)
-class MappedZone(Mapped):
+class MappedZone(OnGrid):
     """A speed limit inside the cells of a class, before which the robot brakes; see `zone`.
 
     Args:

@@ -33,13 +33,13 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import kernels, layout, zone
-from hcbf_gym.barriers.shapes import half_plane
+from hcbf_gym.barriers.shapes import convex_polygon, half_plane
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import Uncertainty
 
 MARGIN, RATE, QUICKENING, LEANING = range(4)
-"""What `derive` writes into the first axis of its output: m, ṁ, m̈, and the tracking error's part of
-m, less what `cap` cuts off of it."""
+"""What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
+tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""
 
 
 class Known(NamedTuple):
@@ -108,6 +108,8 @@ def derive(
             out[LEANING, k] = settings.cap
             continue
         out[MARGIN, k] = settings.distance + settings.body
+        if kind[k] == convex_polygon.CODE:
+            out[LEANING, k] = convex_polygon.used(parameters[k])
         if certain:
             continue
         jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
@@ -124,7 +126,7 @@ def derive(
             out[RATE, k], out[QUICKENING, k] = _growing(
                 settings, _along(covariance, 2, nx, ny), growth, period
             )
-        out[LEANING, k] = settings.cap - abs(settings.cap - tracking)
+        out[LEANING, k] += settings.cap - abs(settings.cap - tracking)
         out[MARGIN, k] += min(tracking, settings.cap) + ahead + deviation
 
 

@@ -43,19 +43,24 @@ class Pieces:
         frame: x [m], y [m] and yaw [rad] of the grid's origin.
         around: how many of them, the last, lie around the others and reach far beyond: buckets are
             made for the others.
+        used: what of their margin errors of measurement may use [m], of at most 7 corners each.
 
     Attributes:
         packed: (L,) the numbers that compiled code reads.
     """
 
-    def __init__(self, corners: Array, count: Integers, frame: Frame, around: int = 0):
+    def __init__(
+        self, corners: Array, count: Integers, frame: Frame, around: int = 0, used: float = 0.0
+    ):
         blocks = np.zeros((len(count), layout.WIDTH))
         blocks[:, convex_polygon.COUNT] = count
         inner = np.arange(corners.shape[1]) < count[:, None]
         kept = np.where(inner[..., None], corners, 0.0).reshape(len(count), 2 * corners.shape[1])
         blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
+        if used > 0.0:
+            blocks[:, convex_polygon.USED] = used
         x, y, yaw = frame
-        self._frame, self._around = frame, around
+        self._frame, self._around, self._used = frame, around, used
         self.packed = _packed(blocks, float(x), float(y), float(yaw), len(count) - around)
         self.packed.flags.writeable = False
 
@@ -70,7 +75,7 @@ class Pieces:
         x, y, yaw = self._frame
         frame = x + float(step[0]), y + float(step[1]), yaw
         count = blocks[:, convex_polygon.COUNT].astype(np.int64)
-        return Pieces(corners, count, frame, self._around)
+        return Pieces(corners, count, frame, self._around, self._used)
 
     @cached_property
     def polygons(self) -> list[Array]:

@@ -19,13 +19,14 @@ from hcbf_gym.models.constants import FARTHEST
 SPEED_LIMIT = "speed-limit"
 
 
-def scenes_of(barriers: object, count: int) -> BarrierSet:
+def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) -> BarrierSet:
     """Return the scenes of N plants.
 
     Args:
         barriers: a sequence of barriers, which all plants share; N such sequences, where shorter
             ones get conditions that always hold; or a `BarrierSet` of N scenes.
         count: N.
+        before: as `BarrierSet` takes it.
 
     Raises:
         InvalidInputError: if it is none of them.
@@ -39,7 +40,7 @@ def scenes_of(barriers: object, count: int) -> BarrierSet:
     if not isinstance(barriers, Sequence) or isinstance(barriers, str):
         raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
     if any(isinstance(entry, Barrier | Shapes | Several) for entry in barriers) or not barriers:
-        one = BarrierSet([tuple(barriers)])
+        one = BarrierSet([tuple(barriers)], before if count == 1 else None)
         return one if count == 1 else one.repeated(count)
     if len(barriers) != count or not all(_is_list(scene) for scene in barriers):
         raise InvalidInputError(
@@ -47,7 +48,7 @@ def scenes_of(barriers: object, count: int) -> BarrierSet:
             f"barriers for all plants, or {count} lists, one for each"
         )
     most = max(map(length, barriers))
-    return BarrierSet([_filled(tuple(scene), most) for scene in barriers])
+    return BarrierSet([_filled(tuple(scene), most) for scene in barriers], before)
 
 
 def scenes_of_arrays(

@@ -49,6 +49,7 @@ class BarrierSet:
 
     Args:
         scenes: N sequences of m barriers; `Shapes` and what is `Several` count as so many.
+        before: a set that nobody sets any more, whose pieces of maps stay where they stand.
 
     Raises:
         InvalidInputError: if the scenes differ in length, or an entry is no `Barrier`.
@@ -66,7 +67,7 @@ class BarrierSet:
         atlas: where the pieces of maps stand.
     """
 
-    def __init__(self, scenes: Sequence[Sequence[Entry]]):
+    def __init__(self, scenes: Sequence[Sequence[Entry]], before: "BarrierSet | None" = None):
         lengths = {length(scene) for scene in scenes}
         if len(lengths) != 1:
             raise InvalidInputError(
@@ -81,7 +82,7 @@ class BarrierSet:
         self.version = np.zeros(len(scenes), dtype=np.int64)
         self.edits = 0
         self.own: dict[tuple[int, int], Barrier] = {}
-        self.atlas = Atlas()
+        self.atlas = Atlas(None if before is None else before.atlas)
         self.entries: list[Sequence[Entry]] = [()] * len(scenes)
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)

@@ -12,6 +12,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import margins
 from hcbf_gym.compilation import kernel, put
+from hcbf_gym.filtering.verdict import NEWS
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.models.reduced_order import double_integrator_step
@@ -65,7 +66,7 @@ def look(plant: Any, state: State) -> int:
         plant.follows = 0
         return reason
     if plant.follows == 0:
-        plant.news = 1
+        plant.news = NEWS
     put(state.believed, state.x)
     plant.believed_at = time
     plant.known = 1

@@ -34,6 +34,7 @@ from hcbf_gym.filtering.covering import Covering
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filtering.verdict import COMPARED, NEWS
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
@@ -305,7 +306,9 @@ class FilterCore(Configured, ABC):
         news = np.ones(self.count, dtype=np.bool_)
         if scene is self._scene:
             news = scene.version != self._version
-        self._samples.plants["news"][news] = 1
+        plants = self._samples.plants
+        compared = scene is not self._scene and self._looks_back()
+        plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
         self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
         self.covering.change(news & ~self._fresh)
         self.covering.tell(self._buffer.plants)
@@ -317,6 +320,13 @@ class FilterCore(Configured, ABC):
                 self._check_inputs(*self._accept(scene))
         except UNREADABLE as error:
             self._refused, self._refusal = True, error
+
+    def _looks_back(self) -> bool:
+        """Write what strict conditions lack of the scene until now; return whether that is known.
+
+        Where a scene is changed in place, and of other models, nobody knows it.
+        """
+        return False
 
     def _moves(self, scene: BarrierSet) -> bool:
         """Return whether a scene depends on time."""
@@ -342,7 +352,8 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
-        return scenes_of(barriers, self.count)
+        listed = self._listed is not None  # and so the set was made here
+        return scenes_of(barriers, self.count, self._scene if listed else None)
 
     def _read_static(self) -> None:
         """Take barriers that never change, and refuse what cannot be.

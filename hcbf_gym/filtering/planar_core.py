@@ -80,6 +80,28 @@ class PlanarCore(FilterCore):
         self._checked = own
         return own, reaches
 
+    def _looks_back(self) -> bool:
+        """Write what strict conditions lack of the scene until now; return whether that is known.
+
+        The filter is asked as if the scene had stayed, and forgets that it was.
+        """
+        scene, samples, buffer = self._scene, self._samples, self._buffer
+        stands = scene.edits == self._edits and scene.kind.shape[1] == self._m
+        if self._refused or scene.own or not stands:
+            return False
+        before = samples.remembered()
+        buffer.renew()
+        buffer.u_nominal[...] = 0.0
+        numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
+        self._filter((*numbers, scene.atlas.numbers), self._no_rows)
+        plants = samples.plants
+        least = {name: plants[name].copy() for name in ("kept", "headway")}
+        samples.restore(before)
+        unseen = plants["news"] != 0  # by any step: what was before that counts, too
+        for name, now in least.items():
+            plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
+        return True
+
     def _enter(self, goal: Any, extent: Any) -> None:
         """Look at the scenes that begin."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)

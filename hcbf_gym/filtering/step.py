@@ -475,9 +475,9 @@ def _conclude(c: Any, drives: Drives, p: Plants, w: Work, i: int) -> None:
     if believed:
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
         of_rows = h, w.margin[0, i], w.margin[LEANING, i], psi
-        lacks = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
-        violated = verdict.is_violated(plant, lacks, plant.elapsed, c.settles)
-        told.proved = 0 if lacks.any else 1
+        short = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
+        violated = verdict.is_violated(plant, short, plant.elapsed, c.settles)
+        told.proved = 0 if verdict.lacks(short) else 1
     if drives is not None:
         for k in range(m):
             violated |= p.priority[i, k] == 1 and slack[k] > 0.0

@@ -5,10 +5,12 @@ the position. A step at which both hold is *proved*. One at which they do not is
 brought it there: a conflict, a push, a fix, barriers that are news.
 
 There is one exception. m is also there to be used: by a robot that sways and leans beside its
-model. With e what it may use of m without a word (the tracking error's part, less what `cap` cuts
-off of it, and half of the constant part d), such a step is not proved, but VIOLATED only where
-h < m − e, or ḣ − ṁ + α₁(h − m + e) stays below zero for longer than the robot takes to follow, or
-news left it so. A robot that is its model has e = 0.
+model, and by the errors of a scan. With e what they may use of m without a word (the tracking
+error's part, less what `cap` cuts off of it, half of the constant part d, and what a scan reserves
+for its noise and for what walks), such a step is not proved, but VIOLATED only where h < m − e, or
+ḣ − ṁ + α₁(h − m + e) stays below zero for longer than the robot takes to follow, or news left it
+so. What is handed over anew is news where one of the two falls below what it was without it. Of a
+robot that is its model, among what was not measured, e = 0.
 """
 
 from typing import Any, NamedTuple
@@ -28,8 +30,14 @@ BACKUP = int(FilterStatus.BACKUP)
 SHORT = 1e-4
 """By how much h − m [m] and ψ [m/s] may be below zero: both return to it without end."""
 
+COMPARED, NEWS = 1, 2
+"""What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
+a state after none."""
+
 MEMORY = [
-    ("news", "i8"),  # whether barriers, or a state after none, came in unforeseen
+    ("news", "i8"),  # one of these, 0 for nothing
+    ("kept", "f8"),  # the least h − m at this sample [m]; with news, of the barriers before
+    ("headway", "f8"),  # likewise the least ψ [m/s]
     ("unproved", "i8"),  # whether news left something short, until nothing is
     ("closing", "f8"),  # for how long ψ has been below zero [s]
 ]
@@ -40,14 +48,16 @@ class Shortfall(NamedTuple):
     """What the strict conditions on the position lack at one sample.
 
     Attributes:
-        any: whether h is below m, or ψ below zero.
-        near: whether h is below m − e.
-        fast: whether ψ, with m − e for m, is below zero.
+        kept: the least h − m [m].
+        headway: the least ψ [m/s].
+        kept_at_most: as `kept`, with m − e for m.
+        headway_at_most: likewise.
     """
 
-    any: bool
-    near: bool
-    fast: bool
+    kept: float
+    headway: float
+    kept_at_most: float
+    headway_at_most: float
 
 
 @kernel(error_model="numpy")
@@ -67,44 +77,53 @@ def shortfall(
         strict: (m,) which conditions are of rank 1 and on the position.
         h: (m,).
         margin: (m,) m.
-        leaning: (m,) the tracking error's part of it.
+        leaning: (m,) what of it the tracking error and errors of measurement may use.
         psi: (m,) ψ.
         dip: what usual rows reserve against dips between samples; 0 for held rows.
         sway: what of the constant part a robot may use that is not its model.
         alpha1: (4,) α₁.
     """
-    lacks = near = fast = False
+    least = least_psi = at_most = psi_at_most = np.inf
     for k in range(strict.size):
         if not strict[k]:
             continue
-        kept, spare = h[k] - margin[k] + dip, psi[k]
-        if spare < -SHORT and dip > 0.0:
+        kept, spare, used = h[k] - margin[k] + dip, psi[k], leaning[k] + sway
+        if dip > 0.0:
             spare += class_k.value(alpha1, kept) - class_k.value(alpha1, kept - dip)
-        lacks |= kept < -SHORT or spare < -SHORT
-        used = leaning[k] + sway
-        near |= kept + used < -SHORT
-        if spare < -SHORT and used > 0.0:
+        least, least_psi = min(least, kept), min(least_psi, spare)
+        if used > 0.0:
             spare += class_k.value(alpha1, kept + used) - class_k.value(alpha1, kept)
-        fast |= spare < -SHORT
-    return Shortfall(lacks, near, fast)
+        at_most, psi_at_most = min(at_most, kept + used), min(psi_at_most, spare)
+    return Shortfall(least, least_psi, at_most, psi_at_most)
+
+
+@kernel(inline="always")
+def lacks(short: Shortfall) -> bool:
+    """Return whether h is below m, or ψ below zero."""
+    return short.kept < -SHORT or short.headway < -SHORT
 
 
 @kernel(error_model="numpy")
-def is_violated(memory: Any, lacks: Shortfall, period: float, settles: float) -> bool:
+def is_violated(memory: Any, short: Shortfall, period: float, settles: float) -> bool:
     """Return whether a step is VIOLATED for what its strict conditions lack, and remember.
 
     Args:
         memory: a record with the fields of `MEMORY`, written to.
-        lacks: of this sample.
+        short: of this sample.
         period: T [s]; 0 where it is not known.
         settles: how long a robot takes to follow [s]; 0 for one that is its model.
     """
-    memory.unproved = 1 if lacks.any and (memory.news != 0 or memory.unproved != 0) else 0
-    memory.news = 0
-    memory.closing = memory.closing + period if lacks.fast else 0.0
+    fell = memory.news == NEWS
+    if memory.news == COMPARED:
+        fell = short.kept_at_most < memory.kept - SHORT
+        fell |= short.headway_at_most < memory.headway - SHORT
+    memory.unproved = 1 if lacks(short) and (fell or memory.unproved != 0) else 0
+    memory.news, memory.kept, memory.headway = 0, short.kept, short.headway
+    fast = short.headway_at_most < -SHORT
+    memory.closing = memory.closing + period if fast else 0.0
     exact = settles == 0.0 or period == 0.0
-    lasts = lacks.fast and (exact or memory.closing > settles)
-    return memory.unproved != 0 or lacks.near or lasts
+    lasts = fast and (exact or memory.closing > settles)
+    return memory.unproved != 0 or short.kept_at_most < -SHORT or lasts
 
 
 @kernel()

@@ -133,10 +133,13 @@ class SourceSettings:
         (0.0, 0.0, 0.0), "of a scan: x, y [m] and yaw [rad] of the sensor on the robot, without tf"
     )
     scan_period: float = _parameter(
-        0.1, "of a scan: the longest time between two [s]", low=0.0, high=10.0
+        0.1, "of a scan: how old it is at most when the next one comes [s]", low=0.0, high=10.0
     )
     obstacle_speed: float = _parameter(
         0.0, "of a scan: the fastest thing around [m/s], reserved for scan_period", low=0.0, high=10
+    )
+    range_noise: float = _parameter(
+        0.0, "of a scan: what a range is off by at most [m], reserved", low=0.0, high=1.0
     )
     unknown: int = _parameter(
         1, "of a map: rank of unknown cells and the outside; 0: free", low=0, high=LOWEST_RANK
@@ -292,6 +295,7 @@ _BELONGS = {
     "mount": ("scan",),
     "scan_period": ("scan",),
     "obstacle_speed": ("scan",),
+    "range_noise": ("scan",),
     "file": GRIDS,
     "unknown": ("map",),
     "filter_info_topic": ("keepout", "speed"),

@@ -88,7 +88,7 @@ def of_scan(source: SourceSettings, beams: Beams, pose: tuple[float, float, floa
     far = np.where(outside, np.inf, far)
     seen = Scan.of_ranges(
         source.name, far, angles, pose, source.scan_period, source.obstacle_speed, source.priority,
-        source.margin,
+        source.margin, source.range_noise,
     )  # fmt: skip
     return (seen,)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hcbf_gym.barriers import Disc
+from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
@@ -63,3 +63,39 @@ def test_a_start_within_the_margin_is_told():
     door.reset()
     _, report = door.step((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
     assert report["status"] < FilterStatus.VIOLATED
+
+
+def wall(at, mapped):
+    """Return a wall ahead, of new objects each time, as a region or as a map."""
+    if mapped:
+        return [floor(wall=(20, 60, round(10 * at), round(10 * at) + 3))]
+    return [HalfPlane("wall", 1, (-1.0, 0.0), -at)]
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_the_same_wall_handed_over_anew_is_no_news_to_a_robot_that_sways(mapped):
+    door = VelocityFilter("holonomic-cart", wall(6.0, mapped), radius=0.2)
+    still, speed = np.zeros(3), 0.02
+    for k in range(60):  # it creeps on a little where it is told to stand
+        door.barriers = wall(6.0, mapped)
+        x = 6.0 - max(0.2733 - 0.05 * speed * k, 0.2163)
+        _, report = door.step(still, (x, 4.0, 0.0), (speed, 0.0, 0.0), 0.05 * k)
+        assert report["status"] < FilterStatus.VIOLATED
+    assert report["h"][0] < report["margin"][0] - 0.05
+    assert not report["proved"]
+    door.barriers = wall(5.8, mapped)
+    _, report = door.step(still, (x - 0.12, 4.0, 0.0), still, 0.05 * 60)
+    assert report["status"] >= FilterStatus.VIOLATED
+
+
+def test_what_was_handed_over_twice_between_two_steps_is_compared_with_what_a_step_has_seen():
+    door = VelocityFilter("holonomic-cart", wall(6.0, False), radius=0.2)
+    still, core = np.zeros(3), door._core
+    for k in range(10):
+        door.step(still, (5.5, 4.0, 0.0), still, 0.05 * k)
+    told = []
+    for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
+        core._take_barriers([*wall(at, False), *door._scene()[1:]])
+        told.append(float(core._samples.plants["kept"][0]))
+    assert told[0] == pytest.approx(0.5 - 0.2 - core.uncertainty.distance, abs=0.01)
+    assert told[1] == told[0]

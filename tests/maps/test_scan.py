@@ -1,13 +1,20 @@
+"""What a scan shows: straight surfaces in the world, whatever pose and beams they were seen by."""
+
 import numpy as np
 import pytest
 
+from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import MapClass, Scan, paying
-from hcbf_gym.maps.scan import REACH
+from hcbf_gym.maps.scan import FINE, REACH
 from tests.maps.floors import cells, room
 
 ANGLES = np.linspace(-np.pi, np.pi, 360, endpoint=False)
 POSE = (1.0, -2.0, 0.7)
+ALONG, NORMAL, OFF = np.array([0.6, 0.8]), np.array([0.8, -0.6]), 3.0
+"""A wall: NORMAL · p = OFF, in no direction of an axis."""
+HERE = np.array([3.1, -0.2])
+"""Half a metre before it."""
 
 
 def h(scan, points):
@@ -15,13 +22,104 @@ def h(scan, points):
     return np.array([scan.conditions[0].h(x) for x in states])
 
 
-def test_every_point_lies_in_a_piece_and_pieces_are_few():
+def beams_at_the_wall(pose, angles=ANGLES, openings=()):
+    """Return ranges of beams that meet the wall, but where it is open: from a to b along it."""
+    beams = np.column_stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])])
+    with np.errstate(divide="ignore"):
+        far = (OFF - NORMAL @ pose[:2]) / (beams @ NORMAL)
+    far = np.where(far > 0.0, far, np.inf)
+    along = (pose[:2] + np.where(far < 50.0, far, 0.0)[:, None] * beams) @ ALONG
+    for low, high in openings:
+        far = np.where((low < along) & (along < high), np.inf, far)
+    return np.where(far < 8.0, far, np.inf)
+
+
+def seen(pose, angles=ANGLES, noise=0.0, rng=None, **options):
+    ranges = beams_at_the_wall(np.array(pose), angles)
+    if rng is not None:
+        ranges = ranges + rng.normal(0.0, noise / 3.0, angles.size)
+    return Scan.of_ranges("laser", ranges, angles, pose, noise=noise, **options)
+
+
+def poses(count, rng):
+    for _ in range(count):
+        x, y = HERE + rng.uniform(-0.05, 0.05, 2)
+        yield x, y, rng.uniform(-np.pi, np.pi)
+
+
+def test_every_point_lies_in_or_beside_a_piece_and_pieces_are_few():
     ranges = 3.0 + np.sin(3.0 * ANGLES)
     scan = Scan.of_ranges("laser", ranges, ANGLES, POSE)
     turned = ANGLES + POSE[2]
-    seen = POSE[:2] + ranges[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
-    assert (h(scan, seen) <= 0.0).all()
-    assert len(scan.conditions[0].pieces) < 360 / 2
+    points = POSE[:2] + ranges[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
+    assert h(scan, points).max() <= FINE
+    assert len(scan.conditions[0].pieces) < 360 / 3
+
+
+def test_a_wall_is_the_same_from_every_pose():
+    rng = np.random.default_rng(0)
+    at = HERE + rng.uniform(-0.3, 0.3, (50, 2))
+    for pose in poses(20, rng):
+        np.testing.assert_allclose(h(seen(pose), at), OFF - at @ NORMAL, atol=2e-6)
+
+
+def test_noise_moves_a_wall_by_less_than_is_reserved():
+    rng = np.random.default_rng(1)
+    for noise in (0.03, 0.06):
+        scans = [seen(pose, noise=noise, rng=rng) for pose in poses(50, rng)]
+        off = np.array([h(scan, HERE[None])[0] for scan in scans]) - (OFF - HERE @ NORMAL)
+        assert np.abs(off).max() < noise
+        assert np.abs(off).mean() < noise / 6.0
+        assert scans[0].conditions[0].margin == pytest.approx(noise + FINE)
+
+
+def test_what_lies_between_two_beams_of_one_surface_is_covered():
+    rng = np.random.default_rng(2)
+    places = OFF * NORMAL + np.linspace(-0.5, 0.5, 200)[:, None] * ALONG + (HERE @ ALONG) * ALONG
+    for beams in (360, 72, 40):
+        angles = np.linspace(-np.pi, np.pi, beams, endpoint=False)
+        for pose in poses(10, rng):
+            assert h(seen(pose, angles), places).max() <= 0.0
+
+
+def test_dropped_beams_leave_no_hole_and_openings_stay_open():
+    rng = np.random.default_rng(3)
+    middle = HERE @ ALONG
+    gap = OFF * NORMAL + np.array([[middle, middle + 0.3]]).T * ALONG
+    for x, y, yaw in poses(20, rng):
+        ranges = beams_at_the_wall(np.array([x, y, yaw]))
+        dropped = np.where(rng.random(360) < 0.3, np.inf, ranges)
+        scan = Scan.of_ranges("laser", dropped, ANGLES, (x, y, yaw))
+        np.testing.assert_allclose(h(scan, HERE[None]), OFF - HERE @ NORMAL, atol=0.01)
+        assert h(scan, gap).max() <= 0.0
+        door = beams_at_the_wall(np.array([x, y, yaw]), openings=[(middle - 0.4, middle + 0.4)])
+        free = h(Scan.of_ranges("laser", door, ANGLES, (x, y, yaw)), gap[:1])[0]
+        assert 0.38 < free < 0.45
+
+
+def test_what_stands_before_a_wall_is_not_joined_to_it():
+    angles = np.radians(np.arange(-45.0, 45.0))
+    ranges = np.where(np.abs(np.degrees(angles)) < 6.0, 1.0, 3.0) / np.cos(angles)
+    scan = Scan.of_ranges("laser", ranges, angles, (0.0, 0.0, 0.0))
+    assert h(scan, np.array([[2.0, 0.4]]))[0] > 0.2
+    assert h(scan, np.array([[1.0, 0.0], [3.0, 1.0]])).max() <= 0.0
+
+
+def test_its_depth_changes_no_distance_from_where_it_was_seen():
+    points = np.array([[1.0, y] for y in np.arange(-0.5, 0.5, 0.02)])
+    thin, thick = (Scan("laser", points, (0.0, 0.0, 0.0), depth=d) for d in (0.01, 1.0))
+    before = np.random.default_rng(5).uniform([-1.0, -2.0], [0.99, 2.0], (50, 2))
+    np.testing.assert_allclose(h(thin, before), h(thick, before), atol=1e-12)
+    assert h(thick, np.array([[1.3, 0.0]]))[0] == pytest.approx(-0.3, abs=1e-3)
+    assert h(thin, np.array([[1.3, 0.0]]))[0] > 0.2
+
+
+def test_a_ring_around_the_sensor_is_closed():
+    for first in (0.0, 0.7, 3.0):
+        angles = first + np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+        scan = Scan.of_ranges("laser", np.ones(90), angles, (0.0, 0.0, 0.0))
+        turn = np.linspace(0.0, 2.0 * np.pi, 500)
+        assert h(scan, np.column_stack([np.cos(turn), np.sin(turn)])).max() < FINE
 
 
 def test_nothing_in_sight_is_free():
@@ -41,12 +139,9 @@ def test_a_point_just_within_reach_is_seen():
     assert h(scan, np.array([[far, far]]))[0] <= 0.0
 
 
-def test_age_times_speed_is_reserved():
-    scan = Scan("laser", [[1.0, 0.0]], POSE, age=0.1, speed=2.0, margin=0.05)
-    assert scan.conditions[0].margin == pytest.approx(0.25)
-    older = scan.aged(0.3)
-    assert older.conditions[0].margin == pytest.approx(0.65)
-    assert older.conditions[0].pieces is scan.conditions[0].pieces
+def test_speed_times_period_is_reserved_all_the_time():
+    scan = Scan("laser", [[1.0, 0.0]], POSE, period=0.1, speed=2.0, margin=0.05, noise=0.01)
+    assert scan.conditions[0].margin == pytest.approx(0.26 + FINE)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +151,9 @@ def test_age_times_speed_is_reserved():
         {"points": ["a"]},
         {"points": [[np.nan, 0.0]]},
         {"pose": (0.0, np.nan, 0.0)},
-        {"age": -0.1},
+        {"period": -0.1},
+        {"depth": 0.0},
+        {"noise": np.nan},
         {"speed": np.inf},
     ],
 )
@@ -79,3 +176,28 @@ def test_who_pays_is_named_with_the_place():
     assert ranked.distance([only.place], 2)[0] <= 1e-9
     away = max(ranked.distance([at], 2)[0], 0.0)
     assert np.linalg.norm(only.place - at) == pytest.approx(away)
+
+
+def test_a_map_beside_new_scans_stays_where_it_stands():
+    rng, floor = np.random.default_rng(4), room(0)
+    last, arrays, at = (
+        None,
+        [],
+        np.column_stack([rng.uniform(0.0, 4.0, (20, 2)), np.zeros((20, 2))]),
+    )
+    for k in range(60):
+        scan = Scan("laser", rng.uniform(-2.0, 2.0, (3, 2)), (2.0, 2.0, 0.1 * k))
+        listed = [Disc("post", 1, (1.0, 1.0), 0.1)] if k % 20 == 19 else [floor, scan]
+        made = BarrierSet([listed], last)
+        np.testing.assert_array_equal(
+            made.along(at, np.zeros(20)), BarrierSet([listed]).along(at, np.zeros(20))
+        )
+        if last is not None and len(last.entries[0]) == 2:  # the old set still says what it said
+            np.testing.assert_array_equal(
+                last.along(at, np.zeros(20)), BarrierSet(last.entries).along(at, np.zeros(20))
+            )
+        if made.atlas:
+            arrays.append(made.atlas.numbers)
+        last = made
+    assert len({id(one) for one in arrays}) < 20
+    assert max(one.size for one in arrays) < 2 * arrays[0].size

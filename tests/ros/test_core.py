@@ -6,6 +6,7 @@ import pytest
 from benchmarks.ros import faults
 from benchmarks.ros.drive import HARDEST, SCAN, Drive
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.maps.scan import FINE
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
 from hcbf_gym.ros.sources import Beams, grid_of
@@ -155,6 +156,13 @@ def test_a_scan_is_placed_by_the_pose_at_its_stamp():
     scan = d.core.of_scan("scan", _beams(d), stamp)[0]
     corner = np.array([d.pose[0] - 0.08 + 0.1, 1.0])  # one beam, ahead of a sensor that looks left
     assert abs(scan.conditions[0].nearest(np.array([*corner, 0.0, 0.0]))[0]) < 0.1
+
+
+def test_what_a_scan_reserves_stands_in_its_parameters_and_does_not_grow():
+    reserves = {"scan.margin": 0.1, "scan.range_noise": 0.03, "scan.obstacle_speed": 0.5}
+    d = Drive({**SCAN, **reserves, "scan.scan_period": 0.2}).run(1.0)
+    (seen,) = d.core.sources["scan"].entries
+    assert seen.conditions[0].margin == pytest.approx(0.1 + 0.03 + 0.1 + FINE)
 
 
 def test_a_pose_topic_places_the_odometry():

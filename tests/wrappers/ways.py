@@ -29,6 +29,7 @@ FAR = 20.0
 AHEAD = np.array([LIMIT, 0.0])
 CALM = FilterStatus.VIOLATED  # what is below it promises something
 HALF, THICK = 3.0, 1.0
+AFAR = 5.0
 GRID = maps.Grid(0.05, (-5.0, -HALF, 0.0), (120, 600))
 
 
@@ -61,10 +62,11 @@ class Scene:
         return [maps.RankedMap(GRID, (maps.MapClass("wall", 1, "keepout", cells),)), *self.others]
 
     def scanned(self):
-        """All of the wall as points: a scan of its near side alone would be hollow."""
-        x, y = np.meshgrid(self.wall + np.arange(0.02, THICK, 0.04), np.arange(-HALF, HALF, 0.04))
-        points = np.column_stack([x.ravel(), y.ravel()])
-        return [maps.Scan("wall", points, (0.0, 0.0, 0.0)), *self.others]
+        """The near side, as a sensor sees it from afar, and all that is behind it."""
+        y = np.arange(-HALF, HALF + 0.02, 0.04)
+        points = np.column_stack([np.full(y.size, AFAR), y])
+        pose = (self.wall - AFAR, 0.0, 0.0)
+        return [maps.Scan("wall", points, pose, depth=THICK), *self.others]
 
     def distance(self, x, t):
         """How far a point is from what is strict [m]."""

@@ -27,6 +27,8 @@ CODE = 3
 COUNT, FIRST = 2, 3  # x and y of each corner from FIRST on [m]
 MAX_VERTICES = (layout.WIDTH - FIRST) // 2
 """Most corners of a polygon."""
+USED = layout.WIDTH - 1
+"""Of fewer corners than that: what of its margin errors of measurement may use [m]."""
 
 
 @kernel()
@@ -45,6 +47,12 @@ def _count(c: Array) -> int:
     """Return how many corners there are, within what a block can hold."""
     count = c[COUNT]
     return int(count) if 1.0 <= count <= MAX_VERTICES else 1
+
+
+@kernel(error_model="numpy")
+def used(c: Array) -> float:
+    """Return what of its margin errors of measurement may use [m]."""
+    return c[USED] if c[COUNT] < MAX_VERTICES else 0.0
 
 
 @kernel(error_model="numpy")

@@ -1,0 +1,383 @@
+"""Scans of walls that stand, and of people who walk: what is said, entered, reached and touched.
+
+Robots drive behind `VelocityFilter` in rooms that they see by a scan at 10 Hz, at every angle to
+the world's axes. ``python -m benchmarks.scans --part walls`` prints one part, ``--quick`` a little
+of each. Entries are judged by the exact geometry.
+"""
+
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import tyro
+
+from benchmarks.wheels import CONTRACTS, LONGEST, Moving, hostile, loop, pursuit
+from hcbf_gym import VelocityFilter
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.maps import Scan
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.robots import Walker
+
+PERIOD, RANGE = 0.1, 10.0
+"""From one scan to the next [s], and how far beams reach [m]."""
+SIDE = 4.0
+"""From the middle of a room to its walls [m]."""
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": str(CONTRACTS / "go1.json")}
+NEAR = 0.35
+"""Of the goal [m]."""
+PERSON, PACE, PEOPLE = 0.25, 0.5, 3
+"""Radius [m] and speed [m/s] of a person, and how many there are."""
+MARGINS = 0.0, 0.3
+"""Of a scan of people [m]: none, and by how much a cart falls short before it goes at `PACE`."""
+CREEPS = 0.02
+"""Below it nobody's velocity points anywhere [m/s]."""
+STEP = 0.5
+"""A way is free that leads so far [m]."""
+
+
+class Case(NamedTuple):
+    """How a room is seen.
+
+    Attributes:
+        beams: all around; 0 where the filter knows the walls, to see what is the robot's own.
+        error: standard deviation of a range [m].
+        dropped: share of beams that see nothing.
+        speed: that the scan reserves for [m/s].
+        rests: whether the robot drives at a wall and stays there.
+        margin: of the scan [m].
+    """
+
+    beams: int = 360
+    error: float = 0.0
+    dropped: float = 0.0
+    speed: float = 0.0
+    rests: bool = False
+    margin: float = 0.0
+
+
+CASES = {
+    "no scan": Case(0),
+    "perfect": Case(),
+    "speed .5 m/s": Case(speed=0.5),
+    "noise 1 cm": Case(error=0.01),
+    "noise 2 cm": Case(error=0.02),
+    "72 beams": Case(72),
+    "30 % dropped": Case(dropped=0.3),
+    "at rest, no scan": Case(0, rests=True),
+    "at rest": Case(rests=True),
+    "at rest, noise 1 cm": Case(error=0.01, rests=True),
+}
+
+
+class Room(NamedTuple):
+    """Walls and boxes.
+
+    Attributes:
+        walls: as barriers.
+        edges: (k, 2, 2) of them [m].
+    """
+
+    walls: list[Barrier]
+    edges: Array
+
+
+def room_of(seed: int, boxes: int = 6) -> Room:
+    """Return a room of 8 m with boxes, none at its middle, turned as the seed says."""
+    rng = np.random.default_rng([12, seed])
+    yaw = rng.uniform(-math.pi, math.pi)
+    turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    inside = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+    walls: list[Barrier] = [
+        HalfPlane(f"wall {k}", 1, tuple((np.array(n) @ turn).tolist()), -SIDE)
+        for k, n in enumerate(inside)
+    ]
+    outlines = [SIDE * SQUARE @ turn]
+    while len(outlines) <= boxes:
+        center, half = rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
+        if float(np.hypot(*center)) > 1.3 + float(np.hypot(*half)) - 0.3:
+            corners = (center + half * SQUARE) @ turn
+            outlines.append(corners)
+            name = f"box {len(outlines) - 2}"
+            walls.append(ConvexPolygon(name, 1, tuple((x, y) for x, y in corners.tolist())))
+    edges = [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in outlines]
+    return Room(walls, np.concatenate(edges))
+
+
+def ranges_of(edges: Array, discs: Array, pose: Array, angles: Array) -> Array:
+    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond `RANGE`.
+
+    Args:
+        edges: (n, 2, 2) [m].
+        discs: (m, 3) centre and radius [m].
+        pose: (3,) of the sensor.
+        angles: (k,) of the beams in its axes [rad].
+    """
+    beams = np.column_stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])])
+    to, along = edges[:, 0] - pose[:2], edges[:, 1] - edges[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = np.cross(beams[:, None], along)
+        far = np.cross(to, along) / across
+        part = np.cross(to, beams[:, None]) / across
+        far = np.where((far > 0.0) & (part >= 0.0) & (part <= 1.0), far, np.inf)
+    center = discs[:, :2] - pose[:2]
+    ahead = beams @ center.T
+    half2 = discs[:, 2] ** 2 - (center**2).sum(axis=1) + ahead**2
+    met = ahead - np.sqrt(np.maximum(half2, 0.0))
+    met = np.where((half2 > 0.0) & (met > 0.0), met, np.inf).min(axis=1, initial=np.inf)
+    nearest = np.minimum(far.min(axis=1, initial=np.inf), met)
+    return np.where(nearest < RANGE, nearest, np.inf)
+
+
+class Laser:
+    """A scan at 10 Hz that a filter takes as it comes.
+
+    Args:
+        door: the filter.
+        case: how it sees.
+        edges: of what it sees.
+        known: barriers beside the scan.
+        seed: of what is random.
+
+    Attributes:
+        discs: (m, 3) that it sees besides [m].
+    """
+
+    def __init__(
+        self, door: VelocityFilter, case: Case, edges: Array, known: Sequence[Any], seed: int
+    ):
+        self.discs = np.zeros((0, 3))
+        self._door, self._case, self._edges, self._known = door, case, edges, known
+        self._rng, self._due = np.random.default_rng([13, seed]), -math.inf
+        self._angles = np.linspace(-math.pi, math.pi, case.beams, endpoint=False)
+
+    def sees(self, now: float, robot: Moving) -> None:
+        """Take a scan where one is due."""
+        if now < self._due - 1e-9:
+            return
+        self._due = now + PERIOD
+        case, rng, pose = self._case, self._rng, robot.pose
+        ranges = ranges_of(self._edges, self.discs, pose, self._angles)
+        ranges = np.maximum(ranges + case.error * rng.standard_normal(case.beams), 0.0)
+        ranges[rng.random(case.beams) < case.dropped] = np.inf
+        self.takes(now, ranges, self._angles, pose)
+
+    def takes(self, now: float, ranges: Array, angles: Array, pose: Array) -> None:
+        """Hand a scan to the filter."""
+        x, y, yaw = pose.tolist()
+        scan = Scan.of_ranges(
+            "scan", ranges, angles, (x, y, yaw), PERIOD, self._case.speed,
+            margin=self._case.margin, noise=3.0 * self._case.error,
+        )  # fmt: skip
+        self._door.set_barriers([*self._known, scan], look=False)
+
+
+def goal_of(room: Room, reach: float, seed: int) -> Array:
+    """Return (2,) a goal that is some way off, with room around it [m]."""
+    rng, regions = np.random.default_rng([14, seed]), BarrierSet([room.walls])
+    while True:
+        at = rng.uniform(-3.5, 3.5, 2)
+        x = np.array([[*at, 0.0, 0.0]])
+        if np.hypot(*at) > 2.5 and regions.values(x, np.zeros(1)).min() > reach + 0.25:
+            return at
+
+
+def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
+    """Return what hostile drives behind a scan alone showed, and who arrives beside a map."""
+    walker, arrived, runs = Walker.load(ROBOTS[robot]), [0, 0], []
+    guided, guides = np.zeros(len(FilterStatus), dtype=int), case.beams and not case.rests
+    for seed in range(count):
+        room = room_of(seed)
+        known = () if case.beams else room.walls
+        door = VelocityFilter(walker, known, period=LONGEST)
+        laser = Laser(door, case, room.edges, (), seed)
+        rng = np.random.default_rng([15, seed])
+        planner = hostile(room.walls, walker.command, rng, wanders=not case.rests)
+        start = Moving(walker, np.zeros(3), seed)
+        runs.append(
+            loop(
+                door, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
+                sees=laser.sees if case.beams else _nothing,
+            )
+        )  # fmt: skip
+        if not guides:
+            continue
+        goal = goal_of(room, walker.reach, seed)
+        for scanned in (False, True):
+            door = VelocityFilter(
+                walker, room.walls, period=LONGEST, goal=goal, guidance="geodesic"
+            )
+            laser = Laser(door, case, room.edges, room.walls, seed)
+            run = loop(
+                door, Moving(walker, np.zeros(3), seed), lambda _: 0.0 * walker.command.limits,
+                walker.reach, 25.0, seed=seed, walls=room.walls,
+                until=lambda p, g=goal: float(np.hypot(*(p[:2] - g))) < NEAR,
+                sees=laser.sees if scanned else _nothing,
+            )  # fmt: skip
+            arrived[scanned] += float(np.hypot(*(run.path[-1, :2] - goal))) < NEAR
+            guided += run.statuses if scanned else 0
+    statuses = np.sum([run.statuses for run in runs], axis=0)
+    arrivals = "" if not guides else f", guided {share(guided)}, arrive {arrived[0]} → {arrived[1]}"
+    alarms = sum(bool(run.alarms) for run in runs)
+    return (
+        f"{robot}: {name}: {share(statuses)} of steps VIOLATED or UNSAFE, "
+        f"{sum(run.least < 0.0 for run in runs)} of {count} entered, least "
+        f"{min(run.least for run in runs):+.3f} m, alarms {alarms}, "
+        f"fell {sum(run.fell for run in runs)}{arrivals}; statuses {statuses}"
+    )
+
+
+def _nothing(now: float, robot: Moving) -> None:
+    """See nothing."""
+
+
+def share(statuses: Array) -> str:
+    """Return the share of steps that are VIOLATED or worse."""
+    bad = statuses[int(FilterStatus.VIOLATED) :].sum()
+    return f"{100.0 * bad / statuses.sum():.2f} %"
+
+
+class People:
+    """People who walk at where a robot was when they came in, one place after another.
+
+    Args:
+        laser: that sees them.
+        room: with walls alone.
+        walker: the robot.
+        seed: of where they come from.
+
+    Attributes:
+        contacts: of each: the robot's own speed towards the person [m/s], and whether a way away
+            from it was free.
+    """
+
+    def __init__(self, laser: Laser, room: Room, walker: Walker, seed: int):
+        self._laser, self._walker = laser, walker
+        self._walls = BarrierSet([room.walls])
+        self._rng = np.random.default_rng([16, seed])
+        self._corners = room.edges[:, 0]
+        self._at, self._velocity = np.zeros((PEOPLE, 2)), np.zeros((PEOPLE, 2))
+        self._left = np.zeros(PEOPLE, dtype=int)
+        self.contacts: list[tuple[float, bool]] = []
+
+    def walk(self, now: float, robot: Moving) -> None:
+        """Go on, and let the laser see it."""
+        place, yaw = robot.pose[:2], robot.pose[2]
+        for k in range(PEOPLE):
+            if self._left[k] == 0:
+                self._enter(k, place)
+            self._at[k] += CONTROL_DT * self._velocity[k]
+            self._left[k] -= 1
+            to = self._at[k] - place
+            if np.hypot(*to) < PERSON + self._walker.reach:
+                cos, sin = math.cos(yaw), math.sin(yaw)
+                ahead, aside = robot.twist[:2]
+                own = np.array([cos * ahead - sin * aside, sin * ahead + cos * aside])
+                towards = float(own @ to / np.hypot(*to))
+                self.contacts.append((towards, self._is_free(place, yaw, k)))
+                self._left[k] = 0
+        self._laser.discs = np.column_stack([self._at, np.full(PEOPLE, PERSON)])
+        self._laser.sees(now, robot)
+
+    def _enter(self, k: int, place: Array) -> None:
+        """Come in somewhere along the walls, away from the robot, and walk at where it is."""
+        while True:
+            i, part = int(self._rng.integers(4)), float(self._rng.random())
+            at = self._corners[i] + part * (self._corners[(i + 1) % 4] - self._corners[i])
+            if np.hypot(*(at - place)) > 2.5:
+                break
+        self._at[k] = at
+        self._velocity[k] = PACE * (place - at) / np.hypot(*(place - at))
+        self._left[k] = round(1.5 * np.hypot(*(place - at)) / PACE / CONTROL_DT)
+
+    def _is_free(self, place: Array, yaw: float, k: int) -> bool:
+        """Return whether the robot could drive away from person k, by `STEP`."""
+        carts = self._walker.command.sideways is None
+        angles = yaw + (np.array([0.0, math.pi]) if carts else math.tau / 16 * np.arange(16))
+        steps = np.linspace(0.1, 1.0, 10) * STEP
+        for angle in angles:
+            way = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
+            x = np.column_stack([way, np.zeros_like(way)])
+            apart = np.linalg.norm(way[:, None] - self._at, axis=2)
+            others = np.delete(apart, k, axis=1).min() > PERSON + self._walker.reach
+            away = apart[-1, k] > apart[0, k] + 0.5 * STEP
+            reach = self._walker.reach
+            if away and others and all(self._walls.along(x, np.zeros(len(x))).min(axis=1) > reach):
+                return True
+        return False
+
+
+def people(robot: str, margin: float, count: int, seconds: float) -> str:
+    """Return what drives among people showed, where the scan has a margin [m]."""
+    walker, contacts, entered = Walker.load(ROBOTS[robot]), [], 0
+    statuses = np.zeros(len(FilterStatus), dtype=int)
+    for seed in range(count):
+        room = room_of(seed, 0)
+        door = VelocityFilter(walker, room.walls, period=LONGEST)
+        case = Case(speed=PACE, error=0.01, margin=margin)
+        laser = Laser(door, case, room.edges[:0], room.walls, seed)
+        crowd = People(laser, room, walker, seed)
+        rng = np.random.default_rng([17, seed])
+        goals = [(float(x), float(y)) for x, y in rng.uniform(-2.5, 2.5, (40, 2))]
+        planner = pursuit(goals, walker.command, 0.7 * walker.command.forward)
+        start = Moving(walker, np.zeros(3), seed)
+        run = loop(
+            door, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
+            sees=crowd.walk,
+        )  # fmt: skip
+        contacts += crowd.contacts
+        statuses += run.statuses
+        entered += run.least < 0.0
+    own = [towards for towards, _ in contacts if towards > CREEPS]
+    free = sum(free for _, free in contacts)
+    return (
+        f"{robot}, margin {margin} m: {count} drives of {seconds:g} s: {len(contacts)} contacts, "
+        f"in {len(own)} the robot's own velocity points at the person (at most "
+        f"{max(own, default=0.0):.3f} m/s), a way was free at {free}; walls entered {entered}; "
+        f"{share(statuses)} VIOLATED or UNSAFE"
+    )
+
+
+def lines(part: str, robot: str, case: str, count: int, seconds: float) -> Iterator[str]:
+    """Yield each line of the parts."""
+    for known in [robot] if robot else ROBOTS:
+        for name, one in CASES.items():
+            if part in ("all", "walls") and case in ("", name):
+                yield "walls: " + walls(known, name, one, count, seconds)
+        if part in ("all", "people"):
+            for margin in MARGINS:
+                yield "people: " + people(known, margin, count, seconds)
+
+
+def main(
+    part: str = "all",
+    quick: bool = False,
+    robot: str = "",
+    case: str = "",
+    count: int = 20,
+    seconds: float = 20.0,
+) -> None:
+    """Print what is seen.
+
+    Args:
+        part: walls, people, or all.
+        quick: one drive of a cart a row.
+        robot: a name of `ROBOTS`; all if empty.
+        case: a name of `CASES`; all if empty.
+        count: drives a row.
+        seconds: of each.
+    """
+    warnings.simplefilter("ignore")
+    if quick:
+        robot, count, seconds = robot or "cart", 1, 10.0
+    for line in lines(part, robot, case, count, seconds):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
