@@ -43,6 +43,7 @@ class Drive:
         motion: (2,) what it does, as fast as its accelerations let it follow.
         decisions: all, each with its time.
         told: (2,) what the base does after each of them.
+        speeds: of each tick [m/s].
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class Drive:
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
         self.told: list[Array] = []
+        self.speeds: list[float] = []
         self.ranges: Array = np.full(ANGLES.size, np.inf)
         self.scans = "scan" in self.core.sources
 
@@ -110,6 +112,7 @@ class Drive:
         most = TICK * np.array(HARDEST)
         self.motion = self.motion + np.clip(self.velocity - self.motion, -most, most)
         v, w = self.motion
+        self.speeds.append(abs(float(v)))
         yaw = self.pose[2]
         self.pose = self.pose + TICK * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 

@@ -23,7 +23,7 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
 from hcbf_gym.ros.localization import Localization
-from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
+from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings, naming
 from hcbf_gym.ros.sources import Beams, Entries, Source
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
@@ -76,11 +76,14 @@ class NodeCore:
         """Let a source show what no message has to say: a file, or a zone of the parameters."""
         one = source.settings
         if one.file:
-            source.entries = sources.of_grid(one, sources.of_file(one), self.fastest)
+            with naming(f"{one.name}.file"):
+                source.entries = sources.of_grid(one, sources.of_file(one), self.fastest)
         elif one.type == "polygon":
-            source.entries = sources.of_polygon(one, one.points)
+            with naming(f"{one.name}.points"):
+                source.entries = sources.of_polygon(one, one.points)
         elif one.type == "circle" and one.center:
-            source.entries = sources.of_circle(one, one.center, one.radius)
+            with naming(f"{one.name}.center"):
+                source.entries = sources.of_circle(one, one.center, one.radius)
         if one.file or one.type in ZONES:
             source.watch.stand()
 
@@ -269,6 +272,8 @@ class NodeCore:
             self._forget()
         if not self.enabled:
             return self._passed(now)
+        if self._clock.fault(now) is not None:
+            self._filter.reset()  # the robot may move meanwhile, at no time of this clock
         faults = [one for one in (back, *self._faults(now)) if one is not None]
         if not faults and self._last is not None and now.ros == self._last[0]:
             return self._silenced(self._last[1], now)  # a simulator's clock ticks more slowly

@@ -119,6 +119,7 @@ class FilterNode(LifecycleNode):
         try:
             settings = read(self._given())
             _check_imports(settings)
+            self._check_velocities(settings)
             self._core = core = NodeCore(settings)
         except HcbfError as error:
             self.get_logger().error(f"configure: {error}")
@@ -141,6 +142,20 @@ class FilterNode(LifecycleNode):
         slow = self.create_timer(1.0, self._on_second, clock=steady)
         self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
         return super().on_configure(state)
+
+    def _check_velocities(self, settings: Settings) -> None:
+        """Refuse to hear the own velocities, after namespaces and remapping.
+
+        Raises:
+            InvalidInputError: the message names the parameter.
+        """
+        wanted, given = settings.cmd_vel_in_topic, settings.cmd_vel_out_topic
+        whole = self.resolve_topic_name(given)
+        if self.resolve_topic_name(wanted) == whole:
+            raise InvalidInputError(
+                f"parameter cmd_vel_out_topic: got {given!r}, which is {whole} as {wanted!r} of "
+                "cmd_vel_in_topic is, expected another"
+            )
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Begin to publish."""

@@ -4,14 +4,16 @@ Names, meanings and defaults are those of Nav2's collision monitor wherever it h
 meaning. A value that does not fit is refused by its name before the node is active.
 """
 
+import contextlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple, get_type_hints
 
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_float, shown
+from hcbf_gym.errors import InvalidInputError, check_options, finite_float, shown
 
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
@@ -75,7 +77,11 @@ class Parameter(NamedTuple):
     def _text(self, value: Any, label: str) -> str:
         if not isinstance(value, str):
             raise InvalidInputError(f"parameter {label}: got {shown(value)}, expected text")
-        return choose(f"parameter {label}", value, {one: one for one in self.choices or (value,)})
+        if self.choices and value not in self.choices:
+            raise InvalidInputError(
+                f"parameter {label}: got {shown(value)}, expected one of {sorted(self.choices)}"
+            )
+        return value
 
     def _number(self, value: Any, label: str) -> Any:
         low = -float("inf") if self.low is None else self.low
@@ -86,6 +92,22 @@ class Parameter(NamedTuple):
                 raise InvalidInputError(f"parameter {label}: got {number:g}, expected an integer")
             return int(number)
         return number
+
+
+@contextlib.contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Put a parameter's whole name before what is wrong with its value.
+
+    Args:
+        name: whole.
+
+    Raises:
+        InvalidInputError: whatever refuses the value.
+    """
+    try:
+        yield
+    except InvalidInputError as error:
+        raise InvalidInputError(f"parameter {name}: {error}") from error
 
 
 def _parameter(
@@ -144,8 +166,10 @@ class SourceSettings:
     filter_info_topic: str = _parameter(
         "", "of a mask: CostmapFilterInfo, where nav2_msgs can be imported"
     )
-    base: float = _parameter(100.0, "of a speed mask: limit = base + multiplier · value")
-    multiplier: float = _parameter(-1.0, "of a speed mask")
+    base: float = _parameter(
+        100.0, "of a speed mask: limit = base + multiplier · value", low=-1e4, high=1e4
+    )
+    multiplier: float = _parameter(-1.0, "of a speed mask", low=-1e4, high=1e4)
     percent: bool = _parameter(True, "of a speed mask: limits are % of the greatest speed, or m/s")
     points: tuple[float, ...] = _parameter((), "of a polygon: x and y of each corner [m]")
     center: tuple[float, ...] = _parameter((), "of a circle [m]")
@@ -316,7 +340,7 @@ def _checked_source(one: SourceSettings) -> SourceSettings:
     for name, types in _BELONGS.items():
         if getattr(one, name) != defaults[name] and one.type not in types:
             raise InvalidInputError(
-                f"{label}{name}: got it for the type {one.type!r}, expected it for "
+                f"{label}{name}: got it where {one.name}.type is {one.type!r}, expected it for "
                 f"{' or '.join(types)} alone"
             )
     lengths = {
@@ -339,14 +363,38 @@ def _checked_source(one: SourceSettings) -> SourceSettings:
     ways = [name for name in ("topic", "file", "filter_info_topic") if getattr(one, name)]
     if one.type not in ZONES and len(ways) != 1:
         expected = "topic" if one.type == "scan" else "one of topic, file and filter_info_topic"
+        got = " beside ".join(f"{one.name}.{way}" for way in ways[::-1])
         raise InvalidInputError(
-            f"{label}topic: got {ways or 'nothing'} for a {one.type}, expected {expected}"
+            f"parameter {got or one.name + '.topic: nothing'}: got it for a {one.type}, expected "
+            f"{expected}"
         )
+    _check_topics(label, {"topic": one.topic, "filter_info_topic": one.filter_info_topic})
     if one.type == "speed" and one.when_inside == "stop":
         raise InvalidInputError(
             f"{label}when_inside: got 'stop' for a speed mask, expected 'leave': it is crossed"
         )
     return one
+
+
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def _check_topics(label: str, topics: Mapping[str, str]) -> None:
+    """Refuse what ROS takes for no topic's name; "" is none.
+
+    Args:
+        label: stands before the parameters' names.
+        topics: of each parameter; where ROS shall put {node} or {ns}, a letter stands for it.
+
+    Raises:
+        InvalidInputError: the message names the parameter.
+    """
+    for name, topic in topics.items():
+        if topic and not _TOPIC.fullmatch(re.sub(r"\{(node|ns|namespace)\}", "n", topic)):
+            raise InvalidInputError(
+                f"{label}{name}: got {shown(topic)}, expected a topic: letters, digits and _, with "
+                "/ between its parts, none of which begins with a digit"
+            )
 
 
 def _checked(settings: Settings) -> Settings:
@@ -386,8 +434,10 @@ def _checked(settings: Settings) -> Settings:
             f"parameter cmd_vel_timeout: got {settings.cmd_vel_timeout:g}, expected at least the "
             f"period, {settings.period:g}"
         )
-    for name in ("cmd_vel_in_topic", "cmd_vel_out_topic", "odom_topic"):
-        if not getattr(settings, name):
+    topics = {one.name: getattr(settings, one.name) for one in OF_NODE if "_topic" in one.name}
+    _check_topics("parameter ", topics)
+    for name, topic in topics.items():
+        if not topic and name != "state_topic":
             raise InvalidInputError(f"parameter {name}: got '', expected a topic")
     if settings.cmd_vel_in_topic == settings.cmd_vel_out_topic:
         raise InvalidInputError(

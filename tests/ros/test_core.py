@@ -33,6 +33,7 @@ def show(d, name, corners):
 def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, seed):
     trial = faults.try_case(name, seed)
     assert trial.in_time, trial.says
+    assert trial.stands, trial.away
     assert trial.named, trial.says
     assert trial.again, trial.says
 
