@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks.ros import bent, faults
+from benchmarks.ros import bent, faults, foreign
 from hcbf_gym.errors import SafetyWarning
 
 
@@ -49,6 +49,7 @@ def of_bent(quick: bool) -> Iterator[str]:
 PARTS: dict[str, Callable[[bool], Iterator[str]]] = {
     "faults": of_faults,
     "bent": of_bent,
+    "foreign": foreign.lines,
 }
 """name → lines; one with MISS in it is a miss."""
 

@@ -210,6 +210,18 @@ class VelocityFilter:
         self._unseen = self._unseen or (look and not _same(barriers, self._barriers))
         self._barriers = barriers
 
+    def check(self, barriers: Sequence[Entry]) -> None:
+        """Refuse barriers that a step would only brake for, before they are handed over.
+
+        Args:
+            barriers: as the class takes them.
+
+        Raises:
+            InvalidInputError: if they are none, or a speed zone's limit is lower than what its row
+                reserves and one input brings.
+        """
+        self._core.check_limits(BarrierSet([self._listed(barriers)]))
+
     @property
     def goal(self) -> Array | None:
         """(2,) where guidance leads [m]; None without guidance."""

@@ -78,6 +78,7 @@ class NodeCore:
         if one.file:
             with naming(f"{one.name}.file"):
                 source.entries = sources.of_grid(one, sources.of_file(one), self.fastest)
+                self._filter.check(source.entries)
         elif one.type == "polygon":
             with naming(f"{one.name}.points"):
                 source.entries = sources.of_polygon(one, one.points)
@@ -222,11 +223,14 @@ class NodeCore:
             limits: what replaces parameters, such as base and multiplier.
 
         Raises:
-            InvalidInputError: if its values make no classes.
+            InvalidInputError: if its values make no classes, or a limit is too low to be kept.
         """
         source = self.sources[name]
         settings = replace(source.settings, **(limits or {}))
-        return sources.of_grid(settings, raster, self.fastest, source.entries)
+        shown = sources.of_grid(settings, raster, self.fastest, source.entries)
+        if settings.type == "speed":
+            self._filter.check(shown)
+        return shown
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
         """Return a filter that leads to a goal, its field computed; hand it over by `take`.

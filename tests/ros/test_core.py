@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.ros import faults
 from benchmarks.ros.drive import HARDEST, SCAN, Drive
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
@@ -259,3 +260,20 @@ def test_a_clock_that_is_set_back_is_believed_after_new_data():
     d.now = Now(100.0, d.now.steady)
     d.run(0.5)
     assert d.last.command[0] > 0.1
+
+
+def test_a_clock_that_stood_while_the_robot_moved_is_no_alarm():
+    d = Drive(wanted=(0.6, 0.0, 0.0)).run(1.0)
+    d.run(0.8, clock=0.0)
+    assert "clock: has stood still" in d.last.says
+    d.run(0.3)
+    assert d.velocity[0] > 0.1
+
+
+def test_a_speed_limit_that_cannot_be_kept_is_refused_at_the_door():
+    given = {"observation_sources": ["s"], "s.type": "speed", "s.topic": "s"}
+    core = Drive(given).core
+    cells = np.zeros((20, 20), dtype=np.int16)
+    cells[:, 10:] = 97
+    with pytest.raises(InvalidInputError, match=r"speed zone: got 0.03 m/s"):
+        core.of_grid("s", Raster(grid_of(0.1, (0.0, 0.0, 0.0), 20, 20), cells))
