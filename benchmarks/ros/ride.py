@@ -52,7 +52,8 @@ class Ride(Drive):
         self.robot.run(TICK)
         self.pose = self.robot.pose
         self.speeds.append(float(np.hypot(*self.robot.twist[:2])))
-        self.wanted = self.planner(self.pose)
+        if (self.ticks + 1) % 5 == 0:  # it is heard next
+            self.wanted = self.planner(self.pose)
 
     def _step(self) -> None:
         super()._step()
