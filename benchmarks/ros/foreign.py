@@ -253,11 +253,12 @@ def lines(quick: bool) -> Iterator[str]:
     trials = [moving_obstacle(seed) for seed in range(2 if quick else 20)]
     worst = np.array(trials)
     well = sum(one.is_well for one in trials)
-    miss = "" if well == len(trials) else "MISS "
+    stop, hold, resume, false = worst.T
     yield (
-        f"{miss}moving obstacle: {well} of {len(trials)} keep the rule; stop {worst[:, 0].max():.2f} "
-        f"s, hold {100 * worst[:, 1].min():.0f} %, resume {worst[:, 2].max():.2f} s, false stops "
-        f"{100 * worst[:, 3].max():.0f} % at worst"
+        f"{'' if well == len(trials) else 'MISS '}moving obstacle: {well} of "
+        f"{len(trials)} keep the rule; stop "
+        f"{stop.max():.2f} s, hold {100 * hold.min():.0f} %, resume {resume.max():.2f} s, false "
+        f"stops {100 * false.max():.0f} % at worst"
     )
     for name, holds in behaviours():
         yield f"{'' if holds else 'MISS '}{name}: {'yes' if holds else 'no'}"
@@ -271,6 +272,6 @@ def lines(quick: bool) -> Iterator[str]:
     times = [hands_over(seed) for seed in range(3 if quick else 100)]
     well = max(times) <= MUX_TIMEOUT + 2 * TICK
     yield (
-        f"{'' if well else 'MISS '}multiplexer: hands over {max(times):.2f} s after the node's last "
-        f"word at most, of {len(times)}"
+        f"{'' if well else 'MISS '}multiplexer: hands over {max(times):.2f} s after the node's "
+        f"last word at most, of {len(times)}"
     )

@@ -46,6 +46,7 @@ class Planner(Node):
     Attributes:
         wants: (v, ω) now [m/s, rad/s]; None publishes nothing.
         told: (time on the steady clock, v, ω) of each message on cmd_vel.
+        heard: called with each diagnostic.
     """
 
     def __init__(self, period: float = PERIOD) -> None:
@@ -54,6 +55,7 @@ class Planner(Node):
         self.frame = "base_footprint"
         self.told: list[tuple[float, float, float]] = []
         self.counts: dict[str, int] = {}
+        self.heard: Callable[[str], Any] = str
         self.says, self.state, self.pose = "", "", np.zeros(3)
         self.base: Base | None = None
         self._velocity = self.create_publisher(TwistStamped, "cmd_vel_smoothed", 10)
@@ -89,6 +91,7 @@ class Planner(Node):
     def _on_diagnostics(self, message: Any) -> None:
         self._count("diagnostics")
         self.says = message.status[0].message
+        self.heard(self.says)
 
     def _on_state(self, message: Any) -> None:
         self._count("state")
@@ -167,13 +170,14 @@ class Base:
         odometry: whether it is published; `scan` likewise.
         tamper: called in every tick, to publish something else.
         rate: how fast its clock goes.
+        longest: time between two ticks [s].
     """
 
     def __init__(self, node: Planner, clock: float | None = None):
         self._node, self.pose, self.velocity = node, node.pose.copy(), (0.0, 0.0)
         self.odometry = self.scan = True
         self.tamper: Callable[[], None] = lambda: None
-        self.clock, self.rate = clock, 1.0
+        self.clock, self.rate, self.longest = clock, 1.0, 0.0
         self._odometry = node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
         self._scan = node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         if clock is not None:
@@ -190,6 +194,7 @@ class Base:
     def _tick(self) -> None:
         now, (v, w) = time.monotonic(), self.velocity
         seconds, self._last = now - self._last, now
+        self.longest = max(self.longest, seconds)
         x, y, yaw = self.pose
         self.pose = np.array(
             [x + seconds * v * math.cos(yaw), y + seconds * v * math.sin(yaw), yaw + seconds * w]

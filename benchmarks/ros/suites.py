@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks.ros import bent, faults, foreign
+from benchmarks.ros import bent, errands, faults, foreign, gaps, wedge
 from hcbf_gym.errors import SafetyWarning
 
 
@@ -50,6 +50,9 @@ PARTS: dict[str, Callable[[bool], Iterator[str]]] = {
     "faults": of_faults,
     "bent": of_bent,
     "foreign": foreign.lines,
+    "wedge": wedge.lines,
+    "gaps": gaps.lines,
+    "errands": errands.lines,
 }
 """name → lines; one with MISS in it is a miss."""
 

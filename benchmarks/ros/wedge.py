@@ -112,9 +112,8 @@ def _turned(corners: Corners, turn: float) -> Corners:
 
 def left(zones: list[Corners], place: Array) -> tuple[float, Array]:
     """Return the least signed distance from zones [m], and the direction in which it grows."""
-    point, jets = np.array([*place[:2], 0.0, 0.0]), []
-    for corners in zones:
-        jets.append(ConvexPolygon("zone", 1, tuple(corners)).jet(point))
+    point = np.array([*place[:2], 0.0, 0.0])
+    jets = [ConvexPolygon("zone", 1, tuple(corners)).jet(point) for corners in zones]
     least = min(jets, key=lambda jet: jet.h)
     return float(least.h), least.gradient[:2]
 
@@ -159,14 +158,17 @@ def _plan(d: Ride, goal: tuple[float, float]) -> bool:
 
 
 def _allowed(one: Scene, zones: list[Corners], d: Ride) -> float:
-    """Return the time for the way out [s]: a cart drives along its heading, ahead or back."""
+    """Return the time for the way out at the planner's speed [s].
+
+    A cart turns besides until its heading, ahead or back, is the way's.
+    """
     h, direction = left(zones, d.pose)
     way, turn = d.reach - h, math.atan2(direction[1], direction[0])
     if one.mouth is not None:
         way, turn = DEEP + d.reach, one.mouth
     off = abs(math.remainder(turn - d.pose[2], math.pi))
     most = float(d.core.settings.max_turn or Walker.load(one.robot).command.turn)
-    return SPARE + way / d.core.fastest + (off / most if one.robot == "cart" else 0.0)
+    return SPARE + way / SPEED + (off / most if one.robot == "cart" else 0.0)
 
 
 def _is_out(one: Scene, zones: list[Corners], pose: Array, reach: float) -> bool:
@@ -207,9 +209,9 @@ def _of_kind(kind: str, robot: str, rank: int, count: int) -> Iterator[str]:
     in_time = sum(one.out <= one.allowed for one in ways)
     still = max((one.still for one in ways if one.led), default=0.0)
     yield (
-        f"{kind}, {robot}, rank {rank}: {in_time} of {count} out in time, {sum(w.led for w in ways)} "
-        f"led, stood {still:.2f} s at most, {sum(w.arrived for w in ways)} arrived; "
-        f"{ruled} by the rule"
+        f"{kind}, {robot}, rank {rank}: {in_time} of {count} out in time, "
+        f"{sum(one.led for one in ways)} led, stood {still:.2f} s at most, "
+        f"{sum(one.arrived for one in ways)} arrived; {ruled} by the rule"
     )
     for seed, one in enumerate(ways):
         if not one.is_well:
