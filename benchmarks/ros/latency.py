@@ -44,12 +44,20 @@ def node(parameters: Path, notes: Path) -> None:
     from hcbf_gym.ros import reporting, worker
 
     taken: list[tuple[float, float]] = []
+    own: list[float] = []
     spans: list[tuple[str, float, float]] = []
     note, put = reporting.Reporter.note, worker.Worker.put
 
     def noted(self: Any, latency: float) -> None:
         taken.append((time.perf_counter(), latency))
         note(self, latency)
+
+    heard = nodes.FilterNode._on_command
+
+    def watched(self: Any, message: Any) -> None:
+        begun, before = time.thread_time(), len(taken)
+        heard(self, message)
+        own.extend([time.thread_time() - begun] * (len(taken) - before))
 
     def timed(self: Any, name: str, job: Callable[[], None]) -> None:
         def whole() -> None:
@@ -71,10 +79,12 @@ def node(parameters: Path, notes: Path) -> None:
             spans.append((name, begun, time.perf_counter()))
 
     reporting.Reporter.note, worker.Worker.put = noted, timed  # type: ignore[method-assign]
+    nodes.FilterNode._on_command = watched  # type: ignore[method-assign]
     gc.callbacks.append(collected)
     sys.argv = sys.argv[:1]
     nodes.spin(ros_arguments(parameters), autostart=True)
-    notes.write_text(json.dumps({"taken": taken, "spans": spans}), encoding="utf-8")
+    noted_all = {"taken": taken, "own": own, "spans": spans}
+    notes.write_text(json.dumps(noted_all), encoding="utf-8")
 
 
 def main(minutes: float) -> None:
@@ -139,16 +149,19 @@ def _resident(process: int) -> float:
 def _show(found: dict[str, Any], sizes: list[float]) -> None:
     """Print the distribution, the longest with what was done beside, and the memory."""
     ends, taken = np.array(found["taken"]).T
-    settled = ends > ends[0] + SETTLED
-    ends, taken = ends[settled], 1e3 * taken[settled]
-    half, almost = np.quantile(taken, [0.5, 0.99])
-    print(f"{taken.size} commands: median {half:.2f} ms, 99 % {almost:.2f} ms")
+    first, settled = ends[0], ends > ends[0] + SETTLED
+    ends, taken, own = ends[settled], 1e3 * taken[settled], 1e3 * np.array(found["own"])[settled]
+    for what, times in (("latency", taken), ("its thread's own time", own)):
+        half, almost = np.quantile(times, [0.5, 0.99])
+        print(f"{what} of {times.size} commands: median {half:.2f} ms, 99 % {almost:.2f} ms, "
+              f"longest {times.max():.2f} ms")  # fmt: skip
     for k in np.argsort(taken)[:-6:-1]:
         begun, end = ends[k] - 1e-3 * taken[k], ends[k]
         beside = {
             name for name, since, until in found["spans"] if since < end and until > begun
         }  # fmt: skip
-        print(f"  {taken[k]:.2f} ms at {end - ends[0]:.1f} s, beside {sorted(beside) or 'nothing'}")
+        print(f"  {taken[k]:.2f} ms, {own[k]:.2f} of them its own, at {end - first:.1f} s, beside "
+              f"{sorted(beside) or 'nothing'}")  # fmt: skip
     for what in ("laser", "walls", "field", "gc 2"):
         spans = [1e3 * (until - since) for name, since, until in found["spans"] if name == what]
         if spans:

@@ -7,6 +7,7 @@ show is prepared in others and handed over under a lock that is held for microse
 # rclpy comes with ROS, or with the extra ros-wheels
 
 import contextlib
+import gc
 import sys
 import threading
 import time
@@ -141,6 +142,8 @@ class FilterNode(LifecycleNode):
         self._timer = self.create_timer(settings.period, self._on_period, clock=steady)
         slow = self.create_timer(1.0, self._on_second, clock=steady)
         self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
+        gc.collect()
+        gc.freeze()  # compiled code's objects stay: no collection shall look at them all again
         return super().on_configure(state)
 
     def _check_velocities(self, settings: Settings) -> None:
