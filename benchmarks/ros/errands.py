@@ -91,10 +91,12 @@ class Room:
                 return float(point[0]), float(point[1])
 
     def nearest(self, pose: Array) -> Array:
-        """Return the nearest shut cell's middle [m]."""
+        """Return the nearest shut cell's middle [m], or the map's corner where none is near."""
         (column, row) = self.grid.to_cells(pose[None, :2])[0].astype(int)
         top, left = max(row - 60, 0), max(column - 60, 0)
         rows, columns = np.nonzero(self.shut[top : row + 60, left : column + 60])
+        if rows.size == 0:
+            return np.array(self.grid.origin[:2])
         cells = np.column_stack([columns + left, rows + top])
         middles = self.grid.resolution * (cells + 0.5) + self.grid.origin[:2]
         return middles[np.argmin(np.hypot(*(middles - pose[:2]).T))]

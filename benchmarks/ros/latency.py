@@ -2,8 +2,10 @@
 
     python -m benchmarks.ros.latency [minutes]
 
-Commands at 50 Hz, Nav2's depot ($HCBF_DATA/maps/depot.yaml) and a scan of 360 beams at 10 Hz. The
-node is `hcbf ros` in a process of its own, which also notes what its other threads did meanwhile.
+Commands at 50 Hz, Nav2's depot ($HCBF_DATA/maps/depot.yaml) and a scan of 360 beams at 10 Hz: a
+planner that knows no wall goes to and fro across it, and guidance leads. The node is `hcbf ros` in
+a process of its own, which also notes what its other threads did meanwhile; the simulated robot's
+path is judged by the map's true squares.
 """
 # pyright: reportMissingImports=false
 
@@ -22,6 +24,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.judges.squares import distances
+from hcbf_gym.arrays import Array
+from hcbf_gym.maps import nav2
+from hcbf_gym.robots import Walker
 from hcbf_gym.ros.command import ros_arguments
 
 START, GOALS = (3.5, 7.5, 0.0), ((20.0, 7.5), (3.5, 7.5))
@@ -48,16 +54,18 @@ def node(parameters: Path, notes: Path) -> None:
     spans: list[tuple[str, float, float]] = []
     note, put = reporting.Reporter.note, worker.Worker.put
 
+    begun = [0.0]
+
     def noted(self: Any, latency: float) -> None:
+        own.append(time.thread_time() - begun[0])
         taken.append((time.perf_counter(), latency))
         note(self, latency)
 
     heard = nodes.FilterNode._on_command
 
     def watched(self: Any, message: Any) -> None:
-        begun, before = time.thread_time(), len(taken)
+        begun[0] = time.thread_time()
         heard(self, message)
-        own.extend([time.thread_time() - begun] * (len(taken) - before))
 
     def timed(self: Any, name: str, job: Callable[[], None]) -> None:
         def whole() -> None:
@@ -73,10 +81,10 @@ def node(parameters: Path, notes: Path) -> None:
         if phase == "start":
             spans.append((f"gc {info['generation']}", time.perf_counter(), math.inf))
         else:
-            name, begun, _ = spans.pop(
+            name, since, _ = spans.pop(
                 next(k for k in range(len(spans) - 1, -1, -1) if spans[k][0].startswith("gc"))
             )
-            spans.append((name, begun, time.perf_counter()))
+            spans.append((name, since, time.perf_counter()))
 
     reporting.Reporter.note, worker.Worker.put = noted, timed  # type: ignore[method-assign]
     nodes.FilterNode._on_command = watched  # type: ignore[method-assign]
@@ -93,7 +101,7 @@ def main(minutes: float) -> None:
     from geometry_msgs.msg import PoseStamped
 
     from benchmarks.ros.ride import pursuit
-    from benchmarks.ros.rig import ALONE, Planner, process
+    from benchmarks.ros.rig import ALONE, Planner, ended, process
 
     os.environ.update(ALONE)
     rclpy.init()
@@ -105,12 +113,14 @@ def main(minutes: float) -> None:
         folder = Path(name)
         parameters, notes = folder / "filter.yaml", folder / "notes.json"
         parameters.write_text(PARAMETERS, encoding="utf-8")
+        path = folder / "path.npy"
         words = ["ros-sim", "--robot", "cart", "--map", str(depot), "--start", *map(str, START)]
+        words += ["--path", str(path)]
         command = [sys.executable, "-m", "benchmarks.ros.latency", str(parameters), str(notes)]
-        with process(folder, "robot", *words):
+        with process(folder, "robot", *words) as robot:
             running = subprocess.Popen(command)
             assert planner.spin(120.0, lambda: goals.get_subscription_count() > 0)
-            begun, legs = time.monotonic(), 0
+            begun, legs, arrived = time.monotonic(), 0, 0
             loads = [os.getloadavg()[0]]
             while time.monotonic() - begun < 60.0 * minutes:
                 goal = GOALS[legs % 2]
@@ -128,14 +138,29 @@ def main(minutes: float) -> None:
                     loads.append(os.getloadavg()[0])
                     if time.monotonic() - begun > 60.0 * minutes:
                         break
+                arrived += math.dist(planner.pose[:2], goal) <= 0.4
             running.send_signal(signal.SIGINT)
             running.wait(20.0)
+            ended(robot, signal.SIGTERM)
+        _judge(np.load(path)[:, 1:3], depot)
         found = json.loads(notes.read_text("utf-8"))
     planner.destroy_node()
     rclpy.try_shutdown()
-    print(f"{legs} legs, load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
+    print(
+        f"{arrived} of {legs} legs (the last is under way), load {np.median(loads):.1f} in the median, {max(loads):.1f} at most"
+    )
     print(f"the node's last word: {planner.says}")
     _show(found, sizes)
+
+
+def _judge(places: Array, file: Path) -> None:
+    """Print how near the robot's circle came to the true cells of rank 1."""
+    raster = nav2.read(file)
+    apart = distances(raster.grid, raster.occupancy != nav2.FREE, places, 2.0)
+    apart -= Walker.load("cart").reach
+    length = np.hypot(*np.diff(places, axis=0).T).sum()
+    print(f"{length:.0f} m, rank 1 entered in {(apart < 0.0).sum()} of {apart.size} ticks, "
+          f"{apart.min():+.3f} m at least")  # fmt: skip
 
 
 def _resident(process: int) -> float:
