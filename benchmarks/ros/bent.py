@@ -19,7 +19,8 @@ from PIL import Image
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.robots.walker_response import Response
 from hcbf_gym.ros.core import NodeCore
-from hcbf_gym.ros.parameters import GRIDS, Numbers, Parameter, Settings, Texts, by_name, read
+from hcbf_gym.ros.parameter import Numbers, Parameter, Texts
+from hcbf_gym.ros.parameters import GRIDS, Settings, by_name, read
 
 Rng = np.random.Generator
 Given = dict[str, Any]

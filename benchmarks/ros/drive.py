@@ -108,6 +108,9 @@ class Drive:
         if decision.command is not None:
             self.velocity = decision.command
         self.told.append(self.velocity)
+        goal = self.core.goal_to_plan()
+        if goal is not None:
+            self.core.take(self.core.planned(goal))
 
     def _move(self) -> None:
         most = TICK * np.array(HARDEST)

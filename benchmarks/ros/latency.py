@@ -146,9 +146,8 @@ def main(minutes: float) -> None:
         found = json.loads(notes.read_text("utf-8"))
     planner.destroy_node()
     rclpy.try_shutdown()
-    print(
-        f"{arrived} of {legs} legs (the last is under way), load {np.median(loads):.1f} in the median, {max(loads):.1f} at most"
-    )
+    print(f"{arrived} of {legs} legs (the last is under way)")
+    print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
     print(f"the node's last word: {planner.says}")
     _show(found, sizes)
 

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 from hcbf_gym.online.robot import known_of
 from hcbf_gym.ros import sources
-from hcbf_gym.ros.parameters import GRIDS, Settings, naming
+from hcbf_gym.ros.parameter import naming
+from hcbf_gym.ros.parameters import GRIDS, Settings
 from hcbf_gym.ros.sources import Beams
 
 HELD = 1.3
@@ -90,3 +92,47 @@ def warmed(settings: Settings) -> VelocityFilter:
         guided.step(guided.command_at(0.0), np.zeros(3), np.zeros(3), 0.0)
     plain.barriers = []
     return plain
+
+
+class Led:
+    """The filter at hand, and the goal to which it leads.
+
+    Guidance's field is computed where a filter begins, and that takes time: where the filter has to
+    begin anew, one without guidance goes on until another is planned beside the commands' path.
+
+    Args:
+        settings: the node's parameters.
+
+    Attributes:
+        filter: at hand.
+    """
+
+    def __init__(self, settings: Settings):
+        self.filter = self._plain = warmed(settings)
+        self._lost: Array | None = None  # the goal of a field that is no more
+        self._asks = False  # whether it has to be computed again
+
+    @property
+    def goal(self) -> Array | None:
+        """(2,) where guidance leads, or will again [m]."""
+        return self._lost if self.filter.goal is None else self.filter.goal
+
+    def take(self, planned: VelocityFilter, v_max: float) -> None:
+        """Go on with another filter, under the cap that there is now [m/s], 0 for none."""
+        planned.v_max = v_max or None
+        planned.go_on_from(self.filter)
+        self.filter, self._lost, self._asks = planned, None, False
+
+    def begin_anew(self, v_max: float) -> bool:
+        """Forget the past; return whether another filter goes on."""
+        goal = self.filter.goal
+        if goal is not None:
+            self.take(self._plain, v_max)
+            self._lost, self._asks = goal, True
+        self.filter.reset()
+        return goal is not None
+
+    def goal_to_plan(self) -> Array | None:
+        """Return the goal for which a filter has to be planned, once; None where none has."""
+        asks, self._asks = self._asks, False
+        return self._lost if asks else None

@@ -29,7 +29,8 @@ from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning
 from hcbf_gym.ros import messages, optional, running
 from hcbf_gym.ros.core import NodeCore
 from hcbf_gym.ros.intake import Intake
-from hcbf_gym.ros.parameters import Parameter, Settings, by_name, read
+from hcbf_gym.ros.parameter import Parameter
+from hcbf_gym.ros.parameters import Settings, by_name, read
 from hcbf_gym.ros.reporting import Reporter
 from hcbf_gym.ros.running import RELIABLE, SENSOR
 from hcbf_gym.ros.watches import Now
@@ -232,12 +233,13 @@ class FilterNode(LifecycleNode):
         frame = "" if header is None else header.frame_id
         with self._lock:
             believed = core.hear_command(twist, now, stamp or None, frame)
-            decision = core.step(now)
+            decision, goal = core.step(now), core.goal_to_plan()
         if decision.command is not None:
             self._publish(decision.command, header if believed else None)
         self._reporter.note(time.perf_counter() - begun)
         self._timer.reset()
         self._reporter.say(decision, now, self._stamp())
+        self._plan(goal)
 
     def _on_period(self) -> None:
         """Filter the last velocity again: none has come for a period."""
@@ -245,10 +247,16 @@ class FilterNode(LifecycleNode):
             return
         now = self._now()
         with self._lock:
-            decision = self._configured.step(now)
+            decision, goal = self._configured.step(now), self._configured.goal_to_plan()
         if decision.command is not None:
             self._publish(decision.command)
         self._reporter.say(decision, now, self._stamp())
+        self._plan(goal)
+
+    def _plan(self, goal: Any) -> None:
+        """Let guidance lead to a goal again, whose field is no more."""
+        if goal is not None and self._intake is not None:
+            self._intake.plan(goal)
 
     def _publish(self, command: Any, header: Any = None) -> None:
         """Publish a velocity, with the header of the one wanted, or one of now."""

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.ros import faults
 from benchmarks.ros.drive import HARDEST, SCAN, Drive
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
@@ -277,3 +278,51 @@ def test_a_speed_limit_that_cannot_be_kept_is_refused_at_the_door():
     cells[:, 10:] = 97
     with pytest.raises(InvalidInputError, match=r"speed zone: got 0.03 m/s"):
         core.of_grid("s", Raster(grid_of(0.1, (0.0, 0.0, 0.0), 20, 20), cells))
+
+
+def test_after_a_jump_the_field_is_computed_beside_the_commands(monkeypatch):
+    zone = {**ZONE, "zone.points": [1.5, -2.0, 2.0, -2.0, 2.0, 0.1, 1.5, 0.1]}
+    d = Drive({"guidance": "geodesic", **zone}, wanted=(0.0, 0.0, 0.0)).run(0.5)
+    d.core.take(d.core.planned((4.0, 0.0)))
+    d.run(1.0)
+    assert d.velocity[0] > 0.1  # guidance leads
+    looks, steps = [], []
+    reset, step = Geodesic.reset, d.core.step
+
+    def looked(self, *args, **named):
+        looks.append(len(steps))
+        return reset(self, *args, **named)
+
+    monkeypatch.setattr(Geodesic, "reset", looked)
+
+    def stepped(now):
+        steps.append(now)
+        before = len(looks)
+        decision = step(now)
+        assert len(looks) == before
+        return decision
+
+    d.core.step = stepped
+    d.pose = d.pose + np.array([0.0, 1.0, 0.0])
+    d.run(0.1)
+    assert d.core.goal.tolist() == [4.0, 0.0]
+    assert not looks
+    d.run(1.0)
+    assert len(set(looks)) == 1  # in one place between two steps
+    assert d.velocity[0] > 0.1
+
+
+def test_a_plan_that_is_taken_goes_on_from_what_the_robot_was_told():
+    """No command changes faster than without a new plan."""
+    zone = {**ZONE, "zone.points": [1.5, -2.0, 2.0, -2.0, 2.0, 0.1, 1.5, 0.1]}
+    changes = {}
+    for takes in (False, True):
+        d = Drive({"guidance": "geodesic", **zone}, wanted=(0.5, 0.0, 0.0)).run(0.2)
+        d.core.take(d.core.planned((4.0, 0.0)))
+        for _ in range(20):
+            if takes:
+                d.core.take(d.core.planned((4.0, 0.0)))
+            d.run(0.1)
+        changes[takes] = np.abs(np.diff(np.array(d.told), axis=0)).max(axis=0)
+        assert all(one.level < Level.ERROR for _, one in d.decisions[8:])
+    assert (changes[True] <= changes[False] + 1e-3).all(), changes
