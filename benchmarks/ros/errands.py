@@ -114,7 +114,7 @@ def hostile(room: Room) -> Planner:
             state["mode"] = int(room.rng.integers(4))
             command[:] = room.rng.uniform(-1.0, 1.0, 3) * (1.2, 0.0, 2.5)
         if state["mode"] == 0:
-            return tuple(command.tolist())
+            return float(command[0]), 0.0, float(command[2])
         away = room.nearest(pose) - pose[:2]
         bearing = math.atan2(away[1], away[0]) + (0.0, 0.0, math.pi, 0.6)[state["mode"]]
         turn = math.remainder(bearing - pose[2], math.tau)

@@ -8,7 +8,7 @@ import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -198,7 +198,7 @@ def masks(speed: float = 0.9) -> Masks:
     d.run(0.1)
     d.core.hear_source("slow", mask, d.now.ros, d.now, "odom")
     d.core.take(d.core.planned((11.0, 4.5)))
-    rows: list[tuple[float, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     greatest = d.core.fastest
 
     def each(d: Drive) -> None:

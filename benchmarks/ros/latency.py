@@ -129,7 +129,7 @@ def main(minutes: float) -> None:
                 message.header.frame_id = "odom"
                 message.pose.position.x, message.pose.position.y = goal
                 plan = pursuit([goal], 0.8)
-                planner.wants = lambda plan=plan: plan(planner.pose)[::2]
+                planner.wants = _turning(plan, planner)
                 goals.publish(message)
                 leg = time.monotonic()
                 while math.dist(planner.pose[:2], goal) > 0.4 and time.monotonic() - leg < 90.0:
@@ -150,6 +150,16 @@ def main(minutes: float) -> None:
     print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
     print(f"the node's last word: {planner.says}")
     _show(found, sizes)
+
+
+def _turning(plan: Any, planner: Any) -> Callable[[], tuple[float, float]]:
+    """Return what a plan wants of a differential drive now, (v, ω)."""
+
+    def wants() -> tuple[float, float]:
+        ahead, _, turn = plan(planner.pose)
+        return ahead, turn
+
+    return wants
 
 
 def _judge(places: Array, file: Path) -> None:

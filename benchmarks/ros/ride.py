@@ -66,9 +66,14 @@ class Ride(Drive):
         """(3,) what the odometry says of its motion [m/s, rad/s]."""
         return self.robot.twist
 
-    def say_scan(self, ranges: ArrayLike | None = None, **other: Any) -> None:
+    def say_scan(
+        self,
+        ranges: ArrayLike | None = None,
+        stamp: float | None = None,
+        frame: str = "base_footprint",
+    ) -> None:
         """Let the core hear what the robot's scan sees, or something else."""
-        super().say_scan(self.robot.scan() if ranges is None else ranges, **other)
+        super().say_scan(self.robot.scan() if ranges is None else ranges, stamp, frame)
 
     @property
     def path(self) -> Array:

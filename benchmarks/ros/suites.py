@@ -23,7 +23,7 @@ def of_faults(quick: bool) -> Iterator[str]:
     yield f"{trials} trials each: in time, stands, named, again"
     for name in faults.CASES:
         found = [faults.try_case(name, seed) for seed in range(trials)]
-        counts = [sum(one[k] for one in found) for k in range(4)]
+        counts = [sum(bool(one[k]) for one in found) for k in range(4)]
         away = max(one.away for one in found)
         yield f"{name:26} {' '.join(f'{n:4}' for n in counts)}   {away:.2f} m"
         for seed, one in enumerate(found):
@@ -73,7 +73,7 @@ def main(parts: list[str], quick: bool) -> int:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="What the node must show, on its core.")
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="which; all without one")
     parser.add_argument("--quick", action="store_true", help="the short form that tests run")
     given = parser.parse_args()
