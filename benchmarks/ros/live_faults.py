@@ -281,7 +281,7 @@ def try_case(rig: Rig, name: str) -> str:
     """Let one fault happen; return "" if all is well, else what is not."""
     case, planner = CASES[name], rig.planner
     planner.spin(0.3 + rig.rng.uniform(0.0, 0.1))
-    if not planner.moving():
+    if not planner.spin(3.0, planner.moving):
         return f"stands before: {planner.says}"
     says: list[str] = []
     planner.heard = says.append
