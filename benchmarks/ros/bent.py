@@ -1,6 +1,7 @@
 """Bent parameter files: each is refused by the parameter's name before the node is active.
 
     python -m benchmarks.ros.suites bent
+    python -m benchmarks.ros.bent 20    # through rclpy: `hcbf ros --autostart` on each
 
 A sound file is drawn, and one of its parameters is bent, as the table of parameters has them. What
 is not refused must be the sound file in other words.
@@ -8,7 +9,12 @@ is not refused must be the sound file in other words.
 
 import json
 import math
+import os
 import re
+import subprocess
+import sys
+import tempfile
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -219,5 +225,51 @@ def run(count: int, folder: Path, first: int = 0) -> list[Outcome]:
 
 def as_file(given: Mapping[str, Any]) -> str:
     """Return a parameter file: of YAML, JSON is a part."""
-    text = json.dumps({"hcbf_filter": {"ros__parameters": dict(given)}})
+    text = json.dumps({"hcbf_filter": {"ros__parameters": dict(given)}}, default=str)
     return text.replace("NaN", ".nan").replace("Infinity", ".inf")
+
+
+def start(given: Mapping[str, Any], name: str, folder: Path) -> str:
+    """Start the node on a file; return who refuses it: "node" by name, "ROS" as no parameter file.
+
+    Args:
+        given: the parameters.
+        name: of the one that is bent.
+        folder: where the file is put.
+    """
+    file = folder / "bent.yaml"
+    file.write_text(as_file(given), encoding="utf-8")
+    command = [sys.executable, "-m", "hcbf_gym.cli", "ros", "--params", str(file), "--autostart"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    except subprocess.TimeoutExpired:
+        return "nobody"
+    said = done.stdout + done.stderr
+    if done.returncode == 0:
+        return "nobody"
+    if re.search(r"[Cc]ouldn't parse|[Ff]ailed to parse|RCLInvalidROSArgs", said):
+        return "ROS"
+    return "node" if name in said else f"nobody by name: {said[-500:]}"
+
+
+def main(count: int) -> int:
+    """Start the node on files that the core refuses; return how many were not refused by name."""
+    os.environ.update(ROS_LOCALHOST_ONLY="1", ROS_DOMAIN_ID="102")
+    found: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_files(folder)
+        for seed in range(count):
+            given, bent, value = draw(seed, folder)
+            if not try_file(given, bent, value).refused:
+                continue
+            who = start({**given, bent: value}, bent, folder)
+            found[who.split(" by name")[0]] += 1
+            if who not in ("node", "ROS"):
+                print(f"MISS {bent} = {value!r}: {who}", flush=True)
+    print(dict(found))
+    return found["nobody"]
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1])) > 0)
