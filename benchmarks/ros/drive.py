@@ -31,7 +31,7 @@ class Drive:
     """Drives a cart through a core at 20 Hz.
 
     Args:
-        given: parameters beside the robot's.
+        given: parameters; of no robot, they are those of `CART`.
         start: x, y [m] and yaw [rad].
         wanted: v_x, v_y [m/s] and ω [rad/s] of the planner.
 
@@ -43,6 +43,7 @@ class Drive:
         motion: (2,) what it does, as fast as its accelerations let it follow.
         decisions: all, each with its time.
         told: (2,) what the base does after each of them.
+        speeds: of each tick [m/s].
     """
 
     def __init__(
@@ -51,14 +52,16 @@ class Drive:
         start: ArrayLike = (0.0, 0.0, 0.0),
         wanted: tuple[float, float, float] = (0.4, 0.0, 0.0),
     ):
-        self.core = NodeCore(read({**CART, **(given or {})}))
+        given = given or {}
+        self.core = NodeCore(read({**({} if "robot" in given else CART), **given}))
         self.now = Now(1.7e9, 50.0)
         self.pose = np.array(start, dtype=np.float64)
-        self.velocity: Array = np.zeros(2)
+        self.velocity: Array = np.zeros(len(self.core.step(self.now).wanted))
         self.motion: Array = np.zeros(2)
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
         self.told: list[Array] = []
+        self.speeds: list[float] = []
         self.ranges: Array = np.full(ANGLES.size, np.inf)
         self.scans = "scan" in self.core.sources
 
@@ -105,11 +108,15 @@ class Drive:
         if decision.command is not None:
             self.velocity = decision.command
         self.told.append(self.velocity)
+        goal = self.core.goal_to_plan()
+        if goal is not None:
+            self.core.take(self.core.planned(goal))
 
     def _move(self) -> None:
         most = TICK * np.array(HARDEST)
         self.motion = self.motion + np.clip(self.velocity - self.motion, -most, most)
         v, w = self.motion
+        self.speeds.append(abs(float(v)))
         yaw = self.pose[2]
         self.pose = self.pose + TICK * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 
@@ -121,7 +128,7 @@ class Drive:
         twist: ArrayLike | None = None,
     ) -> None:
         """Let the core hear the odometry, or something else."""
-        motion = (self.motion[0], 0.0, self.motion[1]) if twist is None else twist
+        motion = self.twist if twist is None else twist
         when = self.now.ros if stamp is None else stamp
         place = self.pose if pose is None else pose
         self.core.hear_odometry(place, motion, when, self.now, frame, "base_footprint")
@@ -135,7 +142,7 @@ class Drive:
         """Let the core hear the scan, or something else, as the node does."""
         when = self.now.ros if stamp is None else stamp
         far = self.ranges if ranges is None else ranges
-        beams = Beams(far, ANGLES[0], ANGLES[1] - ANGLES[0], 0.05, 10.0)
+        beams = Beams(far, -math.pi, math.tau / np.size(far), 0.05, 10.0)
         try:
             shown = self.core.of_scan("scan", beams, when)
         except InvalidInputError as error:
@@ -143,6 +150,11 @@ class Drive:
             return
         if shown is not None:
             self.core.hear_source("scan", shown, when, self.now, frame)
+
+    @property
+    def twist(self) -> ArrayLike:
+        """(3,) what the odometry says of its motion [m/s, rad/s]."""
+        return self.motion[0], 0.0, self.motion[1]
 
     @property
     def last(self) -> Decision:

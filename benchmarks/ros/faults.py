@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.ros.drive import ANGLES, SCAN, TICK, Drive
+from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, TICK, Drive
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.maps.nav2 import Raster
@@ -255,15 +255,20 @@ class Trial(NamedTuple):
     Attributes:
         in_time: whether the robot was at zero in time, and stayed it while the fault lasted; of
             what is no fault, whether it went on.
+        stands: whether it went no farther from the fault on than until it is told zero, and then
+            to stop at its accelerations.
         named: whether the diagnostic held the reason.
         again: whether it went on by itself.
         says: the diagnostics, for people.
+        away: how far it went [m]; 0 of what is no fault.
     """
 
     in_time: bool
+    stands: bool
     named: bool
     again: bool
     says: tuple[str, ...]
+    away: float
 
 
 def try_case(name: str, seed: int) -> Trial:
@@ -275,14 +280,15 @@ def try_case(name: str, seed: int) -> Trial:
         d = Drive(case.given, wanted=(rng.uniform(0.2, 0.9), 0.0, rng.uniform(-0.3, 0.3)))
         d.run(1.0 + TICK * float(rng.integers(20)), each=each)
         moved, first = _moves(d.told[-1]), len(d.decisions)
+        ticks = len(d.speeds)
         begun = case.does(d, rng)
-        during, did = d.decisions[first:], d.told[first:]
+        during, did, speeds = d.decisions[first:], d.told[first:], d.speeds[ticks:]
         d.run(case.again, each=each)
         d.run(0.5, each=each)
     says = tuple(dict.fromkeys(one.says for _, one in during))
     again = moved and _moves(d.told[-1])
     if case.within is None:
-        return Trial(all(map(_moves, did)), True, again, says)
+        return Trial(all(map(_moves, did)), True, True, again, says, 0.0)
     zero = next((k for k, velocity in enumerate(did) if not _moves(velocity)), len(did))
     after = during[zero:]
     in_time = bool(after) and after[0][0].steady <= begun + case.within + STEP + 1e-6
@@ -290,31 +296,12 @@ def try_case(name: str, seed: int) -> Trial:
     told = [one for _, one in (after if case.lasts else after[:1])]
     reasons = case.reason.split("|")
     named = all(any(reason in one.says for reason in reasons) for one in told)
-    return Trial(in_time, bool(told) and named, again, says)
+    away, fastest = TICK * sum(speeds), max(speeds)
+    until = case.within + STEP + TICK
+    stands = away <= fastest * until + fastest**2 / (2.0 * HARDEST[0]) + 1e-6
+    return Trial(in_time, stands, bool(told) and named, again, says, away)
 
 
 def _moves(velocity: Array) -> bool:
     """Return whether the base moves."""
     return float(np.abs(velocity).max()) > 1e-9
-
-
-def main(trials: int = 100) -> dict[str, dict[str, int]]:
-    """Return and print how many trials of each fault passed."""
-    counts = {}
-    for name in CASES:
-        found = [try_case(name, seed) for seed in range(trials)]
-        counts[name] = {
-            "trials": trials,
-            "in time": sum(one.in_time for one in found),
-            "named": sum(one.named for one in found),
-            "again": sum(one.again for one in found),
-        }
-        print(name, counts[name], flush=True)
-        for k, one in enumerate(found):
-            if not (one.in_time and one.named and one.again):
-                print("   seed", k, one[:3], str(one.says)[:200])
-    return counts
-
-
-if __name__ == "__main__":
-    main()

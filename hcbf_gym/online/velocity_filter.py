@@ -210,6 +210,18 @@ class VelocityFilter:
         self._unseen = self._unseen or (look and not _same(barriers, self._barriers))
         self._barriers = barriers
 
+    def check(self, barriers: Sequence[Entry]) -> None:
+        """Refuse barriers that a step would only brake for, before they are handed over.
+
+        Args:
+            barriers: as the class takes them.
+
+        Raises:
+            InvalidInputError: if they are none, or a speed zone's limit is lower than what its row
+                reserves and one input brings.
+        """
+        self._core.check_limits(BarrierSet([self._listed(barriers)]))
+
     @property
     def goal(self) -> Array | None:
         """(2,) where guidance leads [m]; None without guidance."""
@@ -306,6 +318,22 @@ class VelocityFilter:
         self._sample = Sample()
         self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
         self._last = self._leapt_from = math.nan  # presents [s]
+
+    def go_on_from(self, other: "VelocityFilter") -> None:
+        """Go on from what another filter told the same robot, and from what that one knows of it.
+
+        So a filter that was made beside a loop, and has looked at goal and barriers in a step of
+        its own, takes the other's place.
+
+        Args:
+            other: the filter that told the robot what it does; it is not to be used on.
+        """
+        self._velocity, self._input, self._moved = other._velocity, other._input, other._moved
+        self._told, self._frame_yaw = other._told, other._frame_yaw
+        self._good_from, self._good_until = other._good_from, other._good_until
+        self._time, self._sample, self._missed_by = other._time, other._sample, other._missed_by
+        self._last, self._leapt_from = other._last, other._leapt_from
+        self._monitor, self._motion, self._fault = other._monitor, other._motion, other._fault
 
     def step(
         self,

@@ -231,13 +231,18 @@ def _lapsed(note: np.record, acting: int) -> float:
 def _beyond(note: np.record, law: np.record, k: int) -> float:
     """Return the way that a robot makes because it cannot follow the step of the k-th command [m].
 
-    One that brakes by b goes on for v²/2b, where v̂ stops within τ.
+    One that brakes by b goes on for v²/2b, where v̂ stops within τ. Before the first command stands
+    v̂, of which nobody knows since when.
     """
     at, before = k % HELD, (k - 1) % HELD
-    if k < 1 or note.ends[at] != 0 or note.ends[before] != 0:
+    if note.ends[at] != 0 or (k > 0 and note.ends[before] != 0):
         return 0.0
-    x, y = note.told[at, 0] - note.told[before, 0], note.told[at, 1] - note.told[before, 1]
-    most = STEP * law.braking * (note.told_at[at] - note.told_at[before])
+    if k > 0:
+        x, y = note.told[at, 0] - note.told[before, 0], note.told[at, 1] - note.told[before, 1]
+        most = STEP * law.braking * (note.told_at[at] - note.told_at[before])
+    else:
+        x, y = note.told[at, 0] - note.velocity[0], note.told[at, 1] - note.velocity[1]
+        most = 0.0
     return (x * x + y * y) / (2.0 * law.braking) if x * x + y * y > most * most else 0.0
 
 

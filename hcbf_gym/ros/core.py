@@ -22,9 +22,10 @@ from hcbf_gym.online.sample import placed
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
+from hcbf_gym.ros.filters import Led
 from hcbf_gym.ros.localization import Localization
-from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
-from hcbf_gym.ros.sources import Beams, Entries, Source
+from hcbf_gym.ros.parameters import Settings, SourceSettings
+from hcbf_gym.ros.sources import Beams, Entries
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
 INSIDE = "the robot is inside"
@@ -57,32 +58,21 @@ class NodeCore:
         self._command = Watch("command", settings.cmd_vel_timeout, tolerance)
         self._clock = ClockWatch(settings.clock_timeout)
         self.localization = Localization(settings)
-        self.sources = {
-            one.name: Source(one, Watch(one.name, _timeout(one, settings), tolerance))
-            for one in settings.sources
-        }
-        self._filter = filters.warmed(settings)
+        self.sources = sources.of_settings(settings)
+        self._led = Led(settings)
         self._size = len(self._filter.robot.command.limits)
         self._wanted = np.zeros(self._size)
         for one in self.sources.values():
-            self._begin(one)
+            sources.begin(one, self.fastest, self._filter.check)
         self._alarm: tuple[float, Fault] | None = None  # until when [steady s]
         self._zero_since: float | None = -math.inf  # silent until a velocity is wanted
         self._last: tuple[float, Decision] | None = None
         self._names: list[str] = []
         self._show()
 
-    def _begin(self, source: Source) -> None:
-        """Let a source show what no message has to say: a file, or a zone of the parameters."""
-        one = source.settings
-        if one.file:
-            source.entries = sources.of_grid(one, sources.of_file(one), self.fastest)
-        elif one.type == "polygon":
-            source.entries = sources.of_polygon(one, one.points)
-        elif one.type == "circle" and one.center:
-            source.entries = sources.of_circle(one, one.center, one.radius)
-        if one.file or one.type in ZONES:
-            source.watch.stand()
+    @property
+    def _filter(self) -> VelocityFilter:
+        return self._led.filter
 
     @property
     def fastest(self) -> float:
@@ -134,7 +124,7 @@ class NodeCore:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
         if self.localization.hear_odometry(pose, twist, stamp, now, frame, child):
-            self._filter.reset()
+            self._begin_anew()
 
     def hear_source(
         self, name: str, entries: Entries, stamp: float, now: Now, frame: str = ""
@@ -219,11 +209,14 @@ class NodeCore:
             limits: what replaces parameters, such as base and multiplier.
 
         Raises:
-            InvalidInputError: if its values make no classes.
+            InvalidInputError: if its values make no classes, or a limit is too low to be kept.
         """
         source = self.sources[name]
         settings = replace(source.settings, **(limits or {}))
-        return sources.of_grid(settings, raster, self.fastest, source.entries)
+        shown = sources.of_grid(settings, raster, self.fastest, source.entries)
+        if settings.type == "speed":
+            self._filter.check(shown)
+        return shown
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
         """Return a filter that leads to a goal, its field computed; hand it over by `take`.
@@ -250,14 +243,17 @@ class NodeCore:
 
     def take(self, planned: VelocityFilter) -> None:
         """Go on with a filter that was `planned`."""
-        planned.v_max = self.settings.v_max or None  # it may have changed meanwhile
-        self._filter = planned
+        self._led.take(planned, self.settings.v_max)
         self._show()
 
     @property
     def goal(self) -> Array | None:
-        """(2,) where guidance leads [m]."""
-        return self._filter.goal
+        """(2,) where guidance leads, or will again [m]."""
+        return self._led.goal
+
+    def goal_to_plan(self) -> Array | None:
+        """Return the goal that must be `planned` again, once; None where none must."""
+        return None if self._last is None else self._led.goal_to_plan()  # None: a fault
 
     # -- what is decided --------------------------------------------------------------------------
 
@@ -269,6 +265,8 @@ class NodeCore:
             self._forget()
         if not self.enabled:
             return self._passed(now)
+        if self._clock.fault(now) is not None:
+            self._begin_anew()  # the robot may move meanwhile, at no time of this clock
         faults = [one for one in (back, *self._faults(now)) if one is not None]
         if not faults and self._last is not None and now.ros == self._last[0]:
             return self._silenced(self._last[1], now)  # a simulator's clock ticks more slowly
@@ -305,7 +303,7 @@ class NodeCore:
         if reason >= FIRST_ALARM:
             fault = Fault("robot", reason.says)
             self._alarm = now.steady + self.settings.alarm_pause, fault
-            self._filter.reset()
+            self._begin_anew()
             return self._stopped([fault], now)
         if status == FilterStatus.BACKUP:
             says = f"filter: {reason.says}"
@@ -363,6 +361,11 @@ class NodeCore:
 
     # -- what is remembered -----------------------------------------------------------------------
 
+    def _begin_anew(self) -> None:
+        """Let the filter forget the past."""
+        if self._led.begin_anew(self.settings.v_max):
+            self._show()
+
     def _forget(self) -> None:
         """Begin anew: the clock has gone back, and no stamp from before means anything."""
         self._command.forget()
@@ -373,7 +376,7 @@ class NodeCore:
             elif source.watch.is_known:
                 source.watch.stand()
         self._last = None
-        self._filter.reset()
+        self._begin_anew()
 
     @property
     def _shown(self) -> list[Any]:
@@ -385,10 +388,3 @@ class NodeCore:
         shown = self._shown
         self._names = [one.name for one in each(shown)]
         self._filter.set_barriers(shown, look=False)
-
-
-def _timeout(source: SourceSettings, settings: Settings) -> float:
-    """Return after how long a source is stale [s], 0 for never."""
-    if source.source_timeout >= 0.0:
-        return source.source_timeout
-    return settings.source_timeout if source.type == "scan" else 0.0

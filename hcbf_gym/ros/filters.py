@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.online import Command, Response, Robot, VelocityFilter
+from hcbf_gym.online.robot import known_of
 from hcbf_gym.ros import sources
+from hcbf_gym.ros.parameter import naming
 from hcbf_gym.ros.parameters import GRIDS, Settings
 from hcbf_gym.ros.sources import Beams
 
@@ -16,37 +19,49 @@ HELD = 1.3
 """Periods of the node for which the filter's rows hold: timers and messages jitter."""
 
 
-def robot_of(settings: Settings) -> str | Robot:
+def robot_of(settings: Settings) -> Robot:
     """Return the robot that parameters describe.
 
     Raises:
-        InvalidInputError: if its response cannot be read, or its numbers do not fit.
+        InvalidInputError: if a file of it cannot be read, or its numbers do not fit.
     """
     if settings.robot:
-        return settings.robot
+        with naming("robot"):
+            return known_of(settings.robot)
     command = Command(
         settings.max_forward,
         settings.max_turn,
         settings.max_sideways or None,
         settings.look_ahead or None,
     )
-    response = Response.load(Path(settings.response_file)) if settings.response_file else None
-    return Robot(command, response, settings.reach, settings.footprint or None)
+    response = None
+    if settings.response_file:
+        with naming("response_file"):
+            response = Response.load(Path(settings.response_file))
+            response.gains(len(command.limits))  # fit
+    with naming("footprint"):
+        return Robot(command, response, settings.reach, settings.footprint or None)
 
 
-def made(robot: str | Robot, settings: Settings, scene: Any, goal: Any) -> VelocityFilter:
-    """Return a filter as the parameters ask for it."""
-    return VelocityFilter(
+def made(robot: Robot, settings: Settings, scene: Any, goal: Any) -> VelocityFilter:
+    """Return a filter as the parameters ask for it.
+
+    Raises:
+        InvalidInputError: if the cap leaves no speed.
+    """
+    found = VelocityFilter(
         robot,
         scene,
         settings.program,
         period=HELD * settings.period,
         goal=goal,
         guidance=settings.guidance or None if goal is not None else None,
-        v_max=settings.v_max or None,
         max_age=settings.odom_timeout,
         on_alarm="brake",
     )
+    with naming("v_max"):
+        found.v_max = settings.v_max or None
+    return found
 
 
 def warmed(settings: Settings) -> VelocityFilter:
@@ -73,7 +88,51 @@ def warmed(settings: Settings) -> VelocityFilter:
     robot = robot_of(settings)
     plain = made(robot, settings, scene, None)
     if settings.guidance:
-        guided = made(plain.robot, settings, scene, (0.5, 0.0))
+        guided = made(robot, settings, scene, (0.5, 0.0))
         guided.step(guided.command_at(0.0), np.zeros(3), np.zeros(3), 0.0)
     plain.barriers = []
     return plain
+
+
+class Led:
+    """The filter at hand, and the goal to which it leads.
+
+    Guidance's field is computed where a filter begins, and that takes time: where the filter has to
+    begin anew, one without guidance goes on until another is planned beside the commands' path.
+
+    Args:
+        settings: the node's parameters.
+
+    Attributes:
+        filter: at hand.
+    """
+
+    def __init__(self, settings: Settings):
+        self.filter = self._plain = warmed(settings)
+        self._lost: Array | None = None  # the goal of a field that is no more
+        self._asks = False  # whether it has to be computed again
+
+    @property
+    def goal(self) -> Array | None:
+        """(2,) where guidance leads, or will again [m]."""
+        return self._lost if self.filter.goal is None else self.filter.goal
+
+    def take(self, planned: VelocityFilter, v_max: float) -> None:
+        """Go on with another filter, under the cap that there is now [m/s], 0 for none."""
+        planned.v_max = v_max or None
+        planned.go_on_from(self.filter)
+        self.filter, self._lost, self._asks = planned, None, False
+
+    def begin_anew(self, v_max: float) -> bool:
+        """Forget the past; return whether another filter goes on."""
+        goal = self.filter.goal
+        if goal is not None:
+            self.take(self._plain, v_max)
+            self._lost, self._asks = goal, True
+        self.filter.reset()
+        return goal is not None
+
+    def goal_to_plan(self) -> Array | None:
+        """Return the goal for which a filter has to be planned, once; None where none has."""
+        asks, self._asks = self._asks, False
+        return self._lost if asks else None

@@ -135,7 +135,7 @@ class Intake:
                 differs = core.hear_source(name, made, stamp or now.ros, now, frame)
             is_scan = core.sources[name].settings.type == "scan"
             if differs and not is_scan and core.goal is not None:
-                self._planner.put("field", functools.partial(self._lead, core.goal))
+                self.plan(core.goal)
 
         self._worker.put(name, job)
 
@@ -152,7 +152,11 @@ class Intake:
         if frame != expected:
             self._logger.warning(f"goal: got the frame {frame!r}, expected {expected!r}")
         else:
-            self._planner.put("field", functools.partial(self._lead, goal))
+            self.plan(goal)
+
+    def plan(self, goal: Any) -> None:
+        """Let the other thread compute guidance's field to a goal."""
+        self._planner.put("field", functools.partial(self._lead, goal))
 
     def _lead(self, goal: Any) -> None:
         """Let guidance lead to a goal through what is known."""

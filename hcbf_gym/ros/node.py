@@ -7,6 +7,7 @@ show is prepared in others and handed over under a lock that is held for microse
 # rclpy comes with ROS, or with the extra ros-wheels
 
 import contextlib
+import gc
 import sys
 import threading
 import time
@@ -28,7 +29,8 @@ from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning
 from hcbf_gym.ros import messages, optional, running
 from hcbf_gym.ros.core import NodeCore
 from hcbf_gym.ros.intake import Intake
-from hcbf_gym.ros.parameters import Parameter, Settings, by_name, read
+from hcbf_gym.ros.parameter import Parameter
+from hcbf_gym.ros.parameters import Settings, by_name, read
 from hcbf_gym.ros.reporting import Reporter
 from hcbf_gym.ros.running import RELIABLE, SENSOR
 from hcbf_gym.ros.watches import Now
@@ -119,6 +121,7 @@ class FilterNode(LifecycleNode):
         try:
             settings = read(self._given())
             _check_imports(settings)
+            self._check_velocities(settings)
             self._core = core = NodeCore(settings)
         except HcbfError as error:
             self.get_logger().error(f"configure: {error}")
@@ -140,7 +143,23 @@ class FilterNode(LifecycleNode):
         self._timer = self.create_timer(settings.period, self._on_period, clock=steady)
         slow = self.create_timer(1.0, self._on_second, clock=steady)
         self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
+        gc.collect()
+        gc.freeze()  # compiled code's objects stay: no collection shall look at them all again
         return super().on_configure(state)
+
+    def _check_velocities(self, settings: Settings) -> None:
+        """Refuse to hear the own velocities, after namespaces and remapping.
+
+        Raises:
+            InvalidInputError: the message names the parameter.
+        """
+        wanted, given = settings.cmd_vel_in_topic, settings.cmd_vel_out_topic
+        whole = self.resolve_topic_name(given)
+        if self.resolve_topic_name(wanted) == whole:
+            raise InvalidInputError(
+                f"parameter cmd_vel_out_topic: got {given!r}, which is {whole} as {wanted!r} of "
+                "cmd_vel_in_topic is, expected another"
+            )
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Begin to publish."""
@@ -214,12 +233,13 @@ class FilterNode(LifecycleNode):
         frame = "" if header is None else header.frame_id
         with self._lock:
             believed = core.hear_command(twist, now, stamp or None, frame)
-            decision = core.step(now)
+            decision, goal = core.step(now), core.goal_to_plan()
         if decision.command is not None:
             self._publish(decision.command, header if believed else None)
         self._reporter.note(time.perf_counter() - begun)
         self._timer.reset()
         self._reporter.say(decision, now, self._stamp())
+        self._plan(goal)
 
     def _on_period(self) -> None:
         """Filter the last velocity again: none has come for a period."""
@@ -227,10 +247,16 @@ class FilterNode(LifecycleNode):
             return
         now = self._now()
         with self._lock:
-            decision = self._configured.step(now)
+            decision, goal = self._configured.step(now), self._configured.goal_to_plan()
         if decision.command is not None:
             self._publish(decision.command)
         self._reporter.say(decision, now, self._stamp())
+        self._plan(goal)
+
+    def _plan(self, goal: Any) -> None:
+        """Let guidance lead to a goal again, whose field is no more."""
+        if goal is not None and self._intake is not None:
+            self._intake.plan(goal)
 
     def _publish(self, command: Any, header: Any = None) -> None:
         """Publish a velocity, with the header of the one wanted, or one of now."""

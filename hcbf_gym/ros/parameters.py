@@ -5,103 +5,21 @@ meaning. A value that does not fit is refused by its name before the node is act
 """
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, get_type_hints
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_float, shown
-
-Numbers = tuple[float, ...]
-Texts = tuple[str, ...]
+from hcbf_gym.errors import InvalidInputError, check_options, shown
+from hcbf_gym.ros.parameter import Parameter, parameter, table
 
 GRIDS = ("map", "keepout", "speed")
 """Types of sources that are occupancy grids."""
 ZONES = ("polygon", "circle")
 """Types of sources that are one region, which may come, move and go."""
 TYPES = ("scan", *GRIDS, *ZONES)
-
-
-class Parameter(NamedTuple):
-    """One parameter.
-
-    Attributes:
-        name: as ROS has it; of a source behind the source's name and a dot.
-        kind: the Python type of its value.
-        default: where none is given.
-        says: what it is.
-        low: the least number.
-        high: the greatest number.
-        choices: of a text; none for any.
-        live: whether it may be set while the node runs.
-    """
-
-    name: str
-    kind: Any
-    default: Any
-    says: str
-    low: float | None
-    high: float | None
-    choices: Texts
-    live: bool
-
-    def read(self, value: Any, label: str) -> Any:
-        """Return a value as the settings have it.
-
-        Args:
-            value: as ROS or a file gave it.
-            label: the parameter's whole name.
-
-        Raises:
-            InvalidInputError: if it is of another type, out of range or none of the choices.
-        """
-        if self.kind in (Numbers, Texts):
-            if isinstance(value, str | bytes) or not isinstance(value, Sequence):
-                raise InvalidInputError(
-                    f"parameter {label}: got {shown(value)}, expected a list of "
-                    f"{'numbers' if self.kind == Numbers else 'texts'}"
-                )
-            one = self._number if self.kind == Numbers else self._text
-            return tuple(one(item, label) for item in value)
-        if self.kind is bool:
-            if not isinstance(value, bool):
-                raise InvalidInputError(
-                    f"parameter {label}: got {shown(value)}, expected true or false"
-                )
-            return value
-        return self._text(value, label) if self.kind is str else self._number(value, label)
-
-    def _text(self, value: Any, label: str) -> str:
-        if not isinstance(value, str):
-            raise InvalidInputError(f"parameter {label}: got {shown(value)}, expected text")
-        return choose(f"parameter {label}", value, {one: one for one in self.choices or (value,)})
-
-    def _number(self, value: Any, label: str) -> Any:
-        low = -float("inf") if self.low is None else self.low
-        high = float("inf") if self.high is None else self.high
-        number = finite_float(f"parameter {label}", value, minimum=low, maximum=high)
-        if self.kind is int:
-            if not number.is_integer():
-                raise InvalidInputError(f"parameter {label}: got {number:g}, expected an integer")
-            return int(number)
-        return number
-
-
-def _parameter(
-    default: Any,
-    says: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: Sequence[str] = (),
-    live: bool = False,
-) -> Any:
-    """Return a field of the settings with what `Parameter` says of it."""
-    about = {"says": says, "low": low, "high": high, "choices": tuple(choices), "live": live}
-    if callable(default):
-        return field(default_factory=default, metadata=about)
-    return field(default=default, metadata=about)
 
 
 def stamped_by_default() -> bool:
@@ -114,140 +32,129 @@ class SourceSettings:
     """What stands before a source's name and a dot: ``<source>.type`` and so on."""
 
     name: str = field(metadata={})
-    type: str = _parameter("scan", "what it is", choices=TYPES)
-    enabled: bool = _parameter(True, "whether it counts", live=True)
-    topic: str = _parameter("", "it is heard from; of a polygon or circle, messages replace it")
-    file: str = _parameter("", "of a grid: a map server's YAML, in the place of a topic")
-    priority: int = _parameter(1, "its rank; 1 is the highest and strict", low=1, high=LOWEST_RANK)
-    margin: float = _parameter(0.0, "reserved around it [m]", low=0.0, high=100.0)
-    when_inside: str = _parameter(
+    type: str = parameter("scan", "what it is", choices=TYPES)
+    enabled: bool = parameter(True, "whether it counts", live=True)
+    topic: str = parameter("", "it is heard from; of a polygon or circle, messages replace it")
+    file: str = parameter("", "of a grid: a map server's YAML, in the place of a topic")
+    priority: int = parameter(1, "its rank; 1 is the highest and strict", low=1, high=LOWEST_RANK)
+    margin: float = parameter(0.0, "reserved around it [m]", low=0.0, high=100.0)
+    when_inside: str = parameter(
         "leave",
         "the robot in it drives out as its rank says, or stops",
         choices=("leave", "stop"),
     )
-    source_timeout: float = _parameter(
+    source_timeout: float = parameter(
         -1.0, "[s]; 0: never stale; −1: source_timeout of a scan, never of the others", low=-1.0
     )
-    frame_id: str = _parameter("", 'of its messages; "": base_frame_id of a scan, else the map\'s')
-    mount: tuple[float, ...] = _parameter(
+    frame_id: str = parameter("", 'of its messages; "": base_frame_id of a scan, else the map\'s')
+    mount: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "of a scan: x, y [m] and yaw [rad] of the sensor on the robot, without tf"
     )
-    scan_period: float = _parameter(
+    scan_period: float = parameter(
         0.1, "of a scan: how old it is at most when the next one comes [s]", low=0.0, high=10.0
     )
-    obstacle_speed: float = _parameter(
+    obstacle_speed: float = parameter(
         0.0, "of a scan: the fastest thing around [m/s], reserved for scan_period", low=0.0, high=10
     )
-    range_noise: float = _parameter(
+    range_noise: float = parameter(
         0.0, "of a scan: what a range is off by at most [m], reserved", low=0.0, high=1.0
     )
-    unknown: int = _parameter(
+    unknown: int = parameter(
         1, "of a map: rank of unknown cells and the outside; 0: free", low=0, high=LOWEST_RANK
     )
-    filter_info_topic: str = _parameter(
+    filter_info_topic: str = parameter(
         "", "of a mask: CostmapFilterInfo, where nav2_msgs can be imported"
     )
-    base: float = _parameter(100.0, "of a speed mask: limit = base + multiplier · value")
-    multiplier: float = _parameter(-1.0, "of a speed mask")
-    percent: bool = _parameter(True, "of a speed mask: limits are % of the greatest speed, or m/s")
-    points: tuple[float, ...] = _parameter((), "of a polygon: x and y of each corner [m]")
-    center: tuple[float, ...] = _parameter((), "of a circle [m]")
-    radius: float = _parameter(0.0, "of a circle [m]", low=0.0, high=1e4)
+    base: float = parameter(
+        100.0, "of a speed mask: limit = base + multiplier · value", low=-1e4, high=1e4
+    )
+    multiplier: float = parameter(-1.0, "of a speed mask", low=-1e4, high=1e4)
+    percent: bool = parameter(True, "of a speed mask: limits are % of the greatest speed, or m/s")
+    points: tuple[float, ...] = parameter((), "of a polygon: x and y of each corner [m]")
+    center: tuple[float, ...] = parameter((), "of a circle [m]")
+    radius: float = parameter(0.0, "of a circle [m]", low=0.0, high=1e4)
 
 
 @dataclass(frozen=True)
 class Settings:
     """All parameters."""
 
-    base_frame_id: str = _parameter("base_footprint", "the robot's frame")
-    odom_frame_id: str = _parameter("odom", "the odometry's frame")
-    global_frame_id: str = _parameter("odom", "the frame of maps and zones, and of the pose")
-    pose_source: str = _parameter(
+    base_frame_id: str = parameter("base_footprint", "the robot's frame")
+    odom_frame_id: str = parameter("odom", "the odometry's frame")
+    global_frame_id: str = parameter("odom", "the frame of maps and zones, and of the pose")
+    pose_source: str = parameter(
         "odom",
         "the pose is the odometry's, a pose topic's, or tf's where tf2 can be imported",
         choices=("odom", "topic", "tf"),
     )
-    cmd_vel_in_topic: str = _parameter("cmd_vel_smoothed", "the velocity wanted")
-    cmd_vel_out_topic: str = _parameter("cmd_vel", "the velocity given")
-    enable_stamped_cmd_vel: bool = _parameter(
+    cmd_vel_in_topic: str = parameter("cmd_vel_smoothed", "the velocity wanted")
+    cmd_vel_out_topic: str = parameter("cmd_vel", "the velocity given")
+    enable_stamped_cmd_vel: bool = parameter(
         stamped_by_default, "TwistStamped, or Twist; false in Jazzy, true in later distributions"
     )
-    odom_topic: str = _parameter("odom", "nav_msgs/Odometry")
-    pose_topic: str = _parameter("pose", "PoseWithCovarianceStamped, for pose_source topic")
-    goal_topic: str = _parameter("goal_pose", "PoseStamped, where guidance leads")
-    state_topic: str = _parameter("", 'the collision monitor\'s state; "": none')
-    transform_tolerance: float = _parameter(
+    odom_topic: str = parameter("odom", "nav_msgs/Odometry")
+    pose_topic: str = parameter("pose", "PoseWithCovarianceStamped, for pose_source topic")
+    goal_topic: str = parameter("goal_pose", "PoseStamped, where guidance leads")
+    state_topic: str = parameter("", 'the collision monitor\'s state; "": none')
+    transform_tolerance: float = parameter(
         0.1, "by which a stamp may be ahead of the clock [s]", low=0.0, high=10.0
     )
-    source_timeout: float = _parameter(2.0, "of scans [s]; 0: never stale", low=0.0, high=60.0)
-    cmd_vel_timeout: float = _parameter(0.25, "of the velocity wanted [s]", low=0.01, high=10.0)
-    odom_timeout: float = _parameter(0.2, "of odometry and pose [s]", low=0.01, high=10.0)
-    clock_timeout: float = _parameter(
+    source_timeout: float = parameter(2.0, "of scans [s]; 0: never stale", low=0.0, high=60.0)
+    cmd_vel_timeout: float = parameter(0.25, "of the velocity wanted [s]", low=0.01, high=10.0)
+    odom_timeout: float = parameter(0.2, "of odometry and pose [s]", low=0.01, high=10.0)
+    clock_timeout: float = parameter(
         0.15, "how long the node's clock may stand still [s of the steady clock]", low=0.01, high=60
     )
-    stop_pub_timeout: float = _parameter(
+    stop_pub_timeout: float = parameter(
         1.0, "after so long at zero nothing is published [s]", low=0.0, high=3600.0
     )
-    pose_jump: float = _parameter(
+    pose_jump: float = parameter(
         0.25, "by which a pose may differ from what the twist says [m]", low=0.01, high=100.0
     )
-    settle_time: float = _parameter(0.2, "at zero after a jump of the pose [s]", low=0.0, high=60.0)
-    alarm_pause: float = _parameter(
+    settle_time: float = parameter(0.2, "at zero after a jump of the pose [s]", low=0.0, high=60.0)
+    alarm_pause: float = parameter(
         2.0, "at zero after an alarm: the robot did not do what it was told [s]", low=0.0, high=3600
     )
-    base_shift_correction: bool = _parameter(
+    base_shift_correction: bool = parameter(
         True, "whether a scan is placed by the pose at its stamp, or by the newest"
     )
-    enabled: bool = _parameter(
+    enabled: bool = parameter(
         True, "false passes velocities on as they are; ~/toggle sets it", live=True
     )
-    observation_sources: tuple[str, ...] = _parameter((), "names of the sources")
-    robot: str = _parameter("", 'a contract\'s path or name; "": the next seven describe the robot')
-    max_forward: float = _parameter(0.0, "greatest speed ahead and back [m/s]", low=0.0, high=100.0)
-    max_turn: float = _parameter(0.0, "greatest turning rate [rad/s]", low=0.0, high=100.0)
-    max_sideways: float = _parameter(
+    observation_sources: tuple[str, ...] = parameter((), "names of the sources")
+    robot: str = parameter("", 'a contract\'s path or name; "": the next seven describe the robot')
+    max_forward: float = parameter(0.0, "greatest speed ahead and back [m/s]", low=0.0, high=100.0)
+    max_turn: float = parameter(0.0, "greatest turning rate [rad/s]", low=0.0, high=100.0)
+    max_sideways: float = parameter(
         0.0, "greatest speed to either side [m/s]; 0: a differential drive", low=0.0, high=100.0
     )
-    look_ahead: float = _parameter(
+    look_ahead: float = parameter(
         0.0, "of a differential drive: of the point before its axle [m]", low=0.0, high=100.0
     )
-    reach: float = _parameter(
+    reach: float = parameter(
         0.0, "radius of the circle around the centre, or axle, that holds it [m]", low=0.0, high=100
     )
-    footprint: str = _parameter(
+    footprint: str = parameter(
         "", "its outline as Nav2 writes it, [[x, y], …]: reach becomes no less than holds it"
     )
-    response_file: str = _parameter("", 'from hcbf identify; "": a slow robot that sways')
-    program: str = _parameter("lex-cbf-qp", "which ranked program", choices=programs.names())
-    period: float = _parameter(
+    response_file: str = parameter("", 'from hcbf identify; "": a slow robot that sways')
+    program: str = parameter("lex-cbf-qp", "which ranked program", choices=programs.names())
+    period: float = parameter(
         0.05, "after so long without a new one, the velocity is filtered again [s]",
         low=0.005, high=0.15,
     )  # fmt: skip
-    v_max: float = _parameter(
+    v_max: float = parameter(
         0.0, "strict cap on the speed [m/s]; 0: none", low=0.0, high=100.0, live=True
     )
-    guidance: str = _parameter(
+    guidance: str = parameter(
         "", "towards the goal, round what is known", choices=("", "geodesic", "local")
     )
-    use_bond: str = _parameter(
+    use_bond: str = parameter(
         "auto", "with the lifecycle manager, where bondpy can be imported", choices=("auto", "no")
     )
     sources: tuple[SourceSettings, ...] = field(default=(), metadata={})
 
 
-def table(of: type[Settings] | type[SourceSettings]) -> tuple[Parameter, ...]:
-    """Return the parameters of the node, or those of each source."""
-    hints = get_type_hints(of)
-    found = []
-    for one in fields(of):
-        if one.metadata:
-            made: Callable[[], Any] = one.default_factory  # type: ignore[assignment]
-            default = one.default if isinstance(one.default, _PLAIN) else made()
-            found.append(Parameter(one.name, hints[one.name], default, **one.metadata))
-    return tuple(found)
-
-
-_PLAIN = (bool, int, float, str, tuple)
 OF_NODE = table(Settings)
 OF_SOURCE = table(SourceSettings)
 FOREIGN = ("use_sim_time", "qos_overrides", "start_type_description_service")
@@ -295,7 +202,6 @@ _BELONGS = {
     "mount": ("scan",),
     "scan_period": ("scan",),
     "obstacle_speed": ("scan",),
-    "range_noise": ("scan",),
     "file": GRIDS,
     "unknown": ("map",),
     "filter_info_topic": ("keepout", "speed"),
@@ -320,7 +226,7 @@ def _checked_source(one: SourceSettings) -> SourceSettings:
     for name, types in _BELONGS.items():
         if getattr(one, name) != defaults[name] and one.type not in types:
             raise InvalidInputError(
-                f"{label}{name}: got it for the type {one.type!r}, expected it for "
+                f"{label}{name}: got it where {one.name}.type is {one.type!r}, expected it for "
                 f"{' or '.join(types)} alone"
             )
     lengths = {
@@ -343,14 +249,38 @@ def _checked_source(one: SourceSettings) -> SourceSettings:
     ways = [name for name in ("topic", "file", "filter_info_topic") if getattr(one, name)]
     if one.type not in ZONES and len(ways) != 1:
         expected = "topic" if one.type == "scan" else "one of topic, file and filter_info_topic"
+        got = " beside ".join(f"{one.name}.{way}" for way in ways[::-1])
         raise InvalidInputError(
-            f"{label}topic: got {ways or 'nothing'} for a {one.type}, expected {expected}"
+            f"parameter {got or one.name + '.topic: nothing'}: got it for a {one.type}, expected "
+            f"{expected}"
         )
+    _check_topics(label, {"topic": one.topic, "filter_info_topic": one.filter_info_topic})
     if one.type == "speed" and one.when_inside == "stop":
         raise InvalidInputError(
             f"{label}when_inside: got 'stop' for a speed mask, expected 'leave': it is crossed"
         )
     return one
+
+
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def _check_topics(label: str, topics: Mapping[str, str]) -> None:
+    """Refuse what ROS takes for no topic's name; "" is none.
+
+    Args:
+        label: stands before the parameters' names.
+        topics: of each parameter; where ROS shall put {node} or {ns}, a letter stands for it.
+
+    Raises:
+        InvalidInputError: the message names the parameter.
+    """
+    for name, topic in topics.items():
+        if topic and not _TOPIC.fullmatch(re.sub(r"\{(node|ns|namespace)\}", "n", topic)):
+            raise InvalidInputError(
+                f"{label}{name}: got {shown(topic)}, expected a topic: letters, digits and _, with "
+                "/ between its parts, none of which begins with a digit"
+            )
 
 
 def _checked(settings: Settings) -> Settings:
@@ -390,8 +320,10 @@ def _checked(settings: Settings) -> Settings:
             f"parameter cmd_vel_timeout: got {settings.cmd_vel_timeout:g}, expected at least the "
             f"period, {settings.period:g}"
         )
-    for name in ("cmd_vel_in_topic", "cmd_vel_out_topic", "odom_topic"):
-        if not getattr(settings, name):
+    topics = {one.name: getattr(settings, one.name) for one in OF_NODE if "_topic" in one.name}
+    _check_topics("parameter ", topics)
+    for name, topic in topics.items():
+        if not topic and name != "state_topic":
             raise InvalidInputError(f"parameter {name}: got '', expected a topic")
     if settings.cmd_vel_in_topic == settings.cmd_vel_out_topic:
         raise InvalidInputError(

@@ -3,7 +3,7 @@
 Nothing here knows ROS: the node hands over numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -18,7 +18,8 @@ from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_fl
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, reading
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.constants import FARTHEST
-from hcbf_gym.ros.parameters import SourceSettings
+from hcbf_gym.ros.parameter import naming
+from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
 from hcbf_gym.ros.watches import Watch
 
 Entries = tuple[Barrier | Several, ...]
@@ -45,6 +46,43 @@ class Source:
 
     def __post_init__(self) -> None:
         self.enabled = self.settings.enabled
+
+
+def of_settings(settings: Settings) -> dict[str, Source]:
+    """Return name → source, of which nothing is known yet."""
+    found = {}
+    for one in settings.sources:
+        timeout = one.source_timeout
+        if timeout < 0.0:
+            timeout = settings.source_timeout if one.type == "scan" else 0.0
+        found[one.name] = Source(one, Watch(one.name, timeout, settings.transform_tolerance))
+    return found
+
+
+def begin(source: Source, fastest: float, check: Callable[[Entries], None]) -> None:
+    """Let a source show what no message has to say: a file, or a zone of the parameters.
+
+    Args:
+        source: the source.
+        fastest: what 100 % of a speed mask are [m/s].
+        check: refuses what no input can satisfy.
+
+    Raises:
+        InvalidInputError: the message names the parameter.
+    """
+    one = source.settings
+    if one.file:
+        with naming(f"{one.name}.file"):
+            source.entries = of_grid(one, of_file(one), fastest)
+            check(source.entries)
+    elif one.type == "polygon":
+        with naming(f"{one.name}.points"):
+            source.entries = of_polygon(one, one.points)
+    elif one.type == "circle" and one.center:
+        with naming(f"{one.name}.center"):
+            source.entries = of_circle(one, one.center, one.radius)
+    if one.file or one.type in ZONES:
+        source.watch.stand()
 
 
 class Beams(NamedTuple):

@@ -165,3 +165,16 @@ def test_a_stop_at_once_takes_the_way_that_brakes_need(gap):
         for _ in range(10):
             speed += float(np.clip(told - speed, -0.015, 0.015))  # 3 m/s²
             place += 0.005 * speed
+
+
+def test_the_first_command_after_a_change_of_filters_is_a_step_that_nobody_can_follow():
+    """A robot that moves is told to turn back at once: it brakes as it was measured to."""
+    command = Command(forward=1.0, turn=2.0, look_ahead=0.2)
+    measured = Response(time_constant=0.02, delay=0.0, sway=0.004, braking=3.5, residual=(0, 0, 0))
+    monitor, x, v = ResponseMonitor(command, measured), 0.0, 0.5
+    for k in range(60):
+        pose, velocity = np.array([x, 0.0, 0.0]), np.array([v, 0.0])
+        assert not monitor.observe(pose, velocity, 0.02 * k), k
+        monitor.tell(np.array([-0.1, 0.0]), 0.02 * k, 0.02 * k + 0.05)
+        change = max(-0.02 * 3.5, -0.1 - v)
+        x, v = x + 0.02 * (v + 0.5 * change), v + change

@@ -5,6 +5,8 @@ import pytest
 
 from benchmarks.ros import faults
 from benchmarks.ros.drive import HARDEST, SCAN, Drive
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.maps.scan import FINE
 from hcbf_gym.ros import sources
@@ -34,6 +36,7 @@ def show(d, name, corners):
 def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, seed):
     trial = faults.try_case(name, seed)
     assert trial.in_time, trial.says
+    assert trial.stands, trial.away
     assert trial.named, trial.says
     assert trial.again, trial.says
 
@@ -266,3 +269,67 @@ def test_a_clock_that_is_set_back_is_believed_after_new_data():
     d.now = Now(100.0, d.now.steady)
     d.run(0.5)
     assert d.last.command[0] > 0.1
+
+
+def test_a_clock_that_stood_while_the_robot_moved_is_no_alarm():
+    d = Drive(wanted=(0.6, 0.0, 0.0)).run(1.0)
+    d.run(0.8, clock=0.0)
+    assert "clock: has stood still" in d.last.says
+    d.run(0.3)
+    assert d.velocity[0] > 0.1
+
+
+def test_a_speed_limit_that_cannot_be_kept_is_refused_at_the_door():
+    given = {"observation_sources": ["s"], "s.type": "speed", "s.topic": "s"}
+    core = Drive(given).core
+    cells = np.zeros((20, 20), dtype=np.int16)
+    cells[:, 10:] = 97
+    with pytest.raises(InvalidInputError, match=r"speed zone: got 0.03 m/s"):
+        core.of_grid("s", Raster(grid_of(0.1, (0.0, 0.0, 0.0), 20, 20), cells))
+
+
+def test_after_a_jump_the_field_is_computed_beside_the_commands(monkeypatch):
+    zone = {**ZONE, "zone.points": [1.5, -2.0, 2.0, -2.0, 2.0, 0.1, 1.5, 0.1]}
+    d = Drive({"guidance": "geodesic", **zone}, wanted=(0.0, 0.0, 0.0)).run(0.5)
+    d.core.take(d.core.planned((4.0, 0.0)))
+    d.run(1.0)
+    assert d.velocity[0] > 0.1  # guidance leads
+    looks, steps = [], []
+    reset, step = Geodesic.reset, d.core.step
+
+    def looked(self, *args, **named):
+        looks.append(len(steps))
+        return reset(self, *args, **named)
+
+    monkeypatch.setattr(Geodesic, "reset", looked)
+
+    def stepped(now):
+        steps.append(now)
+        before = len(looks)
+        decision = step(now)
+        assert len(looks) == before
+        return decision
+
+    d.core.step = stepped
+    d.pose = d.pose + np.array([0.0, 1.0, 0.0])
+    d.run(0.1)
+    assert d.core.goal.tolist() == [4.0, 0.0]
+    assert not looks
+    d.run(1.0)
+    assert len(set(looks)) == 1  # in one place between two steps
+    assert d.velocity[0] > 0.1
+
+
+def test_a_plan_that_is_taken_goes_on_from_what_the_robot_was_told():
+    """From rest the first command is one period of the input, not two."""
+    zone = {**ZONE, "zone.points": [-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5]}
+    given = {"robot": "cart", "guidance": "geodesic", "zone.priority": 2, **zone}
+    told = []
+    for takes in (False, True):
+        d = Drive(given, start=(0.2, 0.1, 0.0), wanted=(0.0, 0.0, 0.0)).run(0.2, command=False)
+        if takes:
+            d.core.take(d.core.planned((4.0, 0.0)))
+        d.run(0.05)
+        told.append(np.linalg.norm(d.velocity * (1.0, 0.25)))
+    assert told[0] > 0.1
+    assert told[1] <= told[0] + 0.01

@@ -1,0 +1,213 @@
+"""How long a command takes from its arrival to its publication, through real rclpy.
+
+    python -m benchmarks.ros.latency [minutes]
+
+Commands at 50 Hz, Nav2's depot ($HCBF_DATA/maps/depot.yaml) and a scan of 360 beams at 10 Hz: a
+planner that knows no wall goes to and fro across it, and guidance leads. The node is `hcbf ros` in
+a process of its own, which also notes what its other threads did meanwhile; the simulated robot's
+path is judged by the map's true squares.
+"""
+# pyright: reportMissingImports=false
+
+import gc
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.judges.squares import distances
+from hcbf_gym.arrays import Array
+from hcbf_gym.maps import nav2
+from hcbf_gym.robots import Walker
+from hcbf_gym.ros.command import ros_arguments
+
+START, GOALS = (3.5, 7.5, 0.0), ((20.0, 7.5), (3.5, 7.5))
+"""Through the depot and back [m]."""
+PARAMETERS = """hcbf_filter:
+  ros__parameters:
+    robot: cart
+    guidance: geodesic
+    observation_sources: [walls, laser]
+    walls: {type: map, topic: map, unknown: 1}
+    laser: {type: scan, topic: scan}
+"""
+SETTLED = 5.0
+"""From then on it counts [s]: the map has come, and the first goal."""
+
+
+def node(parameters: Path, notes: Path) -> None:
+    """Run the node, and write when commands came, how long they took, and what else was done."""
+    from hcbf_gym.ros import node as nodes
+    from hcbf_gym.ros import reporting, worker
+
+    taken: list[tuple[float, float]] = []
+    own: list[float] = []
+    spans: list[tuple[str, float, float]] = []
+    note, put = reporting.Reporter.note, worker.Worker.put
+
+    begun = [0.0]
+
+    def noted(self: Any, latency: float) -> None:
+        own.append(time.thread_time() - begun[0])
+        taken.append((time.perf_counter(), latency))
+        note(self, latency)
+
+    heard = nodes.FilterNode._on_command
+
+    def watched(self: Any, message: Any) -> None:
+        begun[0] = time.thread_time()
+        heard(self, message)
+
+    def timed(self: Any, name: str, job: Callable[[], None]) -> None:
+        def whole() -> None:
+            begun = time.perf_counter()
+            try:
+                job()
+            finally:
+                spans.append((name, begun, time.perf_counter()))
+
+        put(self, name, whole)
+
+    def collected(phase: str, info: dict[str, int]) -> None:
+        if phase == "start":
+            spans.append((f"gc {info['generation']}", time.perf_counter(), math.inf))
+        else:
+            name, since, _ = spans.pop(
+                next(k for k in range(len(spans) - 1, -1, -1) if spans[k][0].startswith("gc"))
+            )
+            spans.append((name, since, time.perf_counter()))
+
+    reporting.Reporter.note, worker.Worker.put = noted, timed  # type: ignore[method-assign]
+    nodes.FilterNode._on_command = watched  # type: ignore[method-assign]
+    gc.callbacks.append(collected)
+    sys.argv = sys.argv[:1]
+    nodes.spin(ros_arguments(parameters), autostart=True)
+    noted_all = {"taken": taken, "own": own, "spans": spans}
+    notes.write_text(json.dumps(noted_all), encoding="utf-8")
+
+
+def main(minutes: float) -> None:
+    """Run planner, robot and node for so long, and print what was found."""
+    import rclpy
+    from geometry_msgs.msg import PoseStamped
+
+    from benchmarks.ros.ride import pursuit
+    from benchmarks.ros.rig import ALONE, Planner, ended, process
+
+    os.environ.update(ALONE)
+    rclpy.init()
+    planner = Planner(0.02)
+    goals = planner.create_publisher(PoseStamped, "goal_pose", 10)
+    depot = Path(os.environ["HCBF_DATA"]) / "maps" / "depot.yaml"
+    sizes: list[float] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        parameters, notes = folder / "filter.yaml", folder / "notes.json"
+        parameters.write_text(PARAMETERS, encoding="utf-8")
+        path = folder / "path.npy"
+        words = ["ros-sim", "--robot", "cart", "--map", str(depot), "--start", *map(str, START)]
+        words += ["--path", str(path)]
+        command = [sys.executable, "-m", "benchmarks.ros.latency", str(parameters), str(notes)]
+        with process(folder, "robot", *words) as robot:
+            running = subprocess.Popen(command)
+            assert planner.spin(120.0, lambda: goals.get_subscription_count() > 0)
+            begun, legs, arrived = time.monotonic(), 0, 0
+            loads = [os.getloadavg()[0]]
+            while time.monotonic() - begun < 60.0 * minutes:
+                goal = GOALS[legs % 2]
+                legs += 1
+                message = PoseStamped()
+                message.header.frame_id = "odom"
+                message.pose.position.x, message.pose.position.y = goal
+                plan = pursuit([goal], 0.8)
+                planner.wants = _turning(plan, planner)
+                goals.publish(message)
+                leg = time.monotonic()
+                while math.dist(planner.pose[:2], goal) > 0.4 and time.monotonic() - leg < 90.0:
+                    planner.spin(1.0)
+                    sizes.append(_resident(running.pid))
+                    loads.append(os.getloadavg()[0])
+                    if time.monotonic() - begun > 60.0 * minutes:
+                        break
+                arrived += math.dist(planner.pose[:2], goal) <= 0.4
+            running.send_signal(signal.SIGINT)
+            running.wait(20.0)
+            ended(robot, signal.SIGTERM)
+        _judge(np.load(path)[:, 1:3], depot)
+        found = json.loads(notes.read_text("utf-8"))
+    planner.destroy_node()
+    rclpy.try_shutdown()
+    print(f"{arrived} of {legs} legs (the last is under way)")
+    print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
+    print(f"the node's last word: {planner.says}")
+    _show(found, sizes)
+
+
+def _turning(plan: Any, planner: Any) -> Callable[[], tuple[float, float]]:
+    """Return what a plan wants of a differential drive now, (v, ω)."""
+
+    def wants() -> tuple[float, float]:
+        ahead, _, turn = plan(planner.pose)
+        return ahead, turn
+
+    return wants
+
+
+def _judge(places: Array, file: Path) -> None:
+    """Print how near the robot's circle came to the true cells of rank 1."""
+    raster = nav2.read(file)
+    apart = distances(raster.grid, raster.occupancy != nav2.FREE, places, 2.0)
+    apart -= Walker.load("cart").reach
+    length = np.hypot(*np.diff(places, axis=0).T).sum()
+    print(f"{length:.0f} m, rank 1 entered in {(apart < 0.0).sum()} of {apart.size} ticks, "
+          f"{apart.min():+.3f} m at least")  # fmt: skip
+
+
+def _resident(process: int) -> float:
+    """Return the resident memory of a process [MB]."""
+    for line in Path(f"/proc/{process}/status").read_text("utf-8").splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024.0
+    return math.nan
+
+
+def _show(found: dict[str, Any], sizes: list[float]) -> None:
+    """Print the distribution, the longest with what was done beside, and the memory."""
+    ends, taken = np.array(found["taken"]).T
+    first, settled = ends[0], ends > ends[0] + SETTLED
+    ends, taken, own = ends[settled], 1e3 * taken[settled], 1e3 * np.array(found["own"])[settled]
+    for what, times in (("latency", taken), ("its thread's own time", own)):
+        half, almost = np.quantile(times, [0.5, 0.99])
+        print(f"{what} of {times.size} commands: median {half:.2f} ms, 99 % {almost:.2f} ms, "
+              f"longest {times.max():.2f} ms")  # fmt: skip
+    for k in np.argsort(taken)[:-6:-1]:
+        begun, end = ends[k] - 1e-3 * taken[k], ends[k]
+        beside = {
+            name for name, since, until in found["spans"] if since < end and until > begun
+        }  # fmt: skip
+        print(f"  {taken[k]:.2f} ms, {own[k]:.2f} of them its own, at {end - first:.1f} s, beside "
+              f"{sorted(beside) or 'nothing'}")  # fmt: skip
+    for what in ("laser", "walls", "field", "gc 2"):
+        spans = [1e3 * (until - since) for name, since, until in found["spans"] if name == what]
+        if spans:
+            print(f"  {what}: {len(spans)} times, median {np.median(spans):.1f}, "
+                  f"longest {max(spans):.1f} ms")  # fmt: skip
+    tenth = max(1, len(sizes) // 10)
+    print(f"memory: {np.mean(sizes[tenth : 2 * tenth]):.1f} MB in the second tenth, "
+          f"{np.mean(sizes[-tenth:]):.1f} MB in the last")  # fmt: skip
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 2:
+        node(Path(sys.argv[1]), Path(sys.argv[2]))
+    else:
+        main(float(sys.argv[1]) if len(sys.argv) > 1 else 10.0)
