@@ -202,6 +202,7 @@ _BELONGS = {
     "mount": ("scan",),
     "scan_period": ("scan",),
     "obstacle_speed": ("scan",),
+    "range_noise": ("scan",),
     "file": GRIDS,
     "unknown": ("map",),
     "filter_info_topic": ("keepout", "speed"),
