@@ -20,10 +20,8 @@ from hcbf_gym.ros import sources
 from hcbf_gym.ros.robot import SimulatedRobot
 
 Corners = list[tuple[float, float]]
-STILL, LONGEST_STILL = 0.02, 1.0
-"""A robot below it stands [m/s]; and for so long it may [s]."""
-STILL_TURN = 0.05
-"""Likewise of its turn [rad/s]."""
+STILL, LONGEST_STILL = (0.02, 0.15), 1.0
+"""A robot that stays within them stands [m, rad], if it turns to and fro, too; and how long [s]."""
 SPARE = 3.0
 """What the way out may take beside the way and the turn [s]."""
 DEEP = 0.5
@@ -137,14 +135,15 @@ def drive(one: Scene) -> Way:
         d.core.hear_source(name, shown, d.now.ros, d.now, "odom")
     led = _plan(d, one.goal)
     allowed = _allowed(one, zones, d)
-    begun, out, still, longest = d.ticks, math.inf, 0, 0
+    begun, out, since, longest, stood = d.ticks, math.inf, d.ticks, 0, d.pose
     while d.ticks - begun < 60.0 / TICK and math.dist(d.pose[:2], one.goal) > 0.35:
         d.run(TICK)
         if out == math.inf and _is_out(one, zones, d.pose, d.reach):
             out = TICK * (d.ticks - begun)
-        v, aside, w = d.twist
-        still = still + 1 if math.hypot(v, aside) < STILL and abs(w) < STILL_TURN else 0
-        longest = max(longest, still)
+        x, y, yaw = d.pose - stood
+        if math.hypot(x, y) > STILL[0] or abs(math.remainder(yaw, math.tau)) > STILL[1]:
+            since, stood = d.ticks, d.pose
+        longest = max(longest, d.ticks - since)
     return Way(out, allowed, TICK * longest, led, math.dist(d.pose[:2], one.goal) <= 0.35)
 
 
