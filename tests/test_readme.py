@@ -276,7 +276,7 @@ def test_a_block_that_says_no_language_is_a_formula_or_a_drawing(page):
     text = read(page)
     parts = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", text, flags=re.DOTALL | re.MULTILINE)
     for language, block in parts:
-        assert language in {"", "bash", "python", "json", "yaml"}
+        assert language in {"", "bash", "python", "json", "yaml", "diff"}
         runs = re.search(r"^ *(?:pip|hcbf|python|import|from|env|\w+\.\w+\()", block, re.MULTILINE)
         assert language or not runs, block
 

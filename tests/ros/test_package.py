@@ -1,6 +1,7 @@
 """The package of ROS as files: what it names is there, and its parameters are the node's."""
 
 import ast
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,6 +33,17 @@ def test_the_shipped_parameters_make_a_robot():
     robot = filters.robot_of(settings)
     assert 0.25 < robot.reach < 0.26
     assert [one.name for one in settings.sources] == ["scan"]
+
+
+def test_what_the_page_makes_of_nav2s_parameters_is_taken():
+    page = (PACKAGE.parents[1] / "docs" / "ros.md").read_text("utf-8")
+    (diff,) = re.findall(r"^```diff\n(.*?)^```$", page, flags=re.DOTALL | re.MULTILINE)
+    kept = "\n".join(line[1:] for line in diff.splitlines() if not line.startswith("-"))
+    (given,) = yaml.safe_load(kept).values()
+    settings = read(flat(given["ros__parameters"]))
+    assert (settings.pose_source, settings.global_frame_id) == ("tf", "map")
+    assert [one.type for one in settings.sources] == ["scan", "map", "keepout"]
+    assert filters.robot_of(settings).command.forward == 0.26
 
 
 def test_the_manifest_has_one_version_and_all_that_is_imported():
