@@ -74,11 +74,14 @@ class SafetyWarning(UserWarning):
 @contextlib.contextmanager
 def said_once() -> Iterator[None]:
     """Let what is warned of inside be said once, at the end."""
-    with warnings.catch_warnings(record=True) as raised:
-        warnings.simplefilter("always")
-        yield
-    for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
-        warnings.warn(text, category, stacklevel=3)
+    raised: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always")
+            yield
+    finally:  # also where it failed: what was warned of may be why
+        for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
+            warnings.warn(text, category, stacklevel=4)
 
 
 def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:

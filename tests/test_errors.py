@@ -77,12 +77,17 @@ def test_a_sensor_s_number_that_is_divided_by_is_not_next_to_nothing(name):
         Sensors(**{name: 1e-300})
 
 
-def test_what_is_warned_of_many_times_is_said_once():
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+def test_what_is_warned_of_many_times_is_said_once_also_where_it_fails():
+    def fails():
         with said_once():
             for text in ("one", "other", "one", "one"):
                 warnings.warn(text, CoverageWarning, stacklevel=2)
+            raise ZeroDivisionError
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with pytest.raises(ZeroDivisionError):
+            fails()
     assert [(str(one.message), one.category) for one in said] == [
         ("one", CoverageWarning),
         ("other", CoverageWarning),

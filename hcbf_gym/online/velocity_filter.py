@@ -37,7 +37,7 @@ from hcbf_gym.online.sample import Sample, frame_of, moved, number, placed, samp
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.response_monitor import ResponseMonitor
 from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins, warn_of_standing
 from hcbf_gym.robots.walker_response import assumed
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class VelocityFilter:
         able = input_set.radius
         self._hardest = able if self._axle is None else self._axle.braking
         self._strays = able if self._axle is None else self._axle.hardest_of_point
-        self.robot, self._reserved = known, reserved.speed
+        self.robot, self._response, self._reserved = known, response, reserved
         self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
@@ -250,14 +250,16 @@ class VelocityFilter:
             self._limit: tuple[SpeedLimit, ...] = ()
             self.fastest = self._begins_at = self.robot.command.fastest
             return
-        cap = cap_of(v_max, self._reserved, self.robot)
-        left, gained = float(braking.speed_left(cap, self._reserved)), self._period * self._hardest
+        kept = self._reserved.speed
+        cap = cap_of(v_max, kept, self.robot)
+        left, gained = float(braking.speed_left(cap, kept)), self._period * self._hardest
         if left <= gained:
             raise InvalidInputError(
                 f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
                 f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
                 f"or leave v_max out and tell it no more: Command(forward={cap:g}, …)"
             )
+        warn_of_standing(cap, self._reserved, self._response)
         self._limit = (SpeedLimit("speed limit", 1, cap),)
         self._begins_at, self.fastest = left, math.sqrt(left**2 - gained**2)
 

@@ -232,9 +232,10 @@ class NodeCore:
             newest = self.localization.newest
             if newest is None:
                 raise InvalidInputError("goal: there is no pose yet, expected odometry first")
-            pose, frame = self.localization.steady
-            still, stamp = np.zeros(self._size), newest.stamp
-            _, report = made.step(still, pose, newest.twist, stamp, frame=frame)
+            still = np.zeros(self._size)
+            _, report = made.step(
+                still, newest.local, newest.twist, newest.stamp, frame=newest.frame
+            )
             if report["reason"] == Reason.BARRIERS:
                 raise InvalidInputError(
                     f"goal: got {np.asarray(goal).tolist()}, expected a goal that can be reached"
@@ -297,8 +298,7 @@ class NodeCore:
                 return self._stopped([Fault(source.settings.name, INSIDE)], now)
         wanted = self._wanted
         stamp = min(last.stamp, now.ros)  # by no more than the tolerance ahead
-        pose, frame = self.localization.steady
-        told, report = self._filter.step(wanted, pose, last.twist, stamp, now.ros, frame)
+        told, report = self._filter.step(wanted, last.local, last.twist, stamp, now.ros, last.frame)
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
         if reason >= FIRST_ALARM:
             fault = Fault("robot", reason.says)

@@ -41,34 +41,45 @@ class Odometry(NamedTuple):
     twist: Array
 
 
+class Located(NamedTuple):
+    """Where the robot was in the global frame, and how odometry has it.
+
+    Attributes:
+        stamp: when [s].
+        pose: (3,) x, y [m] and yaw [rad] in the global frame.
+        twist: (3,) v_x, v_y [m/s] and ω [rad/s] in its own axes.
+        local: (3,) the pose as odometry has it.
+        frame: (3,) odometry's frame in the global one.
+    """
+
+    stamp: float
+    pose: Array
+    twist: Array
+    local: Array
+    frame: Array
+
+
 class Localization:
     """Takes odometry and what places it, and says what is wrong with them.
 
     Args:
         settings: the node's parameters.
+
+    Attributes:
+        newest: where the robot was last; None where nobody knows. Other threads may read it.
     """
 
     def __init__(self, settings: Settings):
         self._settings = settings
         self._odometry = Watch("odometry", settings.odom_timeout, settings.transform_tolerance)
         self._pose = Watch("pose", 0.0, settings.transform_tolerance)
-        self._track: deque[Odometry] = deque(maxlen=1024)  # in the global frame
+        self.newest: Located | None = None
+        self._track: deque[Located] = deque(maxlen=1024)
         self._local: deque[Odometry] = deque(maxlen=1024)  # in odometry's own
         self._needs_pose = settings.pose_source != "odom"
         self._correction: Array | None = None if self._needs_pose else np.zeros(3)
         self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
         self._still, self._still_path, self._seen_still = np.full(2, np.inf), 0.0, -math.inf
-
-    @property
-    def newest(self) -> Odometry | None:
-        """Where the robot was last; None where nobody knows."""
-        return self._track[-1] if self._track else None
-
-    @property
-    def steady(self) -> tuple[Array, Array]:
-        """(3,) the newest pose as odometry has it, and (3,) its frame in the global one."""
-        local = self._local[-1].pose
-        return local, _between(local, self._track[-1].pose)
 
     def at(self, stamp: float) -> Array | None:
         """Return (3,) where the robot was at a stamp [s]; None where nobody knows."""
@@ -96,8 +107,10 @@ class Localization:
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
             self._local.append(Odometry(stamp, place, motion))
             self._look_still(self._local[-1])
-            if self._correction is not None:
-                return self._follow(Odometry(stamp, placed(self._correction, place), motion), now)
+            placing = self._correction
+            if placing is not None:
+                there = placed(placing, place)
+                return self._follow(Located(stamp, there, motion, place, placing), now)
         return False
 
     def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str) -> None:
@@ -139,11 +152,12 @@ class Localization:
             watch.forget()
         if self._needs_pose:
             self._correction = None
+        self.newest = None
         self._track.clear()
         self._local.clear()
         self._still = np.full(2, np.inf)
 
-    def _follow(self, newest: Odometry, now: Now) -> bool:
+    def _follow(self, newest: Located, now: Now) -> bool:
         """Remember a pose; if it has jumped, forget the others and return True."""
         jumped = False
         if self._track and newest.stamp - self._track[-1].stamp < 1.0:
@@ -155,6 +169,7 @@ class Localization:
                 says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
                 self._jump = now.steady + self._settings.settle_time, Fault("odometry", says)
                 self._track.clear()
+        self.newest = newest
         self._track.append(newest)
         while newest.stamp - self._track[0].stamp > REMEMBERED:
             self._track.popleft()
@@ -190,7 +205,7 @@ def _between(local: Array, pose: Array) -> Array:
     return np.array([pose[0] - cos * x + sin * y, pose[1] - sin * x - cos * y, yaw])
 
 
-def _advanced(one: Odometry, stamp: float, twist: Array) -> Array:
+def _advanced(one: Odometry | Located, stamp: float, twist: Array) -> Array:
     """Return (3,) where the mean of two twists brings a pose until a stamp [s]."""
     seconds, motion = stamp - one.stamp, 0.5 * (one.twist + twist)
     middle = np.array([*one.pose[:2], one.pose[2] + 0.5 * seconds * motion[2]])
@@ -198,9 +213,9 @@ def _advanced(one: Odometry, stamp: float, twist: Array) -> Array:
     return np.array([*moved[:2], one.pose[2] + seconds * motion[2]])
 
 
-def _at(track: deque[Odometry], stamp: float) -> Array | None:
+def _at(track: deque[Odometry] | deque[Located], stamp: float) -> Array | None:
     """Return (3,) the pose at a stamp [s], None where the track does not reach so far."""
-    later: Odometry | None = None
+    later: Odometry | Located | None = None
     for one in reversed(track):
         if one.stamp <= stamp:
             if later is None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from by_hand import by_hand
 
 from hcbf_gym import cli, compilation, wrappers
 from hcbf_gym.errors import InvalidInputError
@@ -40,19 +41,6 @@ def own(tmp_path):
 def evaluated(output, *arguments):
     cli.main(["evaluate", "--workers", "1", "--output", str(output), *map(str, arguments)])
     return json.loads((output / "summary.json").read_text(encoding="utf-8"))
-
-
-def by_hand(env, policy, seed, steps):
-    """Return return, least h and intervention of an episode, counted in a plain loop."""
-    observation, info = env.reset(seed=seed)
-    total, changes = 0.0, []
-    for _ in range(steps):
-        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
-        total += reward
-        changes.append(float(info["safety_filter"]["intervention"]))
-        if terminated or truncated:
-            break
-    return total, float(np.sqrt(np.mean(np.square(changes))))
 
 
 def test_a_function_gives_the_numbers_that_a_loop_by_hand_gives(own, tmp_path):

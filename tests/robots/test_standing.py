@@ -1,0 +1,52 @@
+"""A cap under which a robot hardly moves is warned of, at every door."""
+
+import json
+import shutil
+import warnings
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+import hcbf_gym
+from hcbf_gym import Command, Response, Robot, VelocityFilter
+from hcbf_gym.barriers import Disc
+from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.robots import Walker
+from hcbf_gym.robots.walker_response import assumed
+
+CARTS = Path(hcbf_gym.__file__).parent / "robots" / "carts"
+FAR = Disc("far", 1, center=(500.0, 500.0), radius=1.0)
+COMMAND = Command(forward=1.0, turn=1.0, sideways=1.0)
+EXACT = replace(assumed(COMMAND), residual=(0.01, 0.02, 0.03), overshoot=0.02)
+
+
+def by_environment(response, v_max, folder):
+    for name in ("holonomic-cart.xml", "holonomic-cart.json"):
+        shutil.copy(CARTS / name, folder / name)
+    said = {key: value for key, value in asdict(response).items() if value is not None}
+    (folder / "holonomic-cart.response.json").write_text(json.dumps(said), encoding="utf-8")
+    robot = str(folder / "holonomic-cart.json")
+    gym.make("HCBF-WalkerRegions-v0", robot=robot, v_max=v_max).close()
+
+
+def by_velocity_filter(response, v_max, folder):
+    command = Walker.load("holonomic-cart").command
+    VelocityFilter(Robot(command, response, reach=0.3), [FAR], v_max=v_max)
+
+
+def by_setting(response, v_max, folder):
+    command = Walker.load("holonomic-cart").command
+    VelocityFilter(Robot(command, response, reach=0.3), [FAR]).v_max = v_max
+
+
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.CoverageWarning")
+@pytest.mark.parametrize("door", [by_environment, by_velocity_filter, by_setting])
+def test_a_cap_that_leaves_nothing_at_the_usual_error_is_warned_of(door, tmp_path):
+    slow: Response = replace(EXACT, residual=(0.9, 1.0, 1.1))
+    with pytest.warns(SafetyWarning, match=r"v_max: 0\.6 m/s .* hardly moves; expected above"):
+        door(slow, 0.6, tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SafetyWarning)
+        door(EXACT, 0.6, tmp_path)
