@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -110,9 +110,19 @@ class FilterNode(LifecycleNode):
             if name == "enabled":
                 core.enabled = value
             elif name == "v_max":
-                core.set_v_max(value)
+                with self._logged():
+                    core.set_v_max(value)
             else:
                 core.enable_source(name.split(".")[0], value)
+
+    @contextlib.contextmanager
+    def _logged(self) -> Iterator[None]:
+        """Log what is warned of inside, which Python is told to ignore while the node runs."""
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always")
+            yield
+        for text in dict.fromkeys(str(one.message) for one in raised):
+            self.get_logger().warning(text)
 
     # -- lifecycle --------------------------------------------------------------------------------
 
@@ -122,7 +132,8 @@ class FilterNode(LifecycleNode):
             settings = read(self._given())
             _check_imports(settings)
             self._check_velocities(settings)
-            self._core = core = NodeCore(settings)
+            with self._logged():
+                self._core = core = NodeCore(settings)
         except HcbfError as error:
             self.get_logger().error(f"configure: {error}")
             return REFUSED
