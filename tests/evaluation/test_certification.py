@@ -24,6 +24,7 @@ from hcbf_gym.evaluation.certification import (
     families,
     page,
 )
+from hcbf_gym.evaluation.certification.command import PLANTS
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.policies import learned
@@ -113,8 +114,10 @@ def test_a_family_comes_back_from_its_json_with_the_same_episodes():
         SceneFamily("HCBF-WalkerRegions-v0", {"robot": "cart"}, caps=(0.6, 1.2)),
         SceneFamily("HCBF-Regions-v0", policies=(("edge", 3.0), ("pd guided", 1.0))),
         OwnFamily(BOAT, steps=20),
+        *PLANTS.values(),
     ):
         again = families.from_dict(json.loads(json.dumps(families.to_dict(family))))
+        assert families.to_dict(again) == families.to_dict(family)  # or a check would refuse it
         assert [again.episode(s) for s in range(20)] == [family.episode(s) for s in range(20)]
 
 

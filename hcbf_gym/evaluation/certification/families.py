@@ -297,6 +297,8 @@ class OwnFamily:
         return own_environment.files(self.source) + _files_of(self.policies)
 
 
+ROUNDING = 1e-9
+"""By how much the sum of shares may miss 1."""
 KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture": A1Mixture}
 """kind → family, as a certificate's JSON names it."""
 
@@ -325,6 +327,8 @@ def _shares(what: str, given: Sequence[Sequence[Any]]) -> Shares:
     total = sum(weight for _, weight in pairs)
     if total <= 0.0:
         raise InvalidInputError(f"{what}: got {given!r}, expected names with positive weights")
+    if abs(total - 1.0) <= ROUNDING:  # they are shares, and come back from a file as they are
+        return tuple(pairs)
     return tuple((name, weight / total) for name, weight in pairs)
 
 
