@@ -70,7 +70,7 @@ def rows(
                 closing = c[layout.AWAY_X] * x[i, 2] + c[layout.AWAY_Y] * x[i, 3]
                 b, alpha2_psi, psi = zone.row(
                     h - margin[0, i, k], margin[1, i, k], closing, x[i, 2], x[i, 3], limit,
-                    alpha2, settings, settings[U_MAX],
+                    settings, settings[U_MAX],
                 )  # fmt: skip
             elif which == SPEED_LIMIT:
                 v_max = c[layout.V_MAX]

@@ -13,7 +13,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import class_k
-from hcbf_gym.barriers.rows import HELD, PERIOD, U_MAX
+from hcbf_gym.barriers.rows import ALPHA2, HELD, PERIOD, U_MAX
 from hcbf_gym.compilation import kernel
 
 BRAKING = 1.0
@@ -34,7 +34,6 @@ def row(
     vx: float,
     vy: float,
     limit: float,
-    alpha2: Array,
     s: Array,
     hardest: float,
 ) -> tuple[float, float, float]:
@@ -47,12 +46,11 @@ def row(
         vx: velocity [m/s].
         vy: likewise.
         limit: L [m/s].
-        alpha2: (4,) α₂.
         s: (15,) `RowSettings.packed`; its u_max changes the speed.
         hardest: the greatest acceleration of the position [m/s²]; more than u_max where the
             velocity turns by itself.
     """
-    alpha2_psi = class_k.value(alpha2, kept)
+    alpha2_psi = class_k.value(s[ALPHA2 : ALPHA2 + 4], kept)
     b = -alpha2_psi
     drift = BRAKING * closing / limit
     if s[HELD] == 0.0:

@@ -96,8 +96,8 @@ class StepTally:
             _count(h, sensed[0], ranked, x, reference, task, self._memory)
         else:
             barriers, atlas = (scene.kind, scene.parameters, scene.priority), scene.atlas.numbers
-            way = motion.path, motion.times
-            _look(barriers, atlas, *way, x, known.time, reference, task, self._memory)
+            seen = motion.path, motion.times, x, known.time
+            _look(barriers, atlas, seen, reference, task, self._memory)
         memory = self._memory.copy()
         info = {name: memory[part] for name, part in self._parts}
         return Counted(memory[self._seen], float(memory[_REWARD]), info)
@@ -107,16 +107,14 @@ class StepTally:
 def _look(
     barriers: tuple[Integers, Array, Integers],
     atlas: Array | None,
-    path: Array,
-    times: Array,
-    x: Array,
-    time: float,
+    seen: tuple[Array, Array, Array, float],
     reference: Array,
     task: Task,
     memory: Array,
 ) -> None:
     """Look at barriers that are all built in, and count."""
     kind, parameters, priority = borrowed(barriers)
+    path, times, x, time = borrowed(seen)
     h, last = np.empty((len(path), kind.shape[1])), np.empty(kind.shape)
     sensed = np.empty((*kind.shape, 4))
     kernels.values(kind, parameters, atlas, path, times, h)

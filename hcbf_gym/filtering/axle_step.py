@@ -110,8 +110,7 @@ def _zone_row(axle: Axle, c: Array, w: Work, i: int, k: int, x: Array, settings:
     kept = w.rows[H, i, k] - w.margin[MARGIN, i, k]
     closing = c[layout.AWAY_X] * x[2] + c[layout.AWAY_Y] * x[3]
     return zone.row(
-        kept, w.margin[RATE, i, k], closing, x[2], x[3], c[layout.V_MAX],
-        settings[ALPHA2 : ALPHA2 + 4], settings, hardest,
+        kept, w.margin[RATE, i, k], closing, x[2], x[3], c[layout.V_MAX], settings, hardest,
     )[0]  # fmt: skip
 
 

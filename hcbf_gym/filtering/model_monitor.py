@@ -78,9 +78,10 @@ class Sample(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """What seems to have become of the input that was chosen.
+    """What seems to have become of the input that was chosen, written to.
 
     Attributes:
+        chosen: (N, n_u) u.
         to_input: (N, n_u, n) g⁺.
         u: (N, n_u) û.
         other: (N,) whether it is another one than was chosen.
@@ -88,11 +89,28 @@ class Arrival(NamedTuple):
         model: (N, n) what the chosen one leads the model to.
     """
 
+    chosen: Array
     to_input: Array
     u: Array
     other: Mask
     body: Array
     model: Array
+
+
+class Seen(NamedTuple):
+    """What two samples show of N plants.
+
+    Attributes:
+        now: this one.
+        last: the one before.
+        arrival: what came of the input between them.
+        sums: (N, 3, n) r, m and m', written to.
+    """
+
+    now: Sample
+    last: Sample
+    arrival: Arrival
+    sums: Array
 
 
 class ModelMonitor:
@@ -125,6 +143,7 @@ class ModelMonitor:
         self._last = Sample(states, states, states, inputs, inputs)
         self._sums = np.zeros((count, 3, n))  # r, m and m'
         self._arrival = Arrival(
+            np.zeros((count, n_u)),
             np.zeros((count, n_u, n)),
             np.zeros((count, n_u)),
             np.zeros(count, dtype=np.bool_),
@@ -166,19 +185,19 @@ class ModelMonitor:
         """
         now = self._sample(states, terms, alone)
         last, watched, arrival = self._last, self._watched, self._arrival
+        arrival.chosen[:] = inputs
         if watched.period > 0.0:
             self._expect(arrival.body, last.body, inputs)
             if last.model is last.body:
                 arrival.model[:] = arrival.body
             else:
                 self._expect(arrival.model, last.model, inputs)
-            if _arrivals(watched, plants, believed, now.body, last.g, inputs, arrival):
+            if _arrivals(watched, plants, believed, now.body, last.g, arrival):
                 led = arrival.body.copy()
                 self._expect(led, last.body, arrival.u)
                 arrival.body[arrival.other] = led[arrival.other]
-        observe(
-            watched, plants, believed, states.covariance, inputs, now, last, arrival, self._sums
-        )
+        seen = Seen(now, last, arrival, self._sums)
+        observe(watched, plants, believed, states.covariance, seen)
         self._last = now
 
     def _sample(self, states: State, terms: tuple[Array, Array], alone: bool) -> Sample:
@@ -220,7 +239,6 @@ def _arrivals(
     believed: Mask,
     x: Array,
     g: Array,
-    chosen: Array,
     arrival: Arrival,
 ) -> bool:
     """Write û and g⁺, and return whether any input seems to have been another one than chosen.
@@ -231,7 +249,6 @@ def _arrivals(
         believed: (N,) whether this sample is.
         x: (N, n) states of the bodies.
         g: (N, n, n_u) at the sample before.
-        chosen: (N, n_u) there.
         arrival: written to; its `body` holds what is expected of u.
     """
     some = False
@@ -252,7 +269,7 @@ def _arrivals(
                 off += arrival.to_input[i, j, k] * _missed(x[i, k], arrival.body[i, k])
             most = 2.0 * watched.largest[j]
             off = min(max(off / watched.period, -most), most)
-            arrival.u[i, j] = chosen[i, j] + off
+            arrival.u[i, j] = arrival.chosen[i, j] + off
             furthest = max(furthest, abs(off))
         arrival.other[i] = furthest > _ROUNDING * watched.radius
         some |= arrival.other[i]
@@ -265,11 +282,7 @@ def observe(
     plants: Records,
     believed: Mask,
     covariance: Array,
-    chosen: Array,
-    now: Sample,
-    last: Sample,
-    arrival: Arrival,
-    sums: Array,
+    seen: Seen,
 ) -> None:
     """Account for a sample of N plants, and raise their alarms.
 
@@ -278,12 +291,9 @@ def observe(
         plants: (N,) `plants.PLANT`, written to.
         believed: (N,) whether this sample is.
         covariance: (N, n, n) of x; 0 where that is the truth.
-        chosen: (N, n_u) at the sample before.
-        now: this sample.
-        last: the one before.
-        arrival: what came of the input.
-        sums: (N, 3, n) r, m and m', written to.
+        seen: what two samples show.
     """
+    now, last, arrival = seen.now, seen.last, seen.arrival
     n, n_u = now.g.shape[1], now.g.shape[2]
     inverse, columns, turns = np.empty((n_u, n)), np.empty((n, n_u)), np.empty((n_u, n_u))
     parts = np.empty((4, n))
@@ -296,9 +306,10 @@ def observe(
         if _compares(watched, plant, True):
             pseudo_inverse(last.g_model[i], inverse, columns, turns)
             noisy = 0.0 if plant.has_model else _trace(inverse, covariance[i])
-            if _misses(watched, plant, inverse, now.model[i], arrival.model[i], chosen[i], noisy):
+            chosen = arrival.chosen[i]
+            if _misses(watched, plant, inverse, now.model[i], arrival.model[i], chosen, noisy):
                 latch(plant, INPUT)
-            if _moves_off(watched, plant, i, now, last, arrival, sums[i], covariance[i], parts):
+            if _moves_off(watched, plant, i, seen, covariance[i], parts):
                 latch(plant, MOTION)
         plant.follows = 1
 
@@ -344,15 +355,13 @@ def _moves_off(
     watched: Watched,
     plant: Any,
     i: int,
-    now: Sample,
-    last: Sample,
-    arrival: Arrival,
-    sums: Array,
+    seen: Seen,
     covariance: Array,
     parts: Array,
 ) -> bool:
     """Account for what no input explains of plant i, and return whether that alarms."""
-    period = watched.period
+    period, sums = watched.period, seen.sums[i]
+    now, last, arrival = seen.now, seen.last, seen.arrival
     x, before, g, to_input = now.body[i], last.body[i], last.g[i], arrival.to_input[i]
     size = driven = 0.0
     for k in range(x.size):
