@@ -6,6 +6,7 @@ from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
     NearestCertificate,
     at_least,
+    file_of,
     judged_by,
     load,
     nearest,
@@ -26,6 +27,7 @@ __all__ = [
     "Stratum",
     "at_least",
     "declared",
+    "file_of",
     "first_seed",
     "judge",
     "judged_by",

@@ -50,7 +50,7 @@ def stale(certificate: Certificate) -> str:
     return (
         f"the sources {today} (certificate {certificate.name!r}: earned on {certificate.sources}"
         f"{', repeated on ' + certificate.repeated if certificate.repeated else ''}{listed}; "
-        f"`hcbf certify --check {certificate.name}.json --write` repeats a part of it)"
+        f"`hcbf certify --check {certificate.name} --write` repeats a part of it)"
     )
 
 
@@ -76,6 +76,11 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
         return Certificate.from_dict(source)
     known = shipped().get(str(source))
     return Certificate.load(source) if known is None else known
+
+
+def file_of(source: str) -> Path:
+    """Return where the certificate lies that a name of a shipped one, or a path, stands for."""
+    return FOLDER / f"{source}.json" if source in shipped() else Path(source)
 
 
 def judged_by(

@@ -3,6 +3,7 @@
 import json
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -17,6 +18,7 @@ from hcbf_gym.certificates import (
     Shown,
     Stratum,
     first_seed,
+    library,
     sequential,
     sources,
 )
@@ -348,3 +350,8 @@ def test_shipped_certificates_say_what_their_plants_are_and_cover_every_family()
         assert certificates.load(name) is one
     with pytest.raises(InvalidInputError, match="no-such"):
         certificates.load("no-such")
+
+
+def test_a_shipped_certificate_is_found_by_its_name_and_any_other_by_its_path():
+    assert certificates.file_of("cart") == library.FOLDER / "cart.json"
+    assert certificates.file_of("elsewhere/cart.json") == Path("elsewhere/cart.json")

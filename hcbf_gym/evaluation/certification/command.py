@@ -5,7 +5,7 @@ PLANT is "regions", "a1", a walker's name or contract, or a function of your own
 or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and NAME.md. Run it
 again to resume it.
 
---check FILE repeats a random part of a certificate instead.
+--check FILE, or the name of a shipped one, repeats a random part of a certificate instead.
 """
 
 import re
@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from hcbf_gym import policies, records
+from hcbf_gym import certificates, policies, records
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
@@ -83,8 +83,8 @@ class Args:
     """Decides the episodes; those of the calibration are others than those of the certificate."""
     name: str | None = None
     """What the certificate is called; the plant's name if not given."""
-    check: Path | None = None
-    """A certificate of which a random part is repeated."""
+    check: str | None = None
+    """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
     write: bool = False
     """Of --check: note in the file on which sources a part came out the same."""
     workers: Workers = None
@@ -252,13 +252,14 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
         RefusedError: if it is not the same.
     """
     assert args.check is not None
-    certificate = Certificate.load(args.check)
+    file = certificates.file_of(args.check)
+    certificate = Certificate.load(file)
     checked = check.check(certificate, args.episodes, args.seed, runs)
     for phrase in checked.elsewhere:
         console.print(f"computed elsewhere: {phrase}", soft_wrap=True)
     differs = list(checked.differs)
-    if certificate.name != args.check.stem:
-        differs.append(f"name: {certificate.name!r}, expected {args.check.stem!r} as the file's")
+    if certificate.name != file.stem:
+        differs.append(f"name: {certificate.name!r}, expected {file.stem!r} as the file's")
     if differs:
         raise RefusedError(f"check: {certificate.name!r} is not what it says: {'; '.join(differs)}")
     console.print(
@@ -267,8 +268,8 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
         soft_wrap=True,
     )
     if args.write:
-        check.repeated(certificate).save(args.check)
-        console.print(f"noted in {args.check}", soft_wrap=True)
+        check.repeated(certificate).save(file)
+        console.print(f"noted in {file}", soft_wrap=True)
 
 
 def _name(plant: str) -> str:
