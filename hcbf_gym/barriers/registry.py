@@ -68,7 +68,7 @@ def to_dict(barrier: Barrier) -> dict[str, Any]:
     return records.to_dict(barrier, _KINDS)
 
 
-def from_dict(data: Mapping[str, Any]) -> Barrier:
+def from_dict(data: Mapping[str, object]) -> Barrier:
     """Return the barrier that `to_dict` described.
 
     Raises:

@@ -79,7 +79,9 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
 
 
 def judged_by(
-    certificate: Certificate, declared: Mapping[str, Any], alone: Mapping[str, Any] | None = None
+    certificate: Certificate,
+    declared: Mapping[str, object],
+    alone: Mapping[str, Any] | None = None,
 ) -> Judged:
     """Return what a certificate says of a plant, as the program is today.
 

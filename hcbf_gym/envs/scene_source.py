@@ -33,7 +33,7 @@ class SceneSource:
         self.random = scenarios.is_random(source)
         self.own = scenarios.make(source, np.random.default_rng(0))
 
-    def check(self, options: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    def check(self, options: Mapping[str, object] | None) -> Mapping[str, Any]:
         """Return the options of a reset, as a mapping.
 
         Raises:

@@ -6,6 +6,7 @@ from typing import Any, SupportsFloat
 import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 
+from hcbf_gym.arrays import Info
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 
 WAY = {"track": 24.0, "reach": 40.0}
@@ -31,12 +32,12 @@ class PacedTimeLimit(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self._limit = math.inf if given else steps(inner.fastest, inner.scenario.task)
         self._done = 0
 
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+    def reset(self, **options: Any) -> tuple[Any, Info]:
         """Start an episode."""
         self._done = 0
         return self.env.reset(**options)
 
-    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, Info]:
         """Make a step, the last one where the time is over."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._done += 1

@@ -249,7 +249,7 @@ def _files(args: Args) -> list[Path]:
 
 
 def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
-    options: dict[str, Any] | None = None
+    options: dict[str, object] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
         options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}

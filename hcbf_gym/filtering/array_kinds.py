@@ -57,7 +57,7 @@ def like(example: Any) -> Callable[[Numbers], Any]:
     return lambda array: array
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     """Return "torch", "jax" or "numpy", without importing any of them."""
     torch, jax = sys.modules.get("torch"), sys.modules.get("jax")
     if torch is not None and isinstance(value, torch.Tensor):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
 from hcbf_gym.barriers.set import BarrierSet, Condition
@@ -178,7 +178,7 @@ class BatchFilter:
         *,
         elapsed: Any = None,
         missing: Any = None,
-    ) -> tuple[Any, dict[str, Any]]:
+    ) -> tuple[Any, Info]:
         """Return u and the report, arrays of the kind that u* is.
 
         Args:
@@ -208,7 +208,7 @@ class BatchFilter:
         u, report = self._core.step(wanted.astype(np.float64), self._barriers, estimate)
         return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
 
-    def _estimate(self, x: Any, time: Any, elapsed: Any, missing: Any) -> Estimate:
+    def _estimate(self, x: Any, time: Any, elapsed: object, missing: object) -> Estimate:
         """Return what is known of the plants."""
         estimate = x if isinstance(x, Estimate) else Estimate(numpy_of("x", x))
         if time is not None:
@@ -225,13 +225,13 @@ class BatchFilter:
             estimate = estimate._replace(age=np.where(absent, math.inf, age))
         return estimate
 
-    def _of_all(self, name: str, value: Any) -> Any:
+    def _of_all(self, name: str, value: object) -> Any:
         """Return a number of each plant, of which one may be given for all."""
         given = numpy_of(name, value)
         return np.broadcast_to(given, self._count) if given.ndim == 0 else given
 
 
-def _count(name: str, value: Any) -> int:
+def _count(name: str, value: object) -> int:
     """Return a whole number from 1 on.
 
     Raises:
@@ -242,6 +242,6 @@ def _count(name: str, value: Any) -> int:
     return int(value)
 
 
-def _nothing(*_: Any) -> Any:
+def _nothing(*_: object) -> Any:
     """Stand for readers that this filter does not use: it is handed everything."""
     return ()

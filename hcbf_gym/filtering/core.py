@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
@@ -100,7 +100,7 @@ class FilterCore(Configured, ABC):
         """Count time from so many seconds later on than before."""
         self._samples.plants["believed_at"] -= seconds
 
-    def cover(self, said: Any) -> None:
+    def cover(self, said: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(said, self._fresh)
 
@@ -131,9 +131,7 @@ class FilterCore(Configured, ABC):
             report[key] = np.zeros_like(report[key])[()]
         return report
 
-    def step(
-        self, u_nominal: Array, barriers: Any, estimate: Estimate
-    ) -> tuple[Array, dict[str, Any]]:
+    def step(self, u_nominal: Array, barriers: Any, estimate: Estimate) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
         buffer = self._buffer
         self._take(barriers, estimate)

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Integers, Records
+from hcbf_gym.arrays import Array, Integers, Record, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
 from hcbf_gym.compilation import kernel
@@ -269,14 +269,14 @@ def make_work(
 
 
 @kernel(inline="always")
-def split(c: Any, numbers: Array) -> tuple[Array, Array]:
+def split(c: Record, numbers: Array) -> tuple[Array, Array]:
     """Return the corners of U (K, V, 2) and the weights (K, 1 + L) of a program."""
     end = 2 * c.corners * c.input_sets
     return numbers[:end].reshape(c.input_sets, c.corners, 2), numbers[end:].reshape(-1, c.weights)
 
 
 @kernel(inline="always")
-def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
+def program_of(c: Record, numbers: Array, first: int, end: int) -> Settings:
     """Return the program of the plants from `first` on and before `end`, with what is their own."""
     vertices, weights = split(c, numbers)
     if vertices.shape[0] > 1:  # each plant has its own

@@ -108,12 +108,12 @@ class ReportBuffer:
         self.u_nominal: Array = self.plants["u_nominal"]
         self.rows: Records = self.words[1].view(ROW).reshape(self._count, self._total)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; its records look into its own memory."""
         parts = ("plants", "rows", "u_nominal", "words", "_codes")
         return {name: value for name, value in vars(self).items() if name not in parts}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         vars(self).update(state)
         self._divide(self._numbers)
 

@@ -78,7 +78,7 @@ class RankedMap(Several):
     def load(
         cls,
         file: str | Path,
-        masks: Mapping[str, int | Mapping[str, Any]] | None = None,
+        masks: Mapping[str, int | Mapping[str, object]] | None = None,
         *,
         rank: int = 1,
         unknown: int | None = 1,

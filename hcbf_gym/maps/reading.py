@@ -34,7 +34,7 @@ MOST_LIMITS = 16
 
 def source(
     file: str | Path,
-    masks: Mapping[str, Any] | None,
+    masks: Mapping[str, object] | None,
     rank: int,
     unknown: int | None,
     margin: float,
@@ -50,7 +50,7 @@ def source(
 
 def read(
     file: str | Path,
-    masks: Mapping[str, Any],
+    masks: Mapping[str, object],
     rank: int,
     unknown: int | None,
     margin: float,
@@ -88,7 +88,7 @@ def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> lis
 
 
 def _of_mask_file(
-    path: Path, name: str, entry: Any, grid: Grid, *, outside_is_free: bool
+    path: Path, name: str, entry: object, grid: Grid, *, outside_is_free: bool
 ) -> list[MapClass]:
     """Return the classes of a mask's file, on the map's cells.
 

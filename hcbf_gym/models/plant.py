@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
@@ -255,11 +255,11 @@ class Plant:
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Plant":
+    def __deepcopy__(self, memo: dict[int, object]) -> "Plant":
         """Return this record, which never changes; its readers may hold a whole environment."""
         return self
 
 
-def read(source: Any, env: Any, observation: Any, info: dict[str, Any]) -> Any:
+def read(source: Any, env: Any, observation: Any, info: Info) -> Any:
     """Return what a field of a plant says now: the value itself, or what its reader returns."""
     return source(env, observation, info) if callable(source) else source

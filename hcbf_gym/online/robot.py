@@ -66,7 +66,7 @@ def known_of(robot: Any) -> Robot:
     return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
 
 
-def cap_of(v_max: Any, reserved: float, known: Robot) -> float:
+def cap_of(v_max: object, reserved: float, known: Robot) -> float:
     """Return a strict cap on the speed [m/s].
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet, Entry
 from hcbf_gym.barriers.shape import TINY
@@ -345,7 +345,7 @@ class VelocityFilter:
         time: float,
         now: float | None = None,
         frame: ArrayLike | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Return what to tell the robot, and the report of it.
 
         Args:
@@ -654,6 +654,6 @@ def _same(one: Any, other: Any) -> bool:
     return listed and len(one) == len(other) and all(map(operator.is_, one, other))
 
 
-def _nothing(*_: Any) -> Any:
+def _nothing(*_: object) -> Any:
     """Stand for readers that this filter does not use: it hands everything over itself."""
     return ()

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
@@ -71,7 +71,7 @@ class Snapshot(NamedTuple):
     messages: int
 
 
-def details(report: Mapping[str, Any], kept: float, derived: bool) -> dict[str, str]:
+def details(report: Info, kept: float, derived: bool) -> dict[str, str]:
     """Return what else a filter says, in words.
 
     Args:

@@ -29,7 +29,7 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
-Source = str | Path | Mapping[str, Any] | Scenario
+Source = str | Path | Mapping[str, object] | Scenario
 
 PUSH_TIME = 0.2
 """How long a push lasts [s]."""

@@ -96,7 +96,7 @@ def load(plan: str) -> RankedMap:
     return RankedMap(read.grid, read.classes)  # a scene that is saved holds cells, no paths
 
 
-def described(data: Any) -> RankedMap:
+def described(data: object) -> RankedMap:
     """Return the map that a plain dict describes, read and covered once.
 
     Raises:

@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium as gym
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.filtering.certified import certified, differs, limits
@@ -102,7 +102,7 @@ class FilterBase:
         goal, extent = read(plant.goal, *seen), read(plant.extent, *seen)
         return self._core.begin(*self._readers(*seen), goal, extent)
 
-    def _filtered(self, action: Any) -> tuple[Any, dict[str, Any]]:
+    def _filtered(self, action: Any) -> tuple[Any, Info]:
         """Return what the environment is told in the place of an action, and the report.
 
         Raises:

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.errors import InvalidInputError
 
@@ -39,7 +39,7 @@ class HoldAction(gym.Wrapper, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, steps=steps)
         gym.Wrapper.__init__(self, env)
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, Info]:
         """Hold the action and return what came of it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         total = float(reward)
@@ -93,13 +93,13 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
 
     def reset(
-        self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: Any = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Start new episodes."""
         self._ended[:] = False
         return self.env.reset(seed=seed, options=options)
 
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, Info]:
         """Hold the actions and return what came of them."""
         observation, reward, terminated, truncated, infos = self.env.step(actions)
         for count in range(2, self.steps + 1):
@@ -115,7 +115,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
 
     def _start_over(
         self, observation: Any, reward: Any, terminated: Mask, truncated: Mask, infos: Any
-    ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    ) -> tuple[Any, Any, Any, Any, Info]:
         """Restart what the mode says."""
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
             restarted = self._ended
@@ -133,7 +133,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         return observation, reward, terminated, truncated, infos
 
 
-def _check_steps(steps: Any) -> int:
+def _check_steps(steps: object) -> int:
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise InvalidInputError(f"steps: got {steps!r}, expected a whole number >= 1")
     return int(steps)

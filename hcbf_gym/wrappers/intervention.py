@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.wrappers.safety_filter import SafetyFilter
@@ -45,14 +45,14 @@ class InterventionPenalty(gym.Wrapper, RecordConstructorArgs):
         gym.Wrapper.__init__(self, env)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Reset the filtered environment; a reset charges nothing."""
         observation, info = self.env.reset(seed=seed, options=options)
         info["reward_intervention"] = np.float64(0.0)
         return observation, info
 
-    def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Any, float, bool, bool, Info]:
         """Step the filtered environment and charge the intervention."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         penalty = -self.weight * info["safety_filter"]["intervention"]
@@ -85,14 +85,14 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
         return self.metadata["autoreset_mode"]
 
     def reset(
-        self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: Any = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Reset the filtered environments; a reset charges nothing."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._reporter.at_reset(info, self._fresh, options)
         return observation, info
 
-    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, Info]:
         """Step the filtered environments and charge the interventions."""
         observation, reward, terminated, truncated, info = self.env.step(actions)
         intervention = info["safety_filter"]["intervention"]

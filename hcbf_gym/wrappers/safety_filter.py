@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from hcbf_gym import programs, records
+from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
@@ -105,14 +106,14 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
         self._prepare(spaces, plant, settings, certificate)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Start a new episode, and report on its first state."""
         self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
         return self.join(observation, info)
 
-    def join(self, observation: Any, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    def join(self, observation: Any, info: Info) -> tuple[Any, Info]:
         """Begin to filter an episode that runs already, or whose scene has just changed.
 
         Args:
@@ -124,7 +125,7 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
         self._begun = True
         return observation, info
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, Info]:
         """Filter u* and step the environment with the result.
 
         Raises:

@@ -9,7 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 
 from hcbf_gym import programs, records
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -97,8 +97,8 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Any, dict[str, Any]]:
+        options: dict[str, object] | None = None,
+    ) -> tuple[Any, Info]:
         """Start new episodes and report on their first states."""
         begun, self._begun = self._begun, False
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
@@ -110,7 +110,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         self._begun = begun or bool(mask.all())
         return observation, info
 
-    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, Info]:
         """Filter u* (N, n_u) and step the environments with the result.
 
         Raises:

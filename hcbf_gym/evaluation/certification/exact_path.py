@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.envs.task import CONTROL_DT
 
 INSTANTS: Array = np.arange(1, 21) * np.float64(CONTROL_DT / 20)
@@ -18,7 +18,7 @@ class EachMillisecond(gym.Wrapper[Any, Any, Any, Any]):
     Under a held u the robot's path is ``p(s) = p + v s + u s² / 2``, and u is ``(v' − v) / T``.
     """
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, Info]:
         """Step, and evaluate h along the path between the two states."""
         inner: Any = self.env.unwrapped
         x, time = inner.truth, inner.time
