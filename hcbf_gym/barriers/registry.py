@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any
 
 from hcbf_gym import records
 from hcbf_gym.barriers.barrier import Barrier
@@ -54,7 +53,7 @@ def register(kind: str, barrier: type[Barrier]) -> None:
     _KINDS[kind] = barrier
 
 
-def to_dict(barrier: Barrier) -> dict[str, Any]:
+def to_dict(barrier: Barrier) -> dict[str, object]:
     """Return the barrier as a plain dict that `from_dict` reads and JSON can hold.
 
     Raises:

@@ -74,7 +74,7 @@ class SceneSource:
         return str(source) if drawn else None
 
 
-def _alike(scene: Scenario) -> dict[str, Any]:
+def _alike(scene: Scenario) -> dict[str, object]:
     """Return what spaces, filter and physics were made for."""
     return {
         "task": scene.task,

@@ -47,7 +47,7 @@ def numpy_of(name: str, value: Any) -> Numbers:
     return as_array(name, value)
 
 
-def like(example: Any) -> Callable[[Numbers], Any]:
+def like(example: object) -> Callable[[Numbers], Any]:
     """Return what turns an array of NumPy into the kind that `example` is."""
     kind = _kind(example)
     if kind == "torch":

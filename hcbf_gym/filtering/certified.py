@@ -26,13 +26,13 @@ class Earned(NamedTuple):
     certificate: Certificate
     plant: Plant
 
-    def __call__(self, env: Any, observation: Any, info: Info) -> Judged:
+    def __call__(self, env: object, observation: object, info: Info) -> Judged:
         """Return what the certificate says of the plant now."""
         said = dict(read(self.plant.declared, env, observation, info))
         return judge(said, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
-def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
+def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
     """Return the plant as a certificate speaks of it; warn where it speaks of another one.
 
     Margins that follow from a law of the plant's own stay the plant's, and so does what its

@@ -2,7 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,13 +63,13 @@ CONSTANTS = np.dtype(
 
 
 @cache
-def plant_dtype(n_u: int) -> Any:
+def plant_dtype(n_u: int) -> np.dtype[np.void]:
     """Return what is known of one plant of so many inputs; zeros at a reset.
 
     Vectors of length 4 are those of the planar double integrator. Those of other models stand
     beside the record, see `belief.State`.
     """
-    fields: list[Any] = [
+    fields: list[tuple[object, ...]] = [
         # what is said of it now, as `models.plant.Estimate` has it
         ("x", "f8", 4),
         ("time", "f8"),
@@ -111,7 +111,7 @@ LEAST_PLANTS = 64
 """Below so many plants a thread takes longer to begin than to filter."""
 
 
-def constants(settings: Settings, others: dict[str, Any]) -> tuple[Array, Array]:
+def constants(settings: Settings, others: dict[str, object]) -> tuple[Array, Array]:
     """Return the numbers of a `CONSTANTS`; and the corners of U, the program's weights behind them.
 
     Args:

@@ -4,10 +4,10 @@ Whatever is misshaped, too old or no number on the way from the plant is a fault
 `belief.look` does not believe it.
 """
 
-from typing import Any
+from types import EllipsisType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
@@ -92,7 +92,7 @@ class Samples:
         vars(self).update(state)
         self._name_parts(self.plants, self._own)
 
-    def take(self, estimate: Estimate, now: Any) -> None:
+    def take(self, estimate: Estimate, now: ArrayLike | None) -> None:
         """Note what is known of the plants.
 
         Args:
@@ -136,7 +136,7 @@ class Samples:
         self.blame_where(~is_time)
         return True
 
-    def blame(self, reason: Any, mask: Any = ...) -> None:
+    def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
         """Note why the masked plants are not believed."""
         self._fault[mask] = reason
         self._faulty = True
@@ -189,7 +189,7 @@ class Samples:
         place[...] = value
         return True
 
-    def _alarms(self, fault: object) -> Any:
+    def _alarms(self, fault: object) -> ArrayLike:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
         alarms = np.zeros(len(self.plants))
         if not self._note(_bare(alarms), fault):

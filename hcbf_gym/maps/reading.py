@@ -18,7 +18,7 @@ from hcbf_gym.models.grid import Grid
 
 Classes = tuple[MapClass, ...]
 
-USUAL: dict[str, Any] = {"rank": 1, "unknown": 1, "margin": 0.0}
+USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
 """Arguments of `RankedMap.load` that need not be given."""
 
 KNOWN_FREE = 25
@@ -38,10 +38,10 @@ def source(
     rank: int,
     unknown: int | None,
     margin: float,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
     given = {"rank": rank, "unknown": unknown, "margin": margin}
-    described: dict[str, Any] = {"file": str(file)}
+    described: dict[str, object] = {"file": str(file)}
     if masks:
         described["masks"] = records.plain(masks)
     described |= {name: value for name, value in given.items() if value != USUAL[name]}

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -45,7 +44,7 @@ class Robot:
             object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
-def known_of(robot: Any) -> Robot:
+def known_of(robot: object) -> Robot:
     """Return what is known of a robot, however it is given.
 
     Raises:

@@ -1,7 +1,7 @@
 """What comes with a message of a robot's odometry."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,12 +49,12 @@ def frame_of(frame: object) -> Array:
     return np.zeros(3) if frame is None else _numbers(frame, ON_EARTH)
 
 
-def sample_of(pose: object, twist: object, time: Any) -> Sample:
+def sample_of(pose: object, twist: object, time: object) -> Sample:
     """Return the sample of a message; NaN stands for what is none."""
     return Sample(number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
 
 
-def _numbers(values: Any, farthest: float) -> Array:
+def _numbers(values: object, farthest: float) -> Array:
     """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
 
     Args:

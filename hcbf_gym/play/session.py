@@ -75,7 +75,7 @@ class Session:
         """The environment that steps, in its filter if there is one."""
         return self._now.env
 
-    def post(self, command: Callable[..., None], *arguments: Any, **named: Any) -> None:
+    def post(self, command: Callable[..., None], *arguments: object, **named: object) -> None:
         """Leave a command for the next tick; safe from every thread."""
         self._commands.put(partial(command, *arguments, **named))
 

@@ -68,7 +68,7 @@ class Sb3VecEnv(VecEnv):
         """Take the actions (N, 2) in [−1, 1]."""
         self._actions = np.asarray(actions, dtype=np.float64)
 
-    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[Info]]:
         """Step, and restart what has ended."""
         u = self._center + self._reach * self._actions
         observation, reward, terminated, truncated, info = self.env.step(u)
@@ -156,7 +156,7 @@ class FilterCallback(BaseCallback):
             self.logger.record(name, value)
 
 
-def _split(infos: Info) -> list[dict[str, Any]]:
+def _split(infos: Info) -> list[Info]:
     """Return each environment's infos, as a single environment gives them."""
     columns = {
         key: _split(value) if isinstance(value, dict) else value
