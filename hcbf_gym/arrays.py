@@ -14,7 +14,9 @@ Ranks = NDArray[np.int8]
 """One rank for each cell of a grid."""
 Places = NDArray[np.int32]
 """Cells of a grid by their numbers."""
-Records = NDArray[Any]
+Record = np.record
+"""One entry of a structured array, whose fields are its attributes, in compiled code, too."""
+Records = NDArray[np.void]
 """Structured arrays, whose records have named fields."""
 Rationals = NDArray[np.object_]
 """Exact numbers, as objects."""

@@ -8,7 +8,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import tyro
 from threadpoolctl import threadpool_limits
@@ -126,7 +126,7 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
         warnings.formatwarning = usual
 
 
-def _warning(message: Warning | str, *_: Any, **__: Any) -> str:
+def _warning(message: Warning | str, *_: object, **__: object) -> str:
     """Return a warning as a command says it: where in the code it was raised helps nobody."""
     return f"warning: {message}\n"
 

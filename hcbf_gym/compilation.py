@@ -77,7 +77,7 @@ class CacheFile(caching.IndexDataCacheFile):
     named by all that it was made from, and stands before the index does.
     """
 
-    def save(self, key: Any, data: Any) -> None:
+    def save(self, key: object, data: object) -> None:
         """Keep a signature's kernel; those of other sources go."""
         if not isinstance(self._source_stamp, Stamp):
             super().save(key, data)
@@ -98,7 +98,7 @@ class _KeyedByAllSources:
 
     _py_file: str
 
-    def get_source_stamp(self) -> Any:
+    def get_source_stamp(self) -> object:
         """Return what tells whether the cached kernel is that of the present sources."""
         stamp = super().get_source_stamp()  # type: ignore[misc]
         file = Path(self._py_file)

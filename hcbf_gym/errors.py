@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 T = TypeVar("T")
 
@@ -84,7 +84,7 @@ def said_once() -> Iterator[None]:
             warnings.warn(text, category, stacklevel=4)
 
 
-def choose(kind: str, name: str, choices: Mapping[str, T]) -> T:
+def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
     """Return ``choices[name]``.
 
     Args:
@@ -161,14 +161,14 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
         )
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """Return what a message shows of a value: its beginning and its end, where it is long."""
     text = repr(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} … {text[-50:]}"
 
 
 def finite_array(
-    name: str, value: ArrayLike, shape: tuple[int | None, ...], *, largest: float = np.inf
+    name: str, value: object, shape: tuple[int | None, ...], *, largest: float = np.inf
 ) -> NDArray[np.float64]:
     """Return `value` as a new float64 array of the given shape with finite entries.
 
@@ -204,7 +204,7 @@ def finite_array(
     return array
 
 
-def as_array(name: str, value: Any) -> NDArray[Any]:
+def as_array(name: str, value: object) -> NDArray[Any]:
     """Return `value` as an array of whatever it holds.
 
     Args:
@@ -223,7 +223,7 @@ def as_array(name: str, value: Any) -> NDArray[Any]:
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array") from error
 
 
-def _is_real(value: Any) -> bool:
+def _is_real(value: object) -> bool:
     """Tell whether a value holds neither text nor truth values nor complex numbers."""
     if isinstance(value, list | tuple):
         return all(map(_is_real, value))
@@ -234,7 +234,7 @@ def _is_real(value: Any) -> bool:
 
 def finite_float(
     name: str,
-    value: Any,
+    value: object,
     *,
     minimum: float = -np.inf,
     maximum: float = np.inf,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 
-def names_of(package: str, where: Mapping[str, str]) -> Callable[[str], Any]:
+def names_of(package: str, where: Mapping[str, str]) -> Callable[[str], object]:
     """Return a package's ``__getattr__``.
 
     Args:

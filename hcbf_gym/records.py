@@ -44,7 +44,7 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
     return build(f"{what} ({data['kind']})", cls, {k: v for k, v in data.items() if k != "kind"})
 
 
-def build(what: str, cls: type, values: Mapping[str, Any]) -> Any:
+def build(what: str, cls: type, values: Mapping[str, object]) -> Any:
     """Call a dataclass with the fields in `values` after checking their names.
 
     Raises:
@@ -65,7 +65,7 @@ def build(what: str, cls: type, values: Mapping[str, Any]) -> Any:
     return cls(**values)
 
 
-def check_mapping(what: str, data: Any) -> None:
+def check_mapping(what: str, data: object) -> None:
     """Refuse anything but a mapping with text keys.
 
     Raises:

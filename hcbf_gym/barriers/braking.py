@@ -99,7 +99,7 @@ def stoppable(alpha1: ClassK, input_set: InputSet) -> float:
     return 2.0 * (1.0 - RESERVE) * weakest(input_set) / alpha1.derivative(0.0)
 
 
-def speed_left(v_max: Any, margin: Any) -> Any:
+def speed_left(v_max: object, margin: Any) -> Any:
     """Return the speed that a cap leaves the model, ``√(v_max² − 2 v_max · margin)`` [m/s].
 
     Args:

@@ -86,7 +86,7 @@ class Function(Barrier):
     def _compiled(self) -> Callable[..., Any]:
         return _compile_jet(*self.signature)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the fields alone: what is compiled is not copied."""
         names = ("name", "priority", "function", "parameters")
         return {name: getattr(self, name) for name in names}

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -32,8 +31,8 @@ class FunctionCache:
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
         self._of = model, alpha1, alpha2
-        self.together: dict[tuple[Any, ...], RowsKernel] = {}
-        self.alone: dict[Any, RowsKernel] = {}
+        self.together: dict[tuple[object, ...], RowsKernel] = {}
+        self.alone: dict[object, RowsKernel] = {}
         self._warned = False
 
     def rows(self, scenes: Sequence[Sequence[Function]]) -> "FunctionRows | SeparateRows":

@@ -302,7 +302,7 @@ class GeneralRows:
 
     def _groups(self, scenes: Sequence[tuple[Barrier, ...]]) -> list[Group]:
         """Return the functions of N scenes, those of the same signatures together."""
-        found: dict[Any, list[int]] = {}
+        found: dict[tuple[tuple[int, ...], tuple[object, ...]], list[int]] = {}
         for i, scene in enumerate(scenes):
             places = tuple(k for k, barrier in enumerate(scene) if isinstance(barrier, Function))
             if places:
@@ -341,7 +341,7 @@ class GeneralRows:
         return self._reaches[key]
 
 
-def _same(one: Sequence[tuple[Any, ...]], other: Sequence[tuple[Any, ...]]) -> bool:
+def _same(one: Sequence[tuple[object, ...]], other: Sequence[tuple[object, ...]]) -> bool:
     """Return whether scenes hold the very same barriers."""
     return all(
         a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))

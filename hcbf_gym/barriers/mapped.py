@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Integers, Mask, Record
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.kernels import is_mapped, of_map
@@ -193,7 +193,12 @@ class Scene(NamedTuple):
 
 @kernel(error_model="numpy")
 def nearby(
-    settings: Uncertainty, rows: Array, radius: float, scene: Scene, atlas: Array, known: Known
+    settings: Uncertainty | Record,
+    rows: Array,
+    radius: float,
+    scene: Scene,
+    atlas: Array,
+    known: Known | Record,
 ) -> Scene:
     """Return the conditions of a state, classes of a map replaced by their nearby pieces.
 
@@ -253,7 +258,12 @@ def nearby(
 
 @kernel(error_model="numpy")
 def _reaches(
-    settings: Uncertainty, rows: Array, radius: float, scene: Scene, known: Known, most: float
+    settings: Uncertainty | Record,
+    rows: Array,
+    radius: float,
+    scene: Scene,
+    known: Known | Record,
+    most: float,
 ) -> Array:
     """Return (m,) the braking horizon of each class of a map [m]; see `nearby`."""
     x, lag, covariance = known.x, known.lag, known.covariance

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Integers, Record
 from hcbf_gym.barriers import kernels, layout, zone
 from hcbf_gym.barriers.shapes import convex_polygon, half_plane
 from hcbf_gym.compilation import kernel
@@ -64,10 +64,10 @@ class Known(NamedTuple):
 
 @kernel(error_model="numpy")
 def derive(
-    settings: Uncertainty,
+    settings: Uncertainty | Record,
     kind: Integers,
     parameters: Array,
-    known: Known,
+    known: Known | Record,
     period: float,
     out: Array,
 ) -> None:
@@ -131,7 +131,7 @@ def derive(
 
 
 @kernel(error_model="numpy")
-def most(settings: Uncertainty, known: Known) -> float:
+def most(settings: Uncertainty | Record, known: Known | Record) -> float:
     """Return what a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`."""
     x, model, lag = known.x, known.model, known.lag
     ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]
@@ -141,7 +141,7 @@ def most(settings: Uncertainty, known: Known) -> float:
 
 
 @kernel(error_model="numpy")
-def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
+def of_speed(settings: Uncertainty | Record, lag: Array, covariance: Array) -> float:
     """Return what the row of a speed limit reserves [m/s]; see `derive`."""
     slip = np.sqrt(lag[2] * lag[2] + lag[3] * lag[3])
     sure = settings.speed + settings.speed_per_velocity * slip
@@ -149,7 +149,7 @@ def of_speed(settings: Uncertainty, lag: Array, covariance: Array) -> float:
 
 
 @kernel(error_model="numpy")
-def fastest_drift(settings: Uncertainty, covariance: Array, growth: float) -> float:
+def fastest_drift(settings: Uncertainty | Record, covariance: Array, growth: float) -> float:
     """Return the greatest ṁ of any row on the position, now and at the next sample [m/s]."""
     if covariance[2, 2] == 0.0 and covariance[3, 3] == 0.0:
         return 0.0
@@ -170,7 +170,7 @@ def growth_of(covariance: Array, before: Array) -> float:
 
 @kernel(error_model="numpy", inline="always")
 def _growing(
-    settings: Uncertainty, variance: float, growth: float, period: float
+    settings: Uncertainty | Record, variance: float, growth: float, period: float
 ) -> tuple[float, float]:
     """Return ṁ = κ√(σ_v² + g) and m̈, by how much more it is at the next sample, over T."""
     rate = settings.confidence * np.sqrt(variance + growth)

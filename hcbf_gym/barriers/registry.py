@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any
 
 from hcbf_gym import records
 from hcbf_gym.barriers.barrier import Barrier
@@ -54,7 +53,7 @@ def register(kind: str, barrier: type[Barrier]) -> None:
     _KINDS[kind] = barrier
 
 
-def to_dict(barrier: Barrier) -> dict[str, Any]:
+def to_dict(barrier: Barrier) -> dict[str, object]:
     """Return the barrier as a plain dict that `from_dict` reads and JSON can hold.
 
     Raises:
@@ -68,7 +67,7 @@ def to_dict(barrier: Barrier) -> dict[str, Any]:
     return records.to_dict(barrier, _KINDS)
 
 
-def from_dict(data: Mapping[str, Any]) -> Barrier:
+def from_dict(data: Mapping[str, object]) -> Barrier:
     """Return the barrier that `to_dict` described.
 
     Raises:

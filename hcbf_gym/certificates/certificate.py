@@ -204,7 +204,7 @@ class Certificate:
     @property
     def weightings(self) -> dict[str, float]:
         """Bounds that hold for every weighting of families, by what they are families of."""
-        groups: dict[str, dict[Any, list[int]]] = {
+        groups: dict[str, dict[object, list[int]]] = {
             name: defaultdict(lambda: [0, 0])
             for name in ("scenes", "policies", "policies in scenes")
         }
@@ -225,13 +225,13 @@ class Certificate:
             f"P(enter) ≤ {self.bound:.3g} with {self.confidence:.1%} confidence"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return it in JSON's terms, what matters first."""
         data = self._said()
         first = ("name", "episodes", "entered", "bound", "confidence", "e_value", "try", "least_h")
         return {name: data.pop(name) for name in first} | {"hash": self.hash} | data
 
-    def _said(self) -> dict[str, Any]:
+    def _said(self) -> dict[str, object]:
         """Return all that it says, in JSON's terms."""
         data = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("margins", "shown"):

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from hcbf_gym import compilation, records
+from hcbf_gym.arrays import Info
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
 
-def declared(plant: Plant, env: Any, observation: Any, info: dict[str, Any]) -> dict[str, Any]:
+def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[str, object]:
     """Return what tells a plant from another one, in JSON's terms.
 
     A plant that declares nothing by itself is known by its environment's class, its model, U, its

@@ -149,7 +149,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _shown(got: Any, expected: Any) -> str:
+def _shown(got: object, expected: Any) -> str:
     """Return a value that lies outside; of a record with ranges of its parts those that do."""
     got = records.plain(got)
     options = expected["any of"] if _kind(expected) == {"any of"} else [expected]

@@ -84,7 +84,9 @@ def file_of(source: str) -> Path:
 
 
 def judged_by(
-    certificate: Certificate, declared: Mapping[str, Any], alone: Mapping[str, Any] | None = None
+    certificate: Certificate,
+    declared: Mapping[str, object],
+    alone: Mapping[str, Any] | None = None,
 ) -> Judged:
     """Return what a certificate says of a plant, as the program is today.
 

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse as EllipsePatch
 from matplotlib.patches import Patch, Polygon
 
-from hcbf_gym.barriers import Oval, Shape, Wall
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.maps.cover import boxes
@@ -19,7 +20,7 @@ from hcbf_gym.scenarios import Scenario
 _FAR = 100.0
 
 
-def outline(barrier: Any, t: float = 0.0) -> Patch | None:
+def outline(barrier: object, t: float = 0.0) -> Patch | None:
     """Return what a built-in region forbids at time t as a patch; None for other barriers."""
     if not isinstance(barrier, Shape):
         return None
@@ -64,7 +65,7 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
 
 
-def draw_barriers(axes: Axes, barriers: Iterable[Any], t: float = 0.0) -> list[Patch]:
+def draw_barriers(axes: Axes, barriers: Iterable[Barrier | Shapes], t: float = 0.0) -> list[Patch]:
     """Draw the regions among barriers at time t, the first rank on top, and return the patches."""
     patches = []
     for barrier in sorted(barriers, key=lambda b: -b.priority):
@@ -86,7 +87,11 @@ def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
     """
     for one in sorted(ranked.classes, key=lambda c: (c.kind != "speed", -c.rank)):
         color = palette.priority_color(one.rank)
-        style: dict[str, Any] = {"facecolor": palette.paler(color, 0.6), "lw": 0.0, "zorder": 0.9}
+        style: dict[str, Any] = {
+            "facecolor": palette.paler(color, 0.6),
+            "lw": 0.0,
+            "zorder": 0.9,
+        }
         if one.kind == "speed":
             style |= {"facecolor": "none", "edgecolor": color, "hatch": "..."}
         if covered:
@@ -112,7 +117,9 @@ def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     return window(points, scenario.barriers)
 
 
-def window(points: Iterable[Any], barriers: Iterable[Any]) -> tuple[np.ndarray, np.ndarray]:
+def window(
+    points: Iterable[Array], barriers: Iterable[Barrier | Shapes]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners (2,), (2,) of a window that shows points (2,) and bounded regions [m]."""
     points = list(points)
     for barrier in barriers:
@@ -124,5 +131,5 @@ def window(points: Iterable[Any], barriers: Iterable[Any]) -> tuple[np.ndarray, 
     return low - pad, high + pad
 
 
-def _is_wall(barrier: Any) -> bool:
+def _is_wall(barrier: object) -> bool:
     return isinstance(barrier, Shape) and isinstance(barrier.outline(), Wall)

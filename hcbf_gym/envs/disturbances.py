@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class ScheduledPushes:
         InvalidInputError: on a missing or unknown entry, or a number out of range.
     """
 
-    pushes: Sequence[Mapping[str, Any]]
+    pushes: Sequence[Mapping[str, object]]
 
     def __post_init__(self) -> None:
         if not isinstance(self.pushes, list | tuple):
@@ -120,7 +120,7 @@ def disturbance_from_dict(values: Mapping[str, object] | None) -> Disturbance:
     return ScheduledPushes([]) if values is None else from_dict("disturbances", values, _KINDS)
 
 
-def _push(entry: Mapping[str, Any]) -> Push:
+def _push(entry: Mapping[str, object]) -> Push:
     check_mapping("push", entry)
     if set(entry) != set(Push._fields):
         raise InvalidInputError(f"push: got {sorted(entry)}, expected {sorted(Push._fields)}")

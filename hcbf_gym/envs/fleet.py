@@ -115,7 +115,7 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[Any, Info]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
 

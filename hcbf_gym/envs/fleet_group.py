@@ -69,7 +69,7 @@ class Group:
         self._ended = [False] * len(envs)
 
     def reset(
-        self, seeds: Sequence[int | None], mask: Mask, options: dict[str, Any] | None
+        self, seeds: Sequence[int | None], mask: Mask, options: dict[str, object] | None
     ) -> None:
         """Start new episodes in the masked environments (n,)."""
         for i in map(int, np.flatnonzero(mask)):
@@ -101,7 +101,7 @@ class Group:
             env.close()
 
     def _begin(
-        self, i: int, seed: int | None = None, options: dict[str, Any] | None = None
+        self, i: int, seed: int | None = None, options: dict[str, object] | None = None
     ) -> None:
         observation, info = self._envs[i].reset(seed=seed, options=options)
         _write(self._now[i], _report(observation, 0.0, False, False, info))

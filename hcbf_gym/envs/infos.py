@@ -103,7 +103,7 @@ class Reporter:
         self._ended[mask] = False
         infos |= only(with_masks({self._key: fresh}, everyone), mask)
 
-    def at_step(self, infos: Info, entry: Any, fresh: Any, ended: Mask) -> Mask:
+    def at_step(self, infos: Info, entry: object, fresh: Any, ended: Mask) -> Mask:
         """Add what a step reports, and return (N,) which environments were reset in it.
 
         Args:

@@ -1,7 +1,7 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import gymnasium as gym
 import numpy as np
@@ -135,7 +135,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         return self._found.again(self.declared)
 
     @property
-    def declared(self) -> dict[str, Any]:
+    def declared(self) -> dict[str, object]:
         """What tells this plant from others, as certificates compare it."""
         return {"environment": "HCBF-Regions-v0", "scene": self._family}
 
@@ -166,7 +166,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         return float(self._batch.time[0])
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Array, Info]:
         """Start a new episode; a seed decides everything that follows.
 

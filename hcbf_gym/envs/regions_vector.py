@@ -120,7 +120,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         return self._found.again(self.declared)
 
     @property
-    def declared(self) -> dict[str, Any]:
+    def declared(self) -> dict[str, object]:
         """What tells these plants from others; "scene" is a list, a family for each."""
         return {"environment": "HCBF-Regions-v0", "scene": self._families.copy()}
 
@@ -155,7 +155,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[Array, Info]:
         """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
 

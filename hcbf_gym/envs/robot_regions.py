@@ -139,7 +139,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         return task.CONTROL_DT * self._steps
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Array, Info]:
         """Start a new episode; a seed decides everything that follows.
 

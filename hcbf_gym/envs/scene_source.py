@@ -33,7 +33,7 @@ class SceneSource:
         self.random = scenarios.is_random(source)
         self.own = scenarios.make(source, np.random.default_rng(0))
 
-    def check(self, options: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    def check(self, options: Mapping[str, object] | None) -> Mapping[str, Any]:
         """Return the options of a reset, as a mapping.
 
         Raises:
@@ -74,7 +74,7 @@ class SceneSource:
         return str(source) if drawn else None
 
 
-def _alike(scene: Scenario) -> dict[str, Any]:
+def _alike(scene: Scenario) -> dict[str, object]:
     """Return what spaces, filter and physics were made for."""
     return {
         "task": scene.task,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from hcbf_gym import policies, wrappers
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, vacuity
@@ -284,7 +284,7 @@ def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
     return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 
-def alarm_of(info: Mapping[str, Any]) -> int:
+def alarm_of(info: Info) -> int:
     """Return the `Reason` of an alarm in a filter's report; 0 for none."""
     reason = int(info["safety_filter"]["reason"])
     return reason if reason >= FIRST_ALARM else 0

@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.progress import track
 
 from hcbf_gym import loading, policies, programs, records, scenarios
+from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, require, said_once
@@ -204,7 +205,7 @@ def _check(args: Args) -> None:
         )
 
 
-def _settings(args: Args, files: Sequence[Path]) -> dict[str, Any]:
+def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     """Return what decides a run: arguments, the user's files, versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
@@ -249,7 +250,7 @@ def _files(args: Args) -> list[Path]:
 
 
 def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
-    options: dict[str, Any] | None = None
+    options: dict[str, object] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
         options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
@@ -293,7 +294,7 @@ def _draw(
     return [*written, paths, series]
 
 
-def _own_barriers(args: Args) -> Sequence[Any]:
+def _own_barriers(args: Args) -> Sequence[Barrier | Shapes]:
     """Return the barriers of the user's plant as they are after the first reset."""
     env, plant = own_environment.make(args.env)
     observation, info = env.reset(seed=args.seed)

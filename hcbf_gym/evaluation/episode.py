@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 
-Act = Callable[[Any, dict[str, Any]], Any]
+Act = Callable[[Any, Info], Any]
 """(observation, info) → action; of N environments, for all of them."""
 
 
@@ -25,7 +25,7 @@ class Sample(NamedTuple):
     """
 
     observation: Any
-    info: dict[str, Any]
+    info: Info
     action: Any = None
     reward: Any = 0.0
     terminated: Any = False
@@ -46,7 +46,7 @@ def samples(
     env: gym.Env | gym.vector.VectorEnv,
     act: Act,
     seed: Any,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
 ) -> Iterator[Sample]:
     """Yield what an episode shows, from its reset to its end; the environment stays open.
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
 from hcbf_gym.drawing.scene_plot import draw_barriers, draw_scene, legend_below, window
 from hcbf_gym.evaluation.recorded import Episode
@@ -80,7 +81,7 @@ def plot_series(episodes: Shown) -> Figure:
 
 def plot_episode(
     episode: Episode,
-    barriers: Sequence[Any] = (),
+    barriers: Sequence[Barrier | Shapes] = (),
     title: str = "",
     labels: Mapping[str, str] | None = None,
     inputs: Sequence[str] | None = None,
@@ -129,7 +130,7 @@ def plot_episode(
     return figure
 
 
-def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Any]) -> None:
+def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:
     """Draw where an episode went among the regions, start and end marked."""
     draw_barriers(axes, barriers, float(episode.time[0]))
     axes.plot(*episode.position.T, color=PATH, lw=1.8, zorder=4)
@@ -138,7 +139,7 @@ def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Any]) -> None:
     frame(axes, episode, barriers)
 
 
-def frame(axes: Axes, episode: Episode, barriers: Sequence[Any]) -> None:
+def frame(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:
     """Set limits and labels of axes that show an episode from above."""
     low, high = window(episode.position, barriers)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")

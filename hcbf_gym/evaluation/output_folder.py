@@ -5,7 +5,6 @@ import itertools
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.records import whole
@@ -82,7 +81,7 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def _differences(path: Path, settings: dict[str, Any]) -> list[str]:
+def _differences(path: Path, settings: Mapping[str, object]) -> list[str]:
     """Return the names of the settings in which the file differs."""
     try:
         known = json.loads(path.read_text(encoding="utf-8"))

@@ -9,6 +9,7 @@ import numpy as np
 
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.barriers.set import BarrierSet, Condition, each
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.episode import Sample
@@ -51,7 +52,7 @@ def files(source: str) -> list[Path]:
     return loading.files(source)
 
 
-def barriers_of(plant: Plant, env: Any, sample: Sample) -> list[Any]:
+def barriers_of(plant: Plant, env: Any, sample: Sample) -> list[Barrier | Shapes]:
     """Return the barriers of a plant at a sample, one after the other, as pictures show them."""
     barriers = read(plant.barriers, env, sample.observation, sample.info)
     return list(each(barriers.entries[0] if isinstance(barriers, BarrierSet) else barriers))

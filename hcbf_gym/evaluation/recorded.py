@@ -244,7 +244,7 @@ def _look_own(plant: Plant, env: gym.Env, sample: Sample, before: list[Any]) -> 
     return _Look(said.time, said.x, said.h, min_h, tuple(said.conditions))
 
 
-def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, Any]:
+def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, object]:
     """Return what a filter would report that changes nothing."""
     read = None if plant is None else plant.from_action
     u = np.asarray(sample.action if read is None else read(sample.action), dtype=np.float64)

@@ -111,7 +111,7 @@ class Case:
         finally:
             env.close()
 
-    def label(self) -> dict[str, Any]:
+    def label(self) -> dict[str, object]:
         """Return the names under which the episode is summarised."""
         return {
             "env": self.env,

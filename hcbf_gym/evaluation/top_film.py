@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich.progress import track
 
+from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.drawing.palette import PATH
 from hcbf_gym.drawing.scene_plot import draw_barriers
 from hcbf_gym.errors import InvalidInputError, require
@@ -23,7 +24,7 @@ SIDE = 480
 """Of a picture [pixels]."""
 
 
-def film(episode: Episode, path: str | Path, barriers: Sequence[Any] = ()) -> None:
+def film(episode: Episode, path: str | Path, barriers: Sequence[Barrier | Shapes] = ()) -> None:
     """Write a film of an episode as it happened, with the time and the filter's status.
 
     Args:
@@ -47,7 +48,7 @@ def film(episode: Episode, path: str | Path, barriers: Sequence[Any] = ()) -> No
     clip(_pictures(episode, barriers), fps=RATE).write_videofile(str(path), logger=None)
 
 
-def _pictures(episode: Episode, barriers: Sequence[Any]) -> list[np.ndarray]:
+def _pictures(episode: Episode, barriers: Sequence[Barrier | Shapes]) -> list[np.ndarray]:
     figure = Figure(figsize=(4.8, 4.8), dpi=SIDE / 4.8, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -1,11 +1,10 @@
 """Whether an episode tests rank 1: what u* would have done, and what the filter did."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -29,7 +28,7 @@ def pressed(
     x: Array,
     time: float,
     strict: Strict,
-    report: Mapping[str, Any],
+    report: Info,
 ) -> bool:
     """Return whether the filter changed an input that would have entered rank 1 within a second.
 

@@ -47,7 +47,7 @@ def numpy_of(name: str, value: Any) -> Numbers:
     return as_array(name, value)
 
 
-def like(example: Any) -> Callable[[Numbers], Any]:
+def like(example: object) -> Callable[[Numbers], Any]:
     """Return what turns an array of NumPy into the kind that `example` is."""
     kind = _kind(example)
     if kind == "torch":
@@ -57,7 +57,7 @@ def like(example: Any) -> Callable[[Numbers], Any]:
     return lambda array: array
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     """Return "torch", "jax" or "numpy", without importing any of them."""
     torch, jax = sys.modules.get("torch"), sys.modules.get("jax")
     if torch is not None and isinstance(value, torch.Tensor):

@@ -6,11 +6,9 @@ for what a robot that moves in every direction would do there: so it turns along
 standing before it.
 """
 
-from typing import Any
-
 import numpy as np
 
-from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.arrays import Array, Mask, Record, Records
 from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels, zone
 from hcbf_gym.barriers.margins import MARGIN, QUICKENING, RATE, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
@@ -31,7 +29,7 @@ MOVED = 1e-9
 
 
 @kernel(inline="always")
-def axle_of(c: Any) -> Axle:
+def axle_of(c: Record) -> Axle:
     """Return what limits the drive, of `plants.CONSTANTS`."""
     return Axle(c.axle[0], c.axle[1], c.axle[2], c.axle[3])
 
@@ -46,7 +44,7 @@ def moves(kind: int, parameters: Array) -> bool:
 
 
 @kernel()
-def place(c: Any, plant: Any) -> Known:
+def place(c: Record, plant: Record) -> Known:
     """Return what is known of the axle."""
     axle, heading = axle_of(c), plant.heading
     x, model, body = np.empty(4), np.empty(4), np.empty(4)
@@ -57,7 +55,7 @@ def place(c: Any, plant: Any) -> Known:
 
 
 @kernel()
-def make_rows(c: Any, p: Plants, w: Work, i: int) -> None:
+def make_rows(c: Record, p: Plants, w: Work, i: int) -> None:
     """Write margins, rows and U of one plant; those of users' own conditions are made later."""
     plant, axle = p.sensed[i], axle_of(c)
     known = place(c, plant)
@@ -115,7 +113,7 @@ def _zone_row(axle: Axle, c: Array, w: Work, i: int, k: int, x: Array, settings:
 
 
 @kernel()
-def carry_on(axle: Axle, plant: Any) -> None:
+def carry_on(axle: Axle, plant: Record) -> None:
     """Let a plant that is not believed go on turning, as its model goes on."""
     plant.heading = plant.headed
     if not plant.known or not plant.elapsed > 0.0:
@@ -129,7 +127,7 @@ def carry_on(axle: Axle, plant: Any) -> None:
 
 
 @kernel()
-def _rows_of_point(c: Any, p: Plants, w: Work, i: int) -> None:
+def _rows_of_point(c: Record, p: Plants, w: Work, i: int) -> None:
     """Write margins and rows of what moves, which bind the point."""
     some = False
     for k in range(p.kind.shape[1]):
@@ -155,7 +153,7 @@ def _rows_of_point(c: Any, p: Plants, w: Work, i: int) -> None:
 
 
 @kernel()
-def turn_row(c: Any, p: Plants, w: Work, i: int, k: int) -> None:
+def turn_row(c: Record, p: Plants, w: Work, i: int, k: int) -> None:
     """Write a row on the point as one in u: its velocity turns with the heading besides."""
     plant, n, b = p.sensed[i], w.a[i, k], w.rows[B, i, k]
     w.straight[i, k, 0], w.straight[i, k, 1], w.straight[i, k, 2] = n[0], n[1], b
@@ -175,7 +173,7 @@ def _rows(p: Plants, w: Work, i: int, x: Array, settings: Array) -> None:
 
 
 @kernel()
-def limit(c: Any, settings: Settings, p: Plants) -> None:
+def limit(c: Record, settings: Settings, p: Plants) -> None:
     """Write the corners of each plant's U into the program."""
     for i in range(p.sensed.size):
         plant = p.sensed[i]
@@ -184,7 +182,7 @@ def limit(c: Any, settings: Settings, p: Plants) -> None:
 
 
 @kernel()
-def turn_memory(plant: Any) -> None:
+def turn_memory(plant: Record) -> None:
     """Turn what was expected of the point's velocity with the heading since the last sample.
 
     What the robot is told is held in its own axes.
@@ -298,7 +296,7 @@ def face(plants: Records, gain: float) -> None:
 
 
 @kernel()
-def of_body(c: Any, p: Plants, i: int, h: Array, strict: Mask) -> Array:
+def of_body(c: Record, p: Plants, i: int, h: Array, strict: Mask) -> Array:
     """Return h (m,) of the axle: of what binds the point it is no less than the point's less ℓ."""
     out = h.copy()
     for k in range(h.size):

@@ -1,19 +1,19 @@
 """The compiled filter by its front door: for N planar double integrators of any simulator."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.filtering.array_kinds import like, numpy_of
+from hcbf_gym.filtering.array_kinds import Numbers, like, numpy_of
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
@@ -67,7 +67,7 @@ class BatchFilter:
         period: float,
         num_envs: int | None = None,
         program: programs.Named = "lex-cbf-qp",
-        guidance: Any = None,
+        guidance: str | Mapping[str, object] | None = None,
         uncertainty: Uncertainty = EXACT,
         extent: ArrayLike | None = None,
         on_alarm: str = "warn",
@@ -130,7 +130,7 @@ class BatchFilter:
         self._core.check_limits(scenes)
         self._barriers = scenes
 
-    def reset(self, mask: Any = None, x: Any = None, goal: Any = None) -> dict[str, Any]:
+    def reset(self, mask: object = None, x: object = None, goal: object = None) -> Info:
         """Begin new episodes, and return the report of their first states.
 
         Args:
@@ -172,13 +172,13 @@ class BatchFilter:
 
     def __call__(
         self,
-        u_nominal: Any,
-        x: Any,
-        time: Any = None,
+        u_nominal: object,
+        x: object,
+        time: object = None,
         *,
-        elapsed: Any = None,
-        missing: Any = None,
-    ) -> tuple[Any, dict[str, Any]]:
+        elapsed: object = None,
+        missing: object = None,
+    ) -> tuple[Any, Info]:
         """Return u and the report, arrays of the kind that u* is.
 
         Args:
@@ -208,7 +208,7 @@ class BatchFilter:
         u, report = self._core.step(wanted.astype(np.float64), self._barriers, estimate)
         return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
 
-    def _estimate(self, x: Any, time: Any, elapsed: Any, missing: Any) -> Estimate:
+    def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
         """Return what is known of the plants."""
         estimate = x if isinstance(x, Estimate) else Estimate(numpy_of("x", x))
         if time is not None:
@@ -225,13 +225,13 @@ class BatchFilter:
             estimate = estimate._replace(age=np.where(absent, math.inf, age))
         return estimate
 
-    def _of_all(self, name: str, value: Any) -> Any:
+    def _of_all(self, name: str, value: object) -> Numbers:
         """Return a number of each plant, of which one may be given for all."""
         given = numpy_of(name, value)
         return np.broadcast_to(given, self._count) if given.ndim == 0 else given
 
 
-def _count(name: str, value: Any) -> int:
+def _count(name: str, value: object) -> int:
     """Return a whole number from 1 on.
 
     Raises:
@@ -242,6 +242,6 @@ def _count(name: str, value: Any) -> int:
     return int(value)
 
 
-def _nothing(*_: Any) -> Any:
+def _nothing(*_: object) -> tuple[()]:
     """Stand for readers that this filter does not use: it is handed everything."""
     return ()

@@ -5,11 +5,11 @@ propagates the last one that was, under the input that was applied since.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Records
+from hcbf_gym.arrays import Array, Record, Records
 from hcbf_gym.barriers import margins
 from hcbf_gym.compilation import kernel, put
 from hcbf_gym.filtering.verdict import NEWS
@@ -44,7 +44,7 @@ class State(NamedTuple):
 
 
 @kernel(error_model="numpy", inline="always")
-def look(plant: Any, state: State) -> int:
+def look(plant: Record, state: State) -> int:
     """Return why a plant is not believed, 0 if it is; a state after none is news.
 
     Args:
@@ -74,7 +74,7 @@ def look(plant: Any, state: State) -> int:
 
 
 @kernel(error_model="numpy", inline="always")
-def replace(plant: Any, state: State) -> None:
+def replace(plant: Record, state: State) -> None:
     """Write the state that was believed last, which the model has carried on, for the present."""
     put(state.x, state.believed)
     put(state.model, state.believed)
@@ -84,7 +84,7 @@ def replace(plant: Any, state: State) -> None:
 
 
 @kernel(error_model="numpy")
-def believe(plant: Any) -> int:
+def believe(plant: Record) -> int:
     """Return why a planar double integrator is not believed, 0 if it is; then its model carries on.
 
     Args:
@@ -147,7 +147,7 @@ def state_of(states: State, i: int) -> State:
 
 
 @kernel(error_model="numpy", inline="always")
-def _grow(plant: Any, follows: int) -> None:
+def _grow(plant: Record, follows: int) -> None:
     """Note by how much the velocity's covariance grows in one period; a fix does not change that.
 
     Of a sample that follows none all of it is taken, as nothing is known of how it grows.
@@ -171,13 +171,13 @@ def _is_sound(state: State) -> bool:
     return near and is_covariance(state.covariance)
 
 
-def real_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
+def real_numbers(value: object, shape: tuple[int, ...]) -> Array | None:
     """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
     numbers = numbers_of(value, shape)
     return None if numbers is None or not np.isfinite(numbers).all() else numbers
 
 
-def numbers_of(value: Any, shape: tuple[int, ...]) -> Array | None:
+def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
     """Return `value` as a new float64 array if it is a real one of that shape; else None.
 
     What a mask hides is no number. Some of the numbers may be infinite or none.
@@ -196,7 +196,7 @@ def numbers_of(value: Any, shape: tuple[int, ...]) -> Array | None:
         return array.astype(np.float64)
 
 
-def real_number(value: Any) -> float | None:
+def real_number(value: object) -> float | None:
     """Return `value` as a float if it is one finite real number, or an array of one; else None."""
     if type(value) is float:
         return value if math.isfinite(value) else None

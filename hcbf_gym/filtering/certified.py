@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from hcbf_gym import certificates, programs, records
+from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.certificates import Certificate, Judged, judge
@@ -25,13 +26,13 @@ class Earned(NamedTuple):
     certificate: Certificate
     plant: Plant
 
-    def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> Judged:
+    def __call__(self, env: object, observation: object, info: Info) -> Judged:
         """Return what the certificate says of the plant now."""
         said = dict(read(self.plant.declared, env, observation, info))
         return judge(said, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
-def certified(plant: Plant, certificate: Certificate, env: Any) -> Plant:
+def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
     """Return the plant as a certificate speaks of it; warn where it speaks of another one.
 
     Margins that follow from a law of the plant's own stay the plant's, and so does what its

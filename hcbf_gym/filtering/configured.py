@@ -2,9 +2,9 @@
 
 import warnings
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Records
@@ -196,7 +196,7 @@ class Configured:
         """(1,) `plants.CONSTANTS`, which look into `_words`."""
         return self._words.view(plants.CONSTANTS)
 
-    def applied_as(self, dtype: Any) -> None:
+    def applied_as(self, dtype: DTypeLike) -> None:
         """Note the type of the environment's actions; strict rows reserve what rounding takes."""
         self.told_as = np.dtype(dtype)
         rounds = self.told_as == np.float32

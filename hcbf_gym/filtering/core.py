@@ -12,8 +12,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
@@ -74,7 +75,7 @@ class FilterCore(Configured, ABC):
         self._version, self._edits = self._scene.version.copy(), -1
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
-        self._listed: tuple[Any, ...] | None = None  # what the scene was read from, if lists
+        self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
 
     @property
     def guides(self) -> bool:
@@ -100,11 +101,11 @@ class FilterCore(Configured, ABC):
         """Count time from so many seconds later on than before."""
         self._samples.plants["believed_at"] -= seconds
 
-    def cover(self, said: Any) -> None:
+    def cover(self, said: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(said, self._fresh)
 
-    def begin(self, barriers: Any, estimate: Estimate, goal: Any, extent: Any) -> dict[str, Any]:
+    def begin(self, barriers: object, estimate: Estimate, goal: object, extent: object) -> Info:
         """Look at the first states of new episodes, and return what the infos of a reset say.
 
         Raises:
@@ -131,9 +132,7 @@ class FilterCore(Configured, ABC):
             report[key] = np.zeros_like(report[key])[()]
         return report
 
-    def step(
-        self, u_nominal: Array, barriers: Any, estimate: Estimate
-    ) -> tuple[Array, dict[str, Any]]:
+    def step(self, u_nominal: Array, barriers: object, estimate: Estimate) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
         buffer = self._buffer
         self._take(barriers, estimate)
@@ -182,7 +181,7 @@ class FilterCore(Configured, ABC):
         """
 
     @abstractmethod
-    def _enter(self, goal: Any, extent: Any) -> None:
+    def _enter(self, goal: object, extent: object) -> None:
         """Look at the scenes that begin."""
 
     def _remembered(self) -> Any:
@@ -261,20 +260,20 @@ class FilterCore(Configured, ABC):
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
         n_u = self.input_set.n_u
-        asked: Any = self.plant.brake
+        asked: object = self.plant.brake
         if callable(asked):
             known = self._samples.plants["known"][i]
             asked = asked(self._samples.x[i].copy()) if known else None
         wanted = real_numbers(asked, (n_u,))
         return self.input_set.project(np.zeros(n_u) if wanted is None else wanted)
 
-    def _time(self, estimate: Estimate) -> Any:
+    def _time(self, estimate: Estimate) -> ArrayLike:
         """Return the time since the reset [s], counted here where the plant gives none."""
         if estimate.time is not None:
             return estimate.time
         return self._steps * (self.plant.period or 0.0)
 
-    def _take(self, barriers: Any, estimate: Estimate) -> None:
+    def _take(self, barriers: object, estimate: Estimate) -> None:
         """Note the states, and the barriers as they are now.
 
         What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
@@ -282,14 +281,14 @@ class FilterCore(Configured, ABC):
         """
         samples = self._samples
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
-        if barriers is not self._scene or barriers.edits != self._edits:
+        if barriers is not self._scene or self._scene.edits != self._edits:
             self._take_barriers(barriers)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.doubt(Reason.CLOCK)
 
-    def _take_barriers(self, barriers: Any) -> None:
+    def _take_barriers(self, barriers: object) -> None:
         """Note barriers that may be others than the last ones."""
         try:
             scene = self._read_barriers(barriers)
@@ -346,7 +345,7 @@ class FilterCore(Configured, ABC):
             self._listed = tuple(tuple(b) if isinstance(b, list) else b for b in barriers)
         return scene
 
-    def _scenes_of(self, barriers: Any) -> BarrierSet:
+    def _scenes_of(self, barriers: object) -> BarrierSet:
         """Return barriers as a set of N scenes.
 
         Raises:

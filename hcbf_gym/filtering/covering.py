@@ -1,7 +1,5 @@
 """Whether the promise was tested for N plants, from episode to episode."""
 
-from typing import Any
-
 import numpy as np
 
 from hcbf_gym.arrays import Integers, Mask, Records
@@ -27,7 +25,7 @@ class Covering:
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._why: Integers = np.zeros(count, dtype=np.int64)
 
-    def begin(self, said: Any, fresh: Mask) -> None:
+    def begin(self, said: object, fresh: Mask) -> None:
         """Note whether the promise was tested for the episodes that begin.
 
         Args:

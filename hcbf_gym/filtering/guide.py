@@ -34,7 +34,13 @@ class Guide:
         InvalidInputError: on an unknown option.
     """
 
-    def __init__(self, choice: Any, count: int, ahead: float = 0.0, cell: float = CELL):
+    def __init__(
+        self,
+        choice: str | Mapping[str, Any] | None,
+        count: int,
+        ahead: float = 0.0,
+        cell: float = CELL,
+    ):
         self._ahead = ahead
         self._guidance: Geodesic | Local | None = None
         self.guides = choice is not None
@@ -50,7 +56,12 @@ class Guide:
             self._guidance = choose("guidance", options.get("kind", "geodesic"), kinds)()
 
     def begin(
-        self, scenes: BarrierSet, x: Array, clearance: float, world: tuple[Any, Any], mask: Mask
+        self,
+        scenes: BarrierSet,
+        x: Array,
+        clearance: float,
+        world: tuple[Any, Any],
+        mask: Mask,
     ) -> None:
         """Look at the scenes that begin.
 

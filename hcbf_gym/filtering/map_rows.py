@@ -1,10 +1,8 @@
 """What is at hand of a map, in the filter of N planar double integrators: taken, and told of."""
 
-from typing import Any
-
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Records
+from hcbf_gym.arrays import Array, Integers, Record, Records
 from hcbf_gym.barriers import mapped
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.rows import U_MAX
@@ -14,7 +12,7 @@ from hcbf_gym.filtering.plants import Drives
 
 
 @kernel()
-def of_plant(c: Any, drives: Drives, scene: Scene, atlas: Array, plant: Any) -> Scene:
+def of_plant(c: Record, drives: Drives, scene: Scene, atlas: Array, plant: Record) -> Scene:
     """Return the conditions of a plant, classes of a map replaced by their pieces at hand.
 
     Args:

@@ -120,7 +120,7 @@ class ModelCore(FilterCore):
         distinct = prepared.scenes[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
-    def _enter(self, goal: Any, extent: Any) -> None:
+    def _enter(self, goal: object, extent: object) -> None:
         """Nothing more is known of scenes that begin."""
 
     def _remembered(self) -> Any:

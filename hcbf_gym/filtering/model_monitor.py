@@ -10,11 +10,11 @@ A state that an input drives at once and that drives no other, such as the posit
 takes velocities, belongs to the motion, too. `monitor` has what is made of them.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.arrays import Array, Mask, Record, Records
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import UNREADABLE
@@ -226,7 +226,7 @@ class ModelMonitor:
 
 
 @kernel(error_model="numpy", inline="always")
-def _compares(watched: Watched, plant: Any, believed: bool) -> bool:
+def _compares(watched: Watched, plant: Record, believed: bool) -> bool:
     """Return whether two samples are one period apart, and both are believed."""
     period = watched.period
     return believed and plant.follows != 0 and period > 0.0 and plant.elapsed == period
@@ -317,7 +317,7 @@ def observe(
 @kernel(error_model="numpy")
 def _misses(
     watched: Watched,
-    plant: Any,
+    plant: Record,
     to_input: Array,
     x: Array,
     expected: Array,
@@ -353,7 +353,7 @@ def _misses(
 @kernel(error_model="numpy")
 def _moves_off(
     watched: Watched,
-    plant: Any,
+    plant: Record,
     i: int,
     seen: Seen,
     covariance: Array,

@@ -27,10 +27,9 @@ integrator s is ``Δp − T (v + v')/2``, which is exact, so that c is 0 of one 
 `model_monitor` has s for any model.
 """
 
-from typing import Any
-
 import numpy as np
 
+from hcbf_gym.arrays import Record
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
@@ -81,7 +80,7 @@ PLANAR_MEMORY = [
 
 
 @kernel()
-def account(memory: Any, error: float, chosen: float, rate: float, radius: float) -> bool:
+def account(memory: Record, error: float, chosen: float, rate: float, radius: float) -> bool:
     """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
 
     Args:
@@ -102,7 +101,7 @@ def account(memory: Any, error: float, chosen: float, rate: float, radius: float
 
 
 @kernel()
-def breaks_off(memory: Any) -> bool:
+def breaks_off(memory: Record) -> bool:
     """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
 
     Args:
@@ -119,7 +118,13 @@ def fade(period: float) -> float:
 
 @kernel(error_model="numpy")
 def strays(
-    memory: Any, off: float, moved: float, change: float, rest: float, spread: float, period: float
+    memory: Record,
+    off: float,
+    moved: float,
+    change: float,
+    rest: float,
+    spread: float,
+    period: float,
 ) -> bool:
     """Account for the motion of one sample, and return whether that alarms.
 
@@ -139,14 +144,14 @@ def strays(
 
 
 @kernel(error_model="numpy", inline="always")
-def latch(plant: Any, alarm: int) -> None:
+def latch(plant: Record, alarm: int) -> None:
     """Raise an alarm until the next reset; the first one stays."""
     if plant.alarm == 0:
         plant.alarm = alarm
 
 
 @kernel(error_model="numpy")
-def watch(plant: Any, radius: float, confidence: float, exact: bool, observed: bool) -> None:
+def watch(plant: Record, radius: float, confidence: float, exact: bool, observed: bool) -> None:
     """Compare a believed sample of a planar double integrator with the one before.
 
     Args:
@@ -179,7 +184,7 @@ def watch(plant: Any, radius: float, confidence: float, exact: bool, observed: b
 
 
 @kernel(error_model="numpy", inline="always")
-def note_body(memory: Any, body: tuple[float, float, float, float]) -> None:
+def note_body(memory: Record, body: tuple[float, float, float, float]) -> None:
     """Note where a body is, and its velocity, for the next sample."""
     for k in range(4):
         memory.body[k] = body[k]
@@ -187,7 +192,7 @@ def note_body(memory: Any, body: tuple[float, float, float, float]) -> None:
 
 @kernel(error_model="numpy")
 def drifts(
-    memory: Any,
+    memory: Record,
     body: tuple[float, float, float, float],
     period: float,
     besides: float,

@@ -3,7 +3,6 @@
 import operator
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -102,7 +101,7 @@ class PlanarCore(FilterCore):
             plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
         return True
 
-    def _enter(self, goal: Any, extent: Any) -> None:
+    def _enter(self, goal: object, extent: object) -> None:
         """Look at the scenes that begin."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)
         world = goal, extent

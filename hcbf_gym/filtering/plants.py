@@ -2,12 +2,12 @@
 
 from functools import cache
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array, Integers, Records
+from hcbf_gym.arrays import Array, Integers, Record, Records
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.rows import SETTINGS_WIDTH
 from hcbf_gym.compilation import kernel
@@ -63,13 +63,13 @@ CONSTANTS = np.dtype(
 
 
 @cache
-def plant_dtype(n_u: int) -> Any:
+def plant_dtype(n_u: int) -> np.dtype[np.void]:
     """Return what is known of one plant of so many inputs; zeros at a reset.
 
     Vectors of length 4 are those of the planar double integrator. Those of other models stand
     beside the record, see `belief.State`.
     """
-    fields: list[Any] = [
+    fields: list[tuple[object, ...]] = [
         # what is said of it now, as `models.plant.Estimate` has it
         ("x", "f8", 4),
         ("time", "f8"),
@@ -111,7 +111,7 @@ LEAST_PLANTS = 64
 """Below so many plants a thread takes longer to begin than to filter."""
 
 
-def constants(settings: Settings, others: dict[str, Any]) -> tuple[Array, Array]:
+def constants(settings: Settings, others: dict[str, object]) -> tuple[Array, Array]:
     """Return the numbers of a `CONSTANTS`; and the corners of U, the program's weights behind them.
 
     Args:
@@ -269,14 +269,14 @@ def make_work(
 
 
 @kernel(inline="always")
-def split(c: Any, numbers: Array) -> tuple[Array, Array]:
+def split(c: Record, numbers: Array) -> tuple[Array, Array]:
     """Return the corners of U (K, V, 2) and the weights (K, 1 + L) of a program."""
     end = 2 * c.corners * c.input_sets
     return numbers[:end].reshape(c.input_sets, c.corners, 2), numbers[end:].reshape(-1, c.weights)
 
 
 @kernel(inline="always")
-def program_of(c: Any, numbers: Array, first: int, end: int) -> Settings:
+def program_of(c: Record, numbers: Array, first: int, end: int) -> Settings:
     """Return the program of the plants from `first` on and before `end`, with what is their own."""
     vertices, weights = split(c, numbers)
     if vertices.shape[0] > 1:  # each plant has its own

@@ -4,17 +4,16 @@ The keys are the same whoever answered. A field that a filter does not write is 
 """
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Records
+from hcbf_gym.arrays import Array, Info, Records
 
 
 @cache
-def plant_dtype(n_u: int) -> Any:
+def plant_dtype(n_u: int) -> np.dtype[np.void]:
     """Return what is said of a plant of so many inputs."""
-    fields: list[Any] = [
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = [
         ("u_nominal", "f8", (n_u,)),  # u*, as the filter received it
         ("u_safe", "f8", (n_u,)),  # u, what the environment receives
         ("intervention", "f8"),  # ‖u − u*‖
@@ -108,16 +107,16 @@ class ReportBuffer:
         self.u_nominal: Array = self.plants["u_nominal"]
         self.rows: Records = self.words[1].view(ROW).reshape(self._count, self._total)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; its records look into its own memory."""
         parts = ("plants", "rows", "u_nominal", "words", "_codes")
         return {name: value for name, value in vars(self).items() if name not in parts}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         vars(self).update(state)
         self._divide(self._numbers)
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> Info:
         """Return what was written, by its names."""
         if not self._alone:
             report = {name: self.plants[name] for name in _PLANTS}
@@ -133,11 +132,11 @@ class ReportBuffer:
 _BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
 
 
-def _places(dtype: Any, m: int) -> list[tuple[str, int | slice, bool]]:
+def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice, bool]]:
     """Return where one plant's memory holds each field, and whether that is a code."""
     start, step = dtype.itemsize // _WORD, ROW_WORDS
     places: list[tuple[str, int | slice, bool]] = []
-    for name, (kind, offset, *_) in dtype.fields.items():
+    for name, (kind, offset, *_) in (dtype.fields or {}).items():
         at = offset // _WORD
         size = kind.itemsize // _WORD
         places.append((name, slice(at, at + size) if kind.shape else at, kind == np.int64))

@@ -4,10 +4,10 @@ Whatever is misshaped, too old or no number on the way from the plant is a fault
 `belief.look` does not believe it.
 """
 
-from typing import Any
+from types import EllipsisType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
@@ -83,16 +83,16 @@ class Samples:
         for place, array in zip(self._own or (), own, strict=True):
             place[:] = array
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; it names the parts of its own records."""
         kept = ("plants", "_own", "_max_age", "_period", "_drives", "_faulty", "told", "_varies")
         return {name: value for name, value in vars(self).items() if name in kept}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         vars(self).update(state)
         self._name_parts(self.plants, self._own)
 
-    def take(self, estimate: Estimate, now: Any) -> None:
+    def take(self, estimate: Estimate, now: ArrayLike | None) -> None:
         """Note what is known of the plants.
 
         Args:
@@ -122,7 +122,7 @@ class Samples:
         elif estimate.age is not None:
             self._check_age(estimate.age)
 
-    def _take_elapsed(self, elapsed: Any) -> bool:
+    def _take_elapsed(self, elapsed: object) -> bool:
         """Note how long ago the samples before were [s]; return whether that is made of numbers."""
         since = self.plants["elapsed"]
         since[:] = self._period
@@ -136,7 +136,7 @@ class Samples:
         self.blame_where(~is_time)
         return True
 
-    def blame(self, reason: Any, mask: Any = ...) -> None:
+    def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
         """Note why the masked plants are not believed."""
         self._fault[mask] = reason
         self._faulty = True
@@ -164,7 +164,7 @@ class Samples:
                 sound = False
         return sound
 
-    def _note(self, place: Array, value: Any) -> bool:
+    def _note(self, place: Array, value: object) -> bool:
         """Copy a value of N plants, or of one with or without a leading 1, to where it belongs.
 
         Args:
@@ -189,14 +189,14 @@ class Samples:
         place[...] = value
         return True
 
-    def _alarms(self, fault: Any) -> Any:
+    def _alarms(self, fault: object) -> ArrayLike:
         """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
         alarms = np.zeros(len(self.plants))
         if not self._note(_bare(alarms), fault):
             return Reason.STATE
         return np.where(np.isin(alarms, KNOWN_FAULTS), alarms, Reason.STATE)
 
-    def _check_age(self, age: Any) -> None:
+    def _check_age(self, age: object) -> None:
         """Note which states are older than the plant allows, or of no age at all."""
         ages = np.full(len(self.plants), np.nan)
         self._note(_bare(ages), age)

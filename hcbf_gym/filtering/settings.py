@@ -1,5 +1,6 @@
 """What a user asks of a filter, and what follows from it for the rows."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,15 +40,15 @@ class FilterSettings(NamedTuple):
 
     program: programs.Named
     rows: str
-    guidance: Any
+    guidance: str | Mapping[str, object] | None
     margin: float | None
     solver: str | None
     on_alarm: str | None
     allow_late_inputs: bool
-    options: dict[str, Any]
+    options: Mapping[str, Any]
 
 
-def plain_options(options: dict[str, Any]) -> dict[str, Any]:
+def plain_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options in JSON's terms, class-K functions as dicts, for a wrapper's spec."""
     kinds = class_k.KINDS
     return {

@@ -4,11 +4,9 @@ Of planar double integrators all of it happens here. Of other models the states 
 and rows, alarms and braking inputs were made beforehand.
 """
 
-from typing import Any
-
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask, Records
+from hcbf_gym.arrays import Array, Integers, Mask, Record, Records
 from hcbf_gym.barriers import general_kernels, layout, margins, row_kernels
 from hcbf_gym.barriers.general_kernels import CONDITIONING, DIP, PLACED, WIDTH
 from hcbf_gym.barriers.mapped import Scene
@@ -129,7 +127,7 @@ def _rows_of(rows: Records, count: int) -> Records:
 
 
 @kernel()
-def _filter(c: Any, settings: Settings, drives: Drives, some: Plants, work: Work) -> bool:
+def _filter(c: Record, settings: Settings, drives: Drives, some: Plants, work: Work) -> bool:
     """Filter as many plants as there is room for, and return whether a warning is due."""
     settings, p, w = borrowed(settings), borrowed(some), borrowed(work)
     count = p.kind.shape[0]
@@ -153,7 +151,7 @@ def _filter(c: Any, settings: Settings, drives: Drives, some: Plants, work: Work
 
 @kernel()
 def _filter_mapped(
-    c: Any, settings: Settings, drives: Drives, p: Plants, atlas: Array, i: int
+    c: Record, settings: Settings, drives: Drives, p: Plants, atlas: Array, i: int
 ) -> bool:
     """Filter plant `i` with the nearby pieces of its map, and return whether a warning is due."""
     part, source = _nearby(c, drives, p, atlas, i)
@@ -165,7 +163,7 @@ def _filter_mapped(
 
 
 @kernel()
-def _nearby(c: Any, drives: Drives, p: Plants, atlas: Array, i: int) -> tuple[Plants, Integers]:
+def _nearby(c: Record, drives: Drives, p: Plants, atlas: Array, i: int) -> tuple[Plants, Integers]:
     """Return plant `i` with the nearby pieces of its map, and which condition each row is of."""
     m = p.kind.shape[1]
     scene = Scene(p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i], p.kind[i])
@@ -265,7 +263,7 @@ def close(
 
 
 @kernel(inline="always")
-def _begin(c: Any, drives: Drives, plants: Plants) -> int:
+def _begin(c: Record, drives: Drives, plants: Plants) -> int:
     """Return what is wrong with the arrays, `DONE` for nothing; then the states are looked at."""
     for i in range(plants.told.size):
         u_nominal = plants.told[i].u_nominal
@@ -285,7 +283,7 @@ def _begin(c: Any, drives: Drives, plants: Plants) -> int:
 
 
 @kernel(inline="always")
-def _make_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
+def _make_rows(c: Record, drives: Drives, p: Plants, w: Work) -> None:
     """Write the margins and the rows."""
     count, m = p.kind.shape
     for i in range(count):
@@ -308,7 +306,7 @@ def _make_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
 
 
 @kernel(inline="always")
-def _make_planar_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
+def _make_planar_rows(c: Record, drives: Drives, p: Plants, w: Work) -> None:
     """Write the margins and rows of planar double integrators, users' own barriers left out."""
     count, m = p.kind.shape
     for i in range(count):
@@ -328,7 +326,7 @@ def _make_planar_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
 
 
 @kernel(inline="always")
-def _take_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
+def _take_rows(c: Record, drives: Drives, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
@@ -346,7 +344,7 @@ def _take_rows(c: Any, drives: Drives, p: Plants, w: Work) -> None:
 
 
 @kernel(inline="always")
-def _ask(c: Any, settings: Settings, drives: Drives, p: Plants, w: Work, i: int) -> None:
+def _ask(c: Record, settings: Settings, drives: Drives, p: Plants, w: Work, i: int) -> None:
     """Decide what the program is asked for: u*, guided or not, or the input that brakes."""
     plant = p.sensed[i]
     told = p.told[i]
@@ -404,7 +402,7 @@ def _stops(reason: int, alarm: int, brakes: bool) -> bool:
 
 
 @kernel(inline="always")
-def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
+def _wish_to_stop(c: Record, vertices: Array, plant: Record, u: Array) -> None:
     """Write the input of U nearest to what stops the plant's model, to 0 where no state is known.
 
     `DoubleIntegrator.brake` has ``−v/T`` for a single plant; those of other models stand in `stop`.
@@ -420,7 +418,7 @@ def _wish_to_stop(c: Any, vertices: Array, plant: Any, u: Array) -> None:
 
 
 @kernel(inline="always")
-def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
+def _guide(c: Record, p: Plants, w: Work, i: int) -> None:
     """Let guidance act on one state.
 
     A program that has a last rank gets its row, the others' u* is shaped by it.
@@ -438,7 +436,7 @@ def _guide(c: Any, p: Plants, w: Work, i: int) -> None:
 
 
 @kernel(inline="always")
-def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
+def _guide_nowhere(c: Record, p: Plants, w: Work, i: int) -> None:
     """Let the row of guidance, where there is one, ask for nothing."""
     last = p.kind.shape[1]
     if p.rows.shape[1] > last:
@@ -448,7 +446,7 @@ def _guide_nowhere(c: Any, p: Plants, w: Work, i: int) -> None:
 
 
 @kernel(inline="always")
-def _conclude(c: Any, drives: Drives, p: Plants, w: Work, i: int) -> None:
+def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     """Write what the report says of one plant."""
     plant = p.sensed[i]
     told = p.told[i]

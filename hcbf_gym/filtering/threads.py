@@ -23,5 +23,5 @@ class Threads:
         others = [self._others.submit(call, part) for part in parts[1:]]
         return [call(parts[0]), *(other.result() for other in others)]
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {"count": self.count, "_others": None}

@@ -13,11 +13,11 @@ so. What is handed over anew is news where one of the two falls below what it wa
 robot that is its model, among what was not measured, e = 0.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Integers, Mask, Record
 from hcbf_gym.barriers import class_k
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.constants import ASKING, STANDING
@@ -104,7 +104,7 @@ def lacks(short: Shortfall) -> bool:
 
 
 @kernel(error_model="numpy")
-def is_violated(memory: Any, short: Shortfall, period: float, settles: float) -> bool:
+def is_violated(memory: Record, short: Shortfall, period: float, settles: float) -> bool:
     """Return whether a step is VIOLATED for what its strict conditions lack, and remember.
 
     Args:

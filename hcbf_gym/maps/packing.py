@@ -17,7 +17,7 @@ from hcbf_gym.models.grid import Grid
 KEYS = ("resolution", "origin", "shape", "classes")
 
 
-def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, Any]:
+def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, object]:
     """Return a map as a plain dict, its cells packed into text."""
     return {
         "resolution": grid.resolution,

@@ -78,7 +78,7 @@ class RankedMap(Several):
     def load(
         cls,
         file: str | Path,
-        masks: Mapping[str, int | Mapping[str, Any]] | None = None,
+        masks: Mapping[str, int | Mapping[str, object]] | None = None,
         *,
         rank: int = 1,
         unknown: int | None = 1,
@@ -117,7 +117,7 @@ class RankedMap(Several):
             return cls.load(**data)
         return cls(*packing.unpacked(data))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return the map as a plain dict that `from_dict` reads and JSON can hold."""
         if self.source is not None:
             return records.plain(self.source)

@@ -18,7 +18,7 @@ from hcbf_gym.models.grid import Grid
 
 Classes = tuple[MapClass, ...]
 
-USUAL: dict[str, Any] = {"rank": 1, "unknown": 1, "margin": 0.0}
+USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
 """Arguments of `RankedMap.load` that need not be given."""
 
 KNOWN_FREE = 25
@@ -34,14 +34,14 @@ MOST_LIMITS = 16
 
 def source(
     file: str | Path,
-    masks: Mapping[str, Any] | None,
+    masks: Mapping[str, object] | None,
     rank: int,
     unknown: int | None,
     margin: float,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
     given = {"rank": rank, "unknown": unknown, "margin": margin}
-    described: dict[str, Any] = {"file": str(file)}
+    described: dict[str, object] = {"file": str(file)}
     if masks:
         described["masks"] = records.plain(masks)
     described |= {name: value for name, value in given.items() if value != USUAL[name]}
@@ -50,7 +50,7 @@ def source(
 
 def read(
     file: str | Path,
-    masks: Mapping[str, Any],
+    masks: Mapping[str, object],
     rank: int,
     unknown: int | None,
     margin: float,
@@ -88,7 +88,7 @@ def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> lis
 
 
 def _of_mask_file(
-    path: Path, name: str, entry: Any, grid: Grid, *, outside_is_free: bool
+    path: Path, name: str, entry: object, grid: Grid, *, outside_is_free: bool
 ) -> list[MapClass]:
     """Return the classes of a mask's file, on the map's cells.
 

@@ -28,7 +28,7 @@ def import_jax(what: str) -> Any:
     return jax
 
 
-def is_jax(value: Any) -> bool:
+def is_jax(value: object) -> bool:
     """Tell whether `value` is an array that JAX made."""
     jax = sys.modules.get("jax")
     made = jax is not None and isinstance(value, jax.Array)

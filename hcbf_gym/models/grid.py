@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,7 +73,7 @@ class Grid:
         return self.to_world([[0, 0], [columns, 0], [columns, rows], [0, rows]])
 
 
-def checked_shape(shape: Any) -> tuple[int, int]:
+def checked_shape(shape: object) -> tuple[int, int]:
     """Return rows and columns of a map.
 
     Raises:

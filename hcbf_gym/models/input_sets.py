@@ -92,7 +92,7 @@ class Box:
         """Return the set with every input multiplied by a factor above 0."""
         return Box(factor * self.low, factor * self.high)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
         return {"kind": "box", "low": self.low.tolist(), "high": self.high.tolist()}
 
@@ -169,7 +169,7 @@ class Ball:
         """Return the set with every input multiplied by a factor above 0."""
         return Ball(factor * self.radius, self.sides)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
         return {"kind": "ball", "radius": self.radius, "sides": self.sides}
 

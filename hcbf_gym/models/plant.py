@@ -1,19 +1,19 @@
 """What a safety filter must know of an environment, in one record."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
-Reader = Callable[[Any, Any, dict[str, Any]], Any]
+Reader = Callable[[Any, Any, Info], Any]
 
 
 class Reason(IntEnum):
@@ -125,10 +125,10 @@ class Estimate(NamedTuple):
     covariance: Array | None = None
     model: Array | None = None
     lag: Array | None = None
-    heading: Any = None
-    age: Any = None
-    fault: Any = None
-    elapsed: Any = None
+    heading: ArrayLike | None = None
+    age: ArrayLike | None = None
+    fault: ArrayLike | None = None
+    elapsed: ArrayLike | None = None
 
 
 class Uncertainty(NamedTuple):
@@ -204,21 +204,21 @@ class Plant:
     """
 
     model: ReducedOrderModel
-    barriers: Sequence[Any] | Reader | Any
+    barriers: object
     state: Reader
     input_set: InputSet | None = None
-    to_action: Callable[[Array], Any] | None = None
+    to_action: Callable[[Array], object] | None = None
     from_action: Callable[[Any], Any] | None = None
     period: float | None = None
-    goal: Any = None
-    extent: Any = None
+    goal: ArrayLike | Reader | None = None
+    extent: ArrayLike | Reader | None = None
     uncertainty: Uncertainty = EXACT
-    brake: ArrayLike | Callable[[Array], Any] | None = None
+    brake: ArrayLike | Callable[[Array], ArrayLike] | None = None
     max_age: float | None = None
     on_alarm: str = "warn"
-    covered: Any = Coverage.OUTSIDE
+    covered: object = Coverage.OUTSIDE
     axle: Axle | None = None
-    declared: Any = None
+    declared: Mapping[str, object] | Reader | None = None
 
     def __post_init__(self) -> None:
         if not callable(self.state):
@@ -255,11 +255,11 @@ class Plant:
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Plant":
+    def __deepcopy__(self, memo: dict[int, object]) -> "Plant":
         """Return this record, which never changes; its readers may hold a whole environment."""
         return self
 
 
-def read(source: Any, env: Any, observation: Any, info: dict[str, Any]) -> Any:
+def read(source: Any, env: Any, observation: Any, info: Info) -> Any:
     """Return what a field of a plant says now: the value itself, or what its reader returns."""
     return source(env, observation, info) if callable(source) else source

@@ -113,7 +113,7 @@ def namespace(x: Any) -> Any:
     return x.__array_namespace__()
 
 
-def count(name: str, value: Any) -> int:
+def count(name: str, value: object) -> int:
     """Return `value` as an integer of at least 1.
 
     Raises:

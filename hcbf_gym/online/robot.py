@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -45,7 +44,7 @@ class Robot:
             object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
-def known_of(robot: Any) -> Robot:
+def known_of(robot: object) -> Robot:
     """Return what is known of a robot, however it is given.
 
     Raises:
@@ -66,7 +65,7 @@ def known_of(robot: Any) -> Robot:
     return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
 
 
-def cap_of(v_max: Any, reserved: float, known: Robot) -> float:
+def cap_of(v_max: object, reserved: float, known: Robot) -> float:
     """Return a strict cap on the speed [m/s].
 
     Args:

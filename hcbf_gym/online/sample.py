@@ -1,7 +1,7 @@
 """What comes with a message of a robot's odometry."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,17 +44,17 @@ def placed(frame: Array, pose: Array) -> Array:
     return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
 
 
-def frame_of(frame: Any) -> Array:
+def frame_of(frame: object) -> Array:
     """Return (3,) a frame in its parent [m, rad]: itself for None, NaN for what is none."""
     return np.zeros(3) if frame is None else _numbers(frame, ON_EARTH)
 
 
-def sample_of(pose: Any, twist: Any, time: Any) -> Sample:
+def sample_of(pose: object, twist: object, time: object) -> Sample:
     """Return the sample of a message; NaN stands for what is none."""
     return Sample(number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
 
 
-def _numbers(values: Any, farthest: float) -> Array:
+def _numbers(values: object, farthest: float) -> Array:
     """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
 
     Args:
@@ -67,7 +67,7 @@ def _numbers(values: Any, farthest: float) -> Array:
     return given
 
 
-def number(value: Any) -> float:
+def number(value: object) -> float:
     """Return a number of a message; NaN where it is none."""
     given = real_numbers(value, ())
     return math.nan if given is None else float(given)

@@ -4,7 +4,7 @@ import contextlib
 import math
 import operator
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet, Entry
 from hcbf_gym.barriers.shape import TINY
@@ -122,7 +122,7 @@ class VelocityFilter:
         program: str = "lex-cbf-qp",
         period: float = 0.05,
         goal: ArrayLike | None = None,
-        guidance: Any = None,
+        guidance: str | Mapping[str, object] | None = None,
         v_max: float | None = None,
         radius: float | None = None,
         max_age: float = 0.1,
@@ -142,7 +142,7 @@ class VelocityFilter:
             )
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._from, self._clock = Origin(), BarrierClock(self._max_age)
-        self._barriers: Any = None
+        self._barriers: object = None
         self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
@@ -345,7 +345,7 @@ class VelocityFilter:
         time: float,
         now: float | None = None,
         frame: ArrayLike | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Return what to tell the robot, and the report of it.
 
         Args:
@@ -440,7 +440,7 @@ class VelocityFilter:
         report["valid_until"] = np.float64(self._good_until)
         return told.copy(), report
 
-    def _begin(self, barriers: Any, estimate: Estimate, present: float) -> None:
+    def _begin(self, barriers: object, estimate: Estimate, present: float) -> None:
         """Let the core look at barriers and goal.
 
         Raises:
@@ -625,7 +625,7 @@ class VelocityFilter:
         self._core.step(np.zeros(2), self._scene(), old)
         self._time = None
 
-    def _scene(self) -> Any:
+    def _scene(self) -> object:
         """Return the user's barriers with the speed limit; what is no list goes to the core.
 
         None, which the core does not believe, stands for barriers of no time.
@@ -637,7 +637,7 @@ class VelocityFilter:
         except InvalidInputError:
             return self.barriers
 
-    def _listed(self, barriers: Any) -> tuple[Entry, ...]:
+    def _listed(self, barriers: object) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.
 
         Raises:
@@ -648,12 +648,13 @@ class VelocityFilter:
         return (*barriers, *self._limit)
 
 
-def _same(one: Any, other: Any) -> bool:
+def _same(one: object, other: object) -> bool:
     """Return whether two lists hold the same objects."""
-    listed = isinstance(one, Sequence) and isinstance(other, Sequence)
-    return listed and len(one) == len(other) and all(map(operator.is_, one, other))
+    if not isinstance(one, Sequence) or not isinstance(other, Sequence):
+        return False
+    return len(one) == len(other) and all(map(operator.is_, one, other))
 
 
-def _nothing(*_: Any) -> Any:
+def _nothing(*_: object) -> tuple[()]:
     """Stand for readers that this filter does not use: it hands everything over itself."""
     return ()

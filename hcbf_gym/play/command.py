@@ -3,7 +3,7 @@
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from hcbf_gym import policies, scenarios
 from hcbf_gym.barriers import Disc
@@ -98,7 +98,7 @@ def main(args: Args) -> None:
         page.close()
 
 
-def scene(args: Args) -> str | dict[str, Any]:
+def scene(args: Args) -> str | dict[str, object]:
     """Return the scene that was asked for.
 
     Raises:

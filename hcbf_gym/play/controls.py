@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import viser
 
@@ -15,7 +15,18 @@ from hcbf_gym.play.settings import BODIES, model_names, policy_names, program_na
 from hcbf_gym.play.steering import Steering
 from hcbf_gym.scenarios import Scenario
 
-Act = Callable[[Any], None]
+
+class Event(Protocol):
+    """What viser tells of a touch."""
+
+    @property
+    def client(self) -> viser.ClientHandle | None:
+        """The browser that it came from; None where the page itself changed."""
+
+
+E = TypeVar("E", bound=Event)
+Handle = TypeVar("Handle", bound=viser.GuiInputHandle)
+Act = Callable[[E], None]
 
 STICK_STEP = 0.25
 """What one stroke of a key adds to the stick [m/s]."""
@@ -122,35 +133,35 @@ class Controls:
         self._place.value = (round(x, 3), round(y, 3))
         self._gizmo.position = (x, y, 0.1)
 
-    def _if_steering(self, act: Act) -> Act:
+    def _if_steering(self, act: Act[E]) -> Act[E]:
         """Return a callback that obeys the browser that steers, and tells others that they don't.
 
         What the page itself changes comes back without a browser, and is no command.
         """
 
-        def callback(event: Any) -> None:
+        def callback(event: E) -> None:
             if event.client is None:
                 return
             if self._steering.may(event.client.client_id):
                 act(event)
                 return
             self._stale = True
-            self._notify(event, "Somebody else steers. Press “take the controls”.")
+            self._notify(event.client, "Somebody else steers. Press “take the controls”.")
 
         return callback
 
-    def _notify(self, event: Any, body: str) -> None:
-        event.client.add_notification("hcbf play", body, auto_close_seconds=4.0)
+    def _notify(self, client: viser.ClientHandle, body: str) -> None:
+        client.add_notification("hcbf play", body, auto_close_seconds=4.0)
 
-    def _post(self, command: Callable[..., None], *arguments: Any, **named: Any) -> None:
+    def _post(self, command: Callable[..., None], *arguments: object, **named: object) -> None:
         self._session.post(command, *arguments, **named)
 
-    def _on_value(self, handle: Any, command: Callable[[Any], None]) -> Any:
+    def _on_value(self, handle: Handle, command: Callable[..., None]) -> Handle:
         """Send a handle's new value to a command."""
         handle.on_update(self._if_steering(lambda event: self._post(command, event.target.value)))
         return handle
 
-    def _on_choice(self, handle: Any, field: str) -> Any:
+    def _on_choice(self, handle: Handle, field: str) -> Handle:
         """Send a handle's new value as a field of the settings."""
         change = self._session.change
         handle.on_update(
@@ -158,9 +169,8 @@ class Controls:
         )
         return handle
 
-    def _on_click(self, handle: Any, act: Act) -> Any:
+    def _on_click(self, handle: viser.GuiButtonHandle, act: Act[viser.GuiEvent]) -> None:
         handle.on_click(self._if_steering(act))
-        return handle
 
     def _run_bar(self, gui: viser.GuiApi) -> None:
         session = self._session
@@ -176,15 +186,15 @@ class Controls:
             seed = gui.add_number("seed", 0, min=0, max=10**6, step=1)
             self._seed = self._on_choice(seed, "seed")
 
-    def _on_button(self, event: Any) -> None:
+    def _on_button(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return
         if event.target.value == "take the controls":
             self._steering.take(event.client.client_id)
-            self._notify(event, "You steer.")
+            self._notify(event.client, "You steer.")
             return
         commands = {"step": self._session.step_once, "restart": self._session.restart}
-        self._if_steering(lambda event: self._post(commands[event.target.value]))(event)
+        self._if_steering(lambda _: self._post(commands[event.target.value]))(event)
 
     def _drive(self, gui: viser.GuiApi) -> None:
         session = self._session
@@ -207,8 +217,8 @@ class Controls:
         push = gui.add_button("push the trunk", icon=viser.Icon.HAND_FINGER)
         self._on_click(push, lambda _: self._post(session.push, force.value))
 
-    def _nudge(self, east: float, north: float) -> Act:
-        def act(event: Any) -> None:
+    def _nudge(self, east: float, north: float) -> Act[viser.CommandEvent]:
+        def act(event: viser.CommandEvent) -> None:
             x, y = self._east.value + STICK_STEP * east, self._north.value + STICK_STEP * north
             self._set_stick(max(-1.0, min(1.0, x)), max(-1.0, min(1.0, y)))
 
@@ -238,7 +248,7 @@ class Controls:
         delta = gui.add_slider("Δγ", min=0.0, max=5.0, step=0.1, initial_value=1.3)
         self._delta_gamma = self._on_choice(delta, "delta_gamma")
 
-    def _toggle_field(self, event: Any) -> None:
+    def _toggle_field(self, event: viser.GuiEvent) -> None:
         self.show_field = event.target.value
         self._stale = True
 
@@ -269,22 +279,24 @@ class Controls:
             self._if_steering(lambda e: self._post(session.load_scene, e.target.value.content))
         )
 
-    def _edit(self, command: Callable[[str, Any], None]) -> Act:
+    def _edit(self, command: Callable[..., None]) -> Act[viser.GuiEvent]:
         return lambda event: self._post(command, self._region.value, event.target.value)
 
-    def _set_rank(self, event: Any) -> None:
+    def _set_rank(self, event: viser.GuiEvent) -> None:
         self._post(self._session.rank, self._region.value, int(event.target.value))
 
-    def _look_at_another(self, event: Any) -> None:
+    def _look_at_another(self, event: viser.GuiEvent) -> None:
         self._stale = True
 
-    def _save(self, event: Any) -> None:
+    def _save(self, event: viser.GuiEvent) -> None:
+        client = event.client
+        assert client is not None  # a click is a browser's
         try:
             content = editing.to_json(self._session.latest.scenario)
         except HcbfError as error:
-            self._notify(event, str(error))
+            self._notify(client, str(error))
             return
-        event.client.send_file_download("scene.json", content, save_immediately=True)
+        client.send_file_download("scene.json", content, save_immediately=True)
 
     def _handles(self, scene: viser.SceneApi) -> None:
         flat: dict[str, Any] = {"active_axes": (True, True, False), "disable_rotations": True}
@@ -296,7 +308,7 @@ class Controls:
         self._stick.on_update(self._if_steering(self._drag_stick))
         scene.on_click()(self._if_steering(self._click))
 
-    def _click(self, event: Any) -> None:
+    def _click(self, event: viser.SceneClickEvent) -> None:
         """Take the point of the floor that was clicked for the goal."""
         x, y, z = event.ray_origin
         along_x, along_y, down = event.ray_direction
@@ -304,7 +316,7 @@ class Controls:
             far = -z / down
             self._post(self._session.go_to, (x + far * along_x, y + far * along_y))
 
-    def _drag_region(self, event: Any) -> None:
+    def _drag_region(self, event: viser.TransformControlsEvent) -> None:
         now = time.monotonic()
         if event.phase != "end" and now - self._last_drag < DRAG_PERIOD:
             return
@@ -312,7 +324,7 @@ class Controls:
         x, y, _ = event.target.position
         self._post(self._session.move, self._region.value, (float(x), float(y)))
 
-    def _drag_stick(self, event: Any) -> None:
+    def _drag_stick(self, event: viser.TransformControlsEvent) -> None:
         self._held = event.phase != "end"
         x, y, _ = event.target.position
         self._post(self._session.lead_to, (float(x), float(y)) if self._held else None)

@@ -39,13 +39,13 @@ class Stage:
 
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
-        self._bodies: list[tuple[int, Any]] = []
-        self._regions: list[tuple[Shape, Any]] = []
+        self._bodies: list[tuple[int, viser.SceneNodeHandle]] = []
+        self._regions: list[tuple[Shape, viser.MeshHandle]] = []
         self._floor: RankedMap | None = None
-        self._cells: list[Any] = []
+        self._cells: list[viser.MeshHandle] = []
         self._path: list[Array] = []
-        self._line: Any = None
-        self._field: list[Any] = []
+        self._line: viser.LineSegmentsHandle | None = None
+        self._field: list[viser.ArrowsHandle] = []
         self._scene.configure_default_lights(cast_shadow=False)  # half of a software frame
         self._scene.add_grid(
             "/floor", width=60.0, height=60.0, cell_size=0.5, section_size=5.0, position=(0, 0, 0)
@@ -188,7 +188,7 @@ class Stage:
                     )
                 )  # fmt: skip
 
-    def _draw_region(self, k: int, region: Shape, height: float, t: float) -> Any:
+    def _draw_region(self, k: int, region: Shape, height: float, t: float) -> viser.MeshHandle:
         corners = _flat(region)
         vertices = np.column_stack([corners, np.zeros(len(corners))])
         fan = np.arange(1, len(corners) - 1)

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array
@@ -12,7 +11,7 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_floa
 from hcbf_gym.scenarios import Scenario
 
 
-def region(scenario: Scenario, name: str) -> Any:
+def region(scenario: Scenario, name: str) -> Barrier:
     """Return the region of that name.
 
     Raises:

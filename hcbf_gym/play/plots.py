@@ -1,7 +1,6 @@
 """Readings over the last seconds: h and slack by rank, and the intervention."""
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 import viser
@@ -23,11 +22,11 @@ class Plots:
         place: the part of the page.
     """
 
-    def __init__(self, server: viser.ViserServer, place: Any):
+    def __init__(self, server: viser.ViserServer, place: viser.GuiTabHandle):
         self._server, self._place = server, place
         self._ranks: tuple[int, ...] = ()
         self._seen: deque[tuple[float, ...]] = deque(maxlen=POINTS)
-        self._charts: list[Any] = []
+        self._charts: list[viser.GuiUplotHandle] = []
 
     def restart(self) -> None:
         """Forget what was."""
@@ -62,7 +61,7 @@ class Plots:
                 self._chart("intervention [m/s²]", [("‖u − u*‖", PATH)]),
             ]
 
-    def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
+    def _chart(self, title: str, curves: list[tuple[str, str]]) -> viser.GuiUplotHandle:
         empty = np.zeros(1)
         return self._server.gui.add_uplot(
             data=(empty,) * (1 + len(curves)),

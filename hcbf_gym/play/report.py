@@ -1,12 +1,12 @@
 """What a step of the playground says: a record of readings and one plain sentence."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
@@ -14,6 +14,9 @@ from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.scenarios import Scenario
+
+if TYPE_CHECKING:
+    import mujoco
 
 UNFILTERED = "UNFILTERED"
 
@@ -53,7 +56,7 @@ class Snapshot(NamedTuple):
     position: Array
     velocity: Array
     reference: Array
-    body: Any
+    body: "mujoco.MjModel | None"
     poses: Array | None
     h: dict[int, float]
     least: dict[int, float]
@@ -71,7 +74,7 @@ class Snapshot(NamedTuple):
     messages: int
 
 
-def details(report: Mapping[str, Any], kept: float, derived: bool) -> dict[str, str]:
+def details(report: Info, kept: float, derived: bool) -> dict[str, str]:
     """Return what else a filter says, in words.
 
     Args:

@@ -29,7 +29,7 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 
-Source = str | Path | Mapping[str, Any] | Scenario
+Source = str | Path | Mapping[str, object] | Scenario
 
 PUSH_TIME = 0.2
 """How long a push lasts [s]."""
@@ -75,7 +75,7 @@ class Session:
         """The environment that steps, in its filter if there is one."""
         return self._now.env
 
-    def post(self, command: Callable[..., None], *arguments: Any, **named: Any) -> None:
+    def post(self, command: Callable[..., None], *arguments: object, **named: object) -> None:
         """Leave a command for the next tick; safe from every thread."""
         self._commands.put(partial(command, *arguments, **named))
 

@@ -18,7 +18,7 @@ REDUCED = "reduced"
 MODELS = {"a1": "HCBF-A1Regions-v0", REDUCED: "HCBF-Regions-v0"}
 """The robot: the whole A1 in MuJoCo, or its reduced-order model alone; others by contract."""
 
-BODIES = ("point", "footprint")
+BODIES: tuple[str, ...] = ("point", "footprint")
 """What must stay outside: the trunk's centre, or the whole A1."""
 
 NO_FILTER = "none"

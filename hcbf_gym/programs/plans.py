@@ -191,6 +191,6 @@ def plan_of(program: Named) -> Plan:
     return choose("program", program, _PLANS)
 
 
-def plain(program: Named) -> str | dict[str, Any]:
+def plain(program: Named) -> str | dict[str, object]:
     """Return a name as it is, and a plan as a plain dict, for a wrapper's spec."""
     return program if isinstance(program, str) else asdict(plan_of(program))

@@ -249,7 +249,7 @@ def names(what: str, value: object) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def numbers(what: str, value: Any) -> tuple[float, ...]:
+def numbers(what: str, value: object) -> tuple[float, ...]:
     """Return a number or a list of numbers as a tuple; one stands for all.
 
     Raises:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps.nav2 import Raster
@@ -199,7 +199,7 @@ class NodeCore:
         return sources.of_scan(settings, beams, (x, y, yaw))
 
     def of_grid(
-        self, name: str, raster: Raster, limits: Mapping[str, Any] | None = None
+        self, name: str, raster: Raster, limits: Mapping[str, object] | None = None
     ) -> Entries:
         """Return what an occupancy grid shows.
 
@@ -318,7 +318,7 @@ class NodeCore:
         action = Action.LIMIT if changed else Action.DO_NOTHING
         return Decision(told, wanted, level, says, action, name if changed else "", report)
 
-    def _nearest(self, report: dict[str, Any]) -> str:
+    def _nearest(self, report: Info) -> str:
         """Return what pays most, or else what is nearest after its margin."""
         if not self._names:
             return ""

@@ -1,9 +1,9 @@
 """What the node decides at a moment, in the terms of ROS's diagnostics and Nav2's monitor."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 
 
 class Level(IntEnum):
@@ -44,4 +44,4 @@ class Decision(NamedTuple):
     says: str
     action: Action
     name: str
-    report: dict[str, Any] | None
+    report: Info | None

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.maps.nav2 import Raster
@@ -43,7 +44,7 @@ def robot_of(settings: Settings) -> Robot:
         return Robot(command, response, settings.reach, settings.footprint or None)
 
 
-def made(robot: Robot, settings: Settings, scene: Any, goal: Any) -> VelocityFilter:
+def made(robot: Robot, settings: Settings, scene: Any, goal: ArrayLike | None) -> VelocityFilter:
     """Return a filter as the parameters ask for it.
 
     Raises:

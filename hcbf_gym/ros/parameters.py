@@ -8,7 +8,6 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
@@ -169,7 +168,7 @@ def by_name(sources: Sequence[str]) -> dict[str, Parameter]:
     return found
 
 
-def read(given: Mapping[str, Any]) -> Settings:
+def read(given: Mapping[str, object]) -> Settings:
     """Return the settings that parameters make; what is not given has its default.
 
     Args:

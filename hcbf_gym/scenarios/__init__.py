@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -68,7 +67,7 @@ def is_random(scenario: ScenarioLike) -> bool:
 
 def on_map(
     file: Path | None, masks: Mapping[str, int], slow: Mapping[str, float], otherwise: str
-) -> str | dict[str, Any]:
+) -> str | dict[str, object]:
     """Return the scene that a command line asks for: random ways through a map, or one by name.
 
     Args:
@@ -82,7 +81,7 @@ def on_map(
         InvalidInputError: if there are masks and no map.
     """
     zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in slow.items()}
-    entries: dict[str, Any] = {**masks, **zones}
+    entries: dict[str, object] = {**masks, **zones}
     if file is None:
         if entries:
             raise InvalidInputError("masks: got some without a map, expected --map, too")

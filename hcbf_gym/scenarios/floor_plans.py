@@ -86,8 +86,8 @@ def through(floor: RankedMap, rng: np.random.Generator) -> Route:
 @cache
 def load(plan: str) -> RankedMap:
     """Return a plan: occupied cells and what lies beyond the walls are strict, zones are not."""
-    slow: dict[str, Any] = {"rank": 2, "kind": "speed", "limit": SLOW, "name": "slow"}
-    masks: dict[str, Any] = {
+    slow: dict[str, object] = {"rank": 2, "kind": "speed", "limit": SLOW, "name": "slow"}
+    masks: dict[str, int | dict[str, object]] = {
         f"{plan}_keepout.yaml": {"rank": 2, "name": "keepout"},
         f"{plan}_avoid.yaml": {"rank": 3, "name": "avoid"},
         f"{plan}_slow.yaml": slow,
@@ -96,7 +96,7 @@ def load(plan: str) -> RankedMap:
     return RankedMap(read.grid, read.classes)  # a scene that is saved holds cells, no paths
 
 
-def described(data: Any) -> RankedMap:
+def described(data: object) -> RankedMap:
     """Return the map that a plain dict describes, read and covered once.
 
     Raises:

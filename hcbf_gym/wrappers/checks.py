@@ -15,7 +15,7 @@ from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 JOINED = "; around single environments put a SafetyFilter on each before they are joined"
 
 
-def real_input(action: Any, shape: tuple[int, ...]) -> Array:
+def real_input(action: object, shape: tuple[int, ...]) -> Array:
     """Return a copy of u* as float64; the cores refuse what is not finite.
 
     Raises:
@@ -30,7 +30,7 @@ def real_input(action: Any, shape: tuple[int, ...]) -> Array:
     return u
 
 
-def plant_of(env: Any) -> Plant:
+def plant_of(env: object) -> Plant:
     """Return the plant that an environment brings.
 
     Raises:

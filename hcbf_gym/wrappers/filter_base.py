@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium as gym
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.filtering.certified import certified, differs, limits
@@ -79,8 +79,8 @@ class FilterBase:
         other = differs(plant, brought) if isinstance(brought, Plant) else []
         self._limits = limits(settings._asdict(), self.plant, other, one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
-        self._observation: Any = None
-        self._info: dict[str, Any] = {}
+        self._observation: object = None
+        self._info: Info = {}
         self._begun = False
         self._readers = Readers(self.plant)
 
@@ -94,7 +94,7 @@ class FilterBase:
         """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
         return self._core.conditions
 
-    def _begin(self, mask: Mask) -> dict[str, Any]:
+    def _begin(self, mask: Mask) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""
         self._core.restart(mask)
         plant, seen = self.plant, (self._inner, self._observation, self._info)
@@ -102,7 +102,7 @@ class FilterBase:
         goal, extent = read(plant.goal, *seen), read(plant.extent, *seen)
         return self._core.begin(*self._readers(*seen), goal, extent)
 
-    def _filtered(self, action: Any) -> tuple[Any, dict[str, Any]]:
+    def _filtered(self, action: Any) -> tuple[Any, Info]:
         """Return what the environment is told in the place of an action, and the report.
 
         Raises:

@@ -1,10 +1,10 @@
 """What a training curve shows of a filter: statuses, least h by rank, intervention."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from hcbf_gym.arrays import Info
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.programs import FilterStatus
 
@@ -27,7 +27,7 @@ class FilterLog:
         self._ranks = np.array([condition.rank for condition in conditions])
         self._clear()
 
-    def add(self, report: Mapping[str, Any]) -> None:
+    def add(self, report: Info) -> None:
         """Take a report, ``info["safety_filter"]`` of a step; of N environments with N entries."""
         status = np.atleast_1d(report["status"]).astype(np.int64)
         self._counts += np.bincount(status, minlength=len(FilterStatus))

@@ -4,10 +4,11 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.errors import InvalidInputError
 
@@ -18,7 +19,7 @@ GREATEST = ("status", "reason", "slack", "model_error", "obstacle_force")
 AVERAGED = ("u_safe", "intervention", "deadlock")
 
 
-class HoldAction(gym.Wrapper, RecordConstructorArgs):
+class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
     """Holds each action for several steps of the environment, or until the episode ends.
 
     Rewards, their terms in the infos, `cost` and `costs` are summed; `min_h` is the least; of the
@@ -34,12 +35,12 @@ class HoldAction(gym.Wrapper, RecordConstructorArgs):
         InvalidInputError: if `steps` is no whole number from 1 on.
     """
 
-    def __init__(self, env: gym.Env, steps: int):
+    def __init__(self, env: gym.Env[ObsType, ActType], steps: int):
         self.steps = _check_steps(steps)
         RecordConstructorArgs.__init__(self, steps=steps)
         gym.Wrapper.__init__(self, env)
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ActType) -> tuple[ObsType, float, bool, bool, Info]:
         """Hold the action and return what came of it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         total = float(reward)
@@ -93,13 +94,13 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
 
     def reset(
-        self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: Any = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Start new episodes."""
         self._ended[:] = False
         return self.env.reset(seed=seed, options=options)
 
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Array, Mask, Mask, Info]:
         """Hold the actions and return what came of them."""
         observation, reward, terminated, truncated, infos = self.env.step(actions)
         for count in range(2, self.steps + 1):
@@ -114,8 +115,8 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         return self._start_over(observation, reward, terminated, truncated, infos)
 
     def _start_over(
-        self, observation: Any, reward: Any, terminated: Mask, truncated: Mask, infos: Any
-    ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        self, observation: Any, reward: Array, terminated: Mask, truncated: Mask, infos: Info
+    ) -> tuple[Any, Array, Mask, Mask, Info]:
         """Restart what the mode says."""
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
             restarted = self._ended
@@ -133,15 +134,13 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         return observation, reward, terminated, truncated, infos
 
 
-def _check_steps(steps: Any) -> int:
+def _check_steps(steps: object) -> int:
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise InvalidInputError(f"steps: got {steps!r}, expected a whole number >= 1")
     return int(steps)
 
 
-def _merge(
-    held: dict[str, Any], now: dict[str, Any], count: int, running: Mask | None = None
-) -> dict[str, Any]:
+def _merge(held: Info, now: Info, count: int, running: Mask | None = None) -> Info:
     """Return the infos of a decision so far.
 
     Args:
@@ -150,7 +149,7 @@ def _merge(
         count: from 2 on.
         running: (N,) where the step belongs to the episode; None for a single environment.
     """
-    merged: dict[str, Any] = {}
+    merged: Info = {}
     for key, value in now.items():
         if key not in held:
             merged[key] = value

@@ -4,10 +4,11 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.wrappers.safety_filter import SafetyFilter
@@ -27,7 +28,7 @@ def _check_filtered(env: Any, kind: type) -> None:
     raise InvalidInputError(f"environment: no safety filter in it, expected a {kind.__name__}")
 
 
-class InterventionPenalty(gym.Wrapper, RecordConstructorArgs):
+class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
     """Adds ``−weight ‖u − u*‖`` to the reward, also as ``info["reward_intervention"]``.
 
     Args:
@@ -38,21 +39,21 @@ class InterventionPenalty(gym.Wrapper, RecordConstructorArgs):
         InvalidInputError: if there is no filter, or the weight is negative or not finite.
     """
 
-    def __init__(self, env: gym.Env, weight: float = 0.01):
+    def __init__(self, env: gym.Env[ObsType, ActType], weight: float = 0.01):
         _check_filtered(env, SafetyFilter)
         self.weight = finite_float("weight", weight, minimum=0.0)
         RecordConstructorArgs.__init__(self, weight=weight)
         gym.Wrapper.__init__(self, env)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[ObsType, Info]:
         """Reset the filtered environment; a reset charges nothing."""
         observation, info = self.env.reset(seed=seed, options=options)
         info["reward_intervention"] = np.float64(0.0)
         return observation, info
 
-    def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ActType) -> tuple[ObsType, float, bool, bool, Info]:
         """Step the filtered environment and charge the intervention."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         penalty = -self.weight * info["safety_filter"]["intervention"]
@@ -85,14 +86,14 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
         return self.metadata["autoreset_mode"]
 
     def reset(
-        self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: Any = None, options: dict[str, object] | None = None
+    ) -> tuple[Any, Info]:
         """Reset the filtered environments; a reset charges nothing."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._reporter.at_reset(info, self._fresh, options)
         return observation, info
 
-    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
         """Step the filtered environments and charge the interventions."""
         observation, reward, terminated, truncated, info = self.env.step(actions)
         intervention = info["safety_filter"]["intervention"]

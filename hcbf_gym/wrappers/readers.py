@@ -3,6 +3,7 @@
 import warnings
 from typing import Any
 
+from hcbf_gym.arrays import Info
 from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.plant import Estimate, Plant
 
@@ -19,7 +20,7 @@ class Readers:
         self._moving, self._state = callable(plant.barriers), plant.state
         self._said: set[str] = set()
 
-    def __call__(self, env: Any, observation: Any, info: dict[str, Any]) -> tuple[Any, Estimate]:
+    def __call__(self, env: object, observation: object, info: Info) -> tuple[object, Estimate]:
         """Return the barriers and the state as the plant gives them now."""
         barriers: Any = None
         state: Any = None

@@ -1,20 +1,25 @@
 """The wrapper that puts a program between a policy and an environment."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 
 from hcbf_gym import programs, records
+from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.filter_base import FilterBase
 
 
-class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
+class SafetyFilter(
+    FilterBase, gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs
+):
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
@@ -72,11 +77,11 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
 
     def __init__(
         self,
-        env: gym.Env,
+        env: gym.Env[ObsType, ActType],
         program: programs.Named = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
-        guidance: Any = None,
+        guidance: str | Mapping[str, object] | None = None,
         margin: float | None = None,
         solver: str | None = None,
         on_alarm: str | None = None,
@@ -105,14 +110,14 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
         self._prepare(spaces, plant, settings, certificate)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[ObsType, Info]:
         """Start a new episode, and report on its first state."""
         self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
         return self.join(observation, info)
 
-    def join(self, observation: Any, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    def join(self, observation: ObsType, info: Info) -> tuple[ObsType, Info]:
         """Begin to filter an episode that runs already, or whose scene has just changed.
 
         Args:
@@ -124,7 +129,7 @@ class SafetyFilter(FilterBase, gym.Wrapper, RecordConstructorArgs):
         self._begun = True
         return observation, info
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, Info]:
         """Filter u* and step the environment with the result.
 
         Raises:

@@ -7,7 +7,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 from hcbf_gym.wrappers.filter_log import FilterLog
 
@@ -68,7 +68,7 @@ class Sb3VecEnv(VecEnv):
         """Take the actions (N, 2) in [−1, 1]."""
         self._actions = np.asarray(actions, dtype=np.float64)
 
-    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[Info]]:
         """Step, and restart what has ended."""
         u = self._center + self._reach * self._actions
         observation, reward, terminated, truncated, info = self.env.step(u)
@@ -105,7 +105,7 @@ class Sb3VecEnv(VecEnv):
             values = [getattr(wrapper, attr_name)] * self.num_envs
         return [values[i] for i in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: Any = None) -> None:
         """Refuse: the environments share their attributes.
 
         Raises:
@@ -156,7 +156,7 @@ class FilterCallback(BaseCallback):
             self.logger.record(name, value)
 
 
-def _split(infos: dict[str, Any]) -> list[dict[str, Any]]:
+def _split(infos: Info) -> list[Info]:
     """Return each environment's infos, as a single environment gives them."""
     columns = {
         key: _split(value) if isinstance(value, dict) else value

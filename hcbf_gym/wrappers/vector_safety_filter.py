@@ -1,15 +1,15 @@
 """The wrapper that puts a program between policies and a vector environment."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from hcbf_gym import programs, records
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -53,7 +53,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         program: programs.Named = "lex-cbf-qp",
         plant: Plant | None = None,
         rows: str = "held",
-        guidance: Any = None,
+        guidance: str | Mapping[str, object] | None = None,
         margin: float | None = None,
         on_alarm: str | None = None,
         allow_late_inputs: bool = False,
@@ -89,7 +89,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         self._reporter = Reporter(env, "safety_filter")
 
     @property
-    def autoreset_mode(self) -> Any:
+    def autoreset_mode(self) -> AutoresetMode:
         """How the environment starts over."""
         return self.env.metadata["autoreset_mode"]
 
@@ -97,8 +97,8 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Any, dict[str, Any]]:
+        options: dict[str, object] | None = None,
+    ) -> tuple[Any, Info]:
         """Start new episodes and report on their first states."""
         begun, self._begun = self._begun, False
         observation, info = self.env.reset(seed=cast(Any, seed), options=options)
@@ -110,7 +110,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         self._begun = begun or bool(mask.all())
         return observation, info
 
-    def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
         """Filter u* (N, n_u) and step the environments with the result.
 
         Raises:

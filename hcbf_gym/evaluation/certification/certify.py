@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from hcbf_gym import certificates
+from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import BLOCK, Block, Certificate, Shown, Stratum, sequential, sources
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
 from hcbf_gym.certificates.parts import vacuous
@@ -31,7 +32,7 @@ TRIES = SEEDS // 2 // TRY_SEEDS
 """How many tries a seed has seeds for."""
 
 
-def plant_of(family: Family) -> tuple[Plant, dict[str, Any]]:
+def plant_of(family: Family) -> tuple[Plant, Info]:
     """Return the plant of a family's first episode, and what it declares.
 
     Args:

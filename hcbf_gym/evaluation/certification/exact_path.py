@@ -1,24 +1,25 @@
 """h of the reduced-order robot at every millisecond, on its exact path between two samples."""
 
-from typing import Any
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import ActType, ObsType
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.envs.task import CONTROL_DT
 
 INSTANTS: Array = np.arange(1, 21) * np.float64(CONTROL_DT / 20)
 """(20,) of one control step, a millisecond apart [s]."""
 
 
-class EachMillisecond(gym.Wrapper[Any, Any, Any, Any]):
+class EachMillisecond(gym.Wrapper[ObsType, ActType, ObsType, ActType]):
     """Adds to ``info["min_h"]`` of `RegionsEnv` the least of every millisecond.
 
     Under a held u the robot's path is ``p(s) = p + v s + u s² / 2``, and u is ``(v' − v) / T``.
     """
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, Info]:
         """Step, and evaluate h along the path between the two states."""
         inner: Any = self.env.unwrapped
         x, time = inner.truth, inner.time

@@ -303,7 +303,7 @@ KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture":
 """kind → family, as a certificate's JSON names it."""
 
 
-def to_dict(family: Family) -> dict[str, Any]:
+def to_dict(family: Family) -> dict[str, object]:
     """Return a family in JSON's terms."""
     return records.to_dict(family, KINDS)
 

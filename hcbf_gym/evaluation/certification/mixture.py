@@ -113,12 +113,12 @@ class A1Mixture:
             filter_options={"program": self.program} | FRIENDLY.get(name, {}),
         )
 
-    def _declared(self, rng: np.random.Generator) -> dict[str, Any]:
+    def _declared(self, rng: np.random.Generator) -> dict[str, object]:
         """Return arguments of the environment."""
         way = rng.random()
         extremes = way < self.extremes
         by_ranges = not extremes and way < self.extremes + self.ranges
-        ranges: dict[str, Any] = {}
+        ranges: dict[str, object] = {}
         for name, covered in RANGES.items():
             if extremes:
                 ranges[name] = _far_end(name)

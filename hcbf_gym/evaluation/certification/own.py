@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import policies, wrappers
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
@@ -78,7 +78,7 @@ class OwnEpisode:
             return policies.make(self.attack, filtered)
         attack = attacks.make(self.attack, self.seed, self.parameters)
 
-        def act(observation: Any, info: dict[str, Any]) -> Any:
+        def act(observation: Any, info: Info) -> Any:
             u = attack.act(view)
             return u if plant.to_action is None else plant.to_action(u)
 
