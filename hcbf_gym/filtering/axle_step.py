@@ -26,6 +26,9 @@ FACING = -0.2
 """The cosine between heading and way below which guidance turns the robot first."""
 MOVED = 1e-9
 """By how much an input must be changed before the robot slides along what stands [m/s²]."""
+ASIDE = 0.2
+"""How hard one that is guided keeps off what it slides along [m/s²]: parallel to an edge, or not
+quite, it cannot drive yet, and would turn ever more slowly."""
 
 
 @kernel(inline="always")
@@ -215,16 +218,16 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
 
 
 @kernel()
-def slide(settings: Settings, w: Work, i: int, m: int, heading: float) -> None:
+def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
     """Answer once more where rows changed u, with what a robot free to move would do for u*.
 
     Args:
         settings: of the program, with each plant's U.
+        p: the plants, with their conditions.
         w: with the program's answer, written to.
         i: which plant.
-        m: how many safety rows it has.
-        heading: of the plant [rad].
     """
+    m, heading = p.kind.shape[1], p.sensed[i].heading
     vertices, u = own_of(settings, i).vertices, w.answer.u[i]
     x, y = nearest(vertices, vertices.shape[0], w.u[i, 0], w.u[i, 1])
     if abs(u[0] - x) + abs(u[1] - y) <= MOVED:
@@ -239,15 +242,20 @@ def slide(settings: Settings, w: Work, i: int, m: int, heading: float) -> None:
     free = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, square), asked, free, part, w.polygons, 0, 1)
     asked[0, 0], asked[0, 1] = part.u[0, 0], part.u[0, 1]
-    held = False
+    held, edge = 0, 0
     for k in range(m):
-        held |= a[0, k, 0] * asked[0, 0] + a[0, k, 1] * asked[0, 1] - b[0, k] <= MOVED
+        if a[0, k, 0] * asked[0, 0] + a[0, k, 1] * asked[0, 1] - b[0, k] <= MOVED:
+            held, edge = held + 1, k
+    if held == 1 and m < a.shape[1]:  # between two it would turn from both
+        asked[0, 0] += ASIDE * a[0, edge, 0]
+        asked[0, 1] += ASIDE * a[0, edge, 1]
     a[:], b[:] = w.a[i : i + 1], w.rows[B, i : i + 1]
-    if held:  # guidance drives, and turns along what stands and not back to its way
+    if held > 0:  # guidance drives ahead, and turns along what stands and not back to its way
         cos, sin = np.cos(heading), np.sin(heading)
         for k in range(m, a.shape[1]):
             ahead, aside = cos * a[0, k, 0] + sin * a[0, k, 1], cos * a[0, k, 1] - sin * a[0, k, 0]
             b[0, k] -= aside * (cos * asked[0, 1] - sin * asked[0, 0])
+            ahead = max(0.0, ahead)  # backing to a way behind it, it would turn from it, too
             a[0, k, 0], a[0, k, 1] = ahead * cos, ahead * sin
     rows = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)

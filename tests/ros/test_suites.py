@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.ros import suites
+from benchmarks.ros import suites, wedge
 
 pytestmark = [
     pytest.mark.physics,
@@ -24,3 +24,15 @@ def test_robots_leave_zones_and_arrive():
     for line in lines:
         assert "2 of 2 out in time, 2 led" in line
         assert "2 arrived" in line
+
+
+@pytest.mark.parametrize(
+    ("kind", "rank", "seed"), [("between obstacles", 1, 19), ("a zone appears", 2, 19)]
+)
+def test_a_guided_cart_turns_to_its_way_though_its_planner_turns_it_from_there(kind, rank, seed):
+    """Backing to a way behind it made it turn from it, and parallel to an edge it stood for ever."""
+    way = wedge.drive(wedge.scene(kind, "cart", rank, seed))
+    assert way.led
+    assert way.arrived
+    assert way.out <= way.allowed
+    assert way.still < 2.0
