@@ -30,7 +30,7 @@ def test_robots_leave_zones_and_arrive():
     ("kind", "rank", "seed"), [("between obstacles", 1, 19), ("a zone appears", 2, 19)]
 )
 def test_a_guided_cart_turns_to_its_way_though_its_planner_turns_it_from_there(kind, rank, seed):
-    """Backing to a way behind it made it turn from it, and parallel to an edge it stood for ever."""
+    """Backing to a way behind it, it turned from it; parallel to an edge it stood for ever."""
     way = wedge.drive(wedge.scene(kind, "cart", rank, seed))
     assert way.led
     assert way.arrived
