@@ -242,15 +242,17 @@ def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
     free = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, square), asked, free, part, w.polygons, 0, 1)
     asked[0, 0], asked[0, 1] = part.u[0, 0], part.u[0, 1]
-    held, edge = 0, 0
+    held, edges, edge = False, 0, 0
     for k in range(m):
         if a[0, k, 0] * asked[0, 0] + a[0, k, 1] * asked[0, 1] - b[0, k] <= MOVED:
-            held, edge = held + 1, k
-    if held == 1 and m < a.shape[1]:  # between two it would turn from both
+            held = True
+            if p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE:
+                edges, edge = edges + 1, k
+    if edges == 1 and m < a.shape[1]:  # between two it would turn from both
         asked[0, 0] += ASIDE * a[0, edge, 0]
         asked[0, 1] += ASIDE * a[0, edge, 1]
     a[:], b[:] = w.a[i : i + 1], w.rows[B, i : i + 1]
-    if held > 0:  # guidance drives ahead, and turns along what stands and not back to its way
+    if held:  # guidance drives ahead, and turns along what stands and not back to its way
         cos, sin = np.cos(heading), np.sin(heading)
         for k in range(m, a.shape[1]):
             ahead, aside = cos * a[0, k, 0] + sin * a[0, k, 1], cos * a[0, k, 1] - sin * a[0, k, 0]
