@@ -6,11 +6,13 @@ import pytest
 from benchmarks.ros import faults
 from benchmarks.ros.drive import HARDEST, SCAN, Drive
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.filtering.axle_step import ASIDE
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.maps.scan import FINE
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.decisions import Action, Level
+from hcbf_gym.ros.filters import HELD
 from hcbf_gym.ros.sources import Beams, grid_of
 from hcbf_gym.ros.watches import Now
 
@@ -331,5 +333,6 @@ def test_a_plan_that_is_taken_goes_on_from_what_the_robot_was_told():
             d.core.take(d.core.planned((4.0, 0.0)))
         d.run(0.05)
         told.append(np.linalg.norm(d.velocity * (1.0, 0.25)))
+    besides = ASIDE * HELD * d.core.settings.period  # guidance keeps off the zone's edge
     assert told[0] > 0.1
-    assert told[1] <= told[0] + 0.01
+    assert told[1] <= told[0] + besides + 0.01
