@@ -212,7 +212,7 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
 
 
 def test_a_file_of_before_cannot_be_repeated():
-    old = replace(certificates.load("regions"), shown=None)
+    old = replace(certificates.load("regions"), shown=None, blocks=())
     with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
         check.check(old, 10, 0, chunks.Runs(None, workers=1, quiet=True))
 
