@@ -221,6 +221,8 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
 def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
     """Answer once more where rows changed u, with what a robot free to move would do for u*.
 
+    One that is guided keeps off a single edge besides, and turns to a way that lies behind it.
+
     Args:
         settings: of the program, with each plant's U.
         p: the plants, with their conditions.
@@ -246,7 +248,7 @@ def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
     for k in range(m):
         if a[0, k, 0] * asked[0, 0] + a[0, k, 1] * asked[0, 1] - b[0, k] <= MOVED:
             held = True
-            if p.kind[i, k] != layout.SPEED_LIMIT and p.kind[i, k] != layout.ZONE:
+            if _is_edge(p.kind[i, k]):
                 edges, edge = edges + 1, k
     if edges == 1 and m < a.shape[1]:  # between two it would turn from both
         asked[0, 0] += ASIDE * a[0, edge, 0]
@@ -261,6 +263,12 @@ def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
             a[0, k, 0], a[0, k, 1] = ahead * cos, ahead * sin
     rows = CbfRows(a, b, h, priority, psi)
     filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)
+
+
+@kernel(inline="always")
+def _is_edge(kind: int) -> bool:
+    """Return whether a condition is on the place, by a unit normal; an own one may be anything."""
+    return kind != layout.SPEED_LIMIT and kind != layout.ZONE and kind != layout.CUSTOM
 
 
 @kernel()
