@@ -139,7 +139,9 @@ class RegionsBatch:
     def look(self) -> tuple[Array, Array, Array]:
         """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
         h, sensed = self.barrier_set.sense(self.x, self.time)
-        observation, error = _observe(self._references, self.x, self.steps, sensed, self.n_barriers)
+        observation, error = _observe(
+            *self._references, self.x, self.steps, sensed, self.n_barriers
+        )
         return observation, h, error
 
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
@@ -159,8 +161,8 @@ class RegionsBatch:
         scene = self.barrier_set
         start = self.x.copy() if scene.own else self.x
         min_h, distance_before = _advance(
-            scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
-            u, self._v_max,
+            scene.kind, scene.parameters, scene.atlas.numbers, *self._references, self.x,
+            self.steps, u, self._v_max,
         )  # fmt: skip
         if self.barrier_set.own:
             self._look_at_own(start, u, min_h)
@@ -200,10 +202,13 @@ def _reference(references: References, i: int, step: int) -> Array:
 
 @kernel()
 def _observe(
-    references: References, x: Array, steps: Integers, sensed: Array, m: int
+    tables: Array, of: Integers, last: Integers, x: Array, steps: Integers, sensed: Array, m: int
 ) -> tuple[Array, Array]:
-    """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,)."""
-    references = References(*borrowed(references))
+    """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,); `References` has the first three.
+
+    Python hands arrays to compiled code faster one by one than in a record.
+    """
+    references = References(borrowed(tables), borrowed(of), borrowed(last))
     x = borrowed(x)
     sensed = borrowed(sensed)
     now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
@@ -218,19 +223,21 @@ def _advance(
     kind: Integers,
     parameters: Array,
     atlas: Array | None,
-    references: References,
+    tables: Array,
+    of: Integers,
+    last: Integers,
     x: Array,
     steps: Integers,
     u: Array,
     v_max: Array,
 ) -> tuple[Array, Array]:
-    """Advance x (N, 4) in place over one control step.
+    """Advance x (N, 4) in place over one control step; `References` has what they follow.
 
     Returns:
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
     kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
-    references = References(*borrowed(references))
+    references = References(borrowed(tables), borrowed(of), borrowed(last))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     way = np.empty((SUBSTEPS, 4))
     for i in range(x.shape[0]):

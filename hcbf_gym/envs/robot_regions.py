@@ -274,7 +274,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         if "min_body_h" in info:
             least = np.minimum(info["min_h"], info["min_body_h"])
             ranked = task.Ranked.of(self.barrier_set, self._ranks)
-            cost, costs = task.costs_of(least[None], ranked)
+            cost, costs = task.costs_of(least[None], *ranked)
             info["cost"], info["costs"] = cost[0], costs[0]
         return info
 

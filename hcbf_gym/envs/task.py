@@ -170,7 +170,7 @@ def step_info(
         tracking_error: (N,) ‖p_ref − p‖ [m].
         success: (N,) whether the robot stands at the goal and the reference has ended.
     """
-    cost, costs = costs_of(min_h, ranked)
+    cost, costs = costs_of(min_h, *ranked)
     return {
         "h": h,
         "min_h": min_h,
@@ -183,11 +183,18 @@ def step_info(
 
 
 @kernel()
-def costs_of(least: Array, ranked: Ranked) -> tuple[Array, Array]:
-    """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step."""
-    cost, costs = np.empty(least.shape[0]), np.zeros((least.shape[0], ranked.ranks))
+def costs_of(least: Array, kind: Integers, priority: Integers, ranks: int) -> tuple[Array, Array]:
+    """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step.
+
+    Args:
+        least: the least values.
+        kind: as `Ranked` has it.
+        priority: as `Ranked` has it.
+        ranks: as `Ranked` has it.
+    """
+    cost, costs = np.empty(least.shape[0]), np.empty((least.shape[0], ranks))
     for i in range(least.shape[0]):
-        cost[i] = write_costs(least[i], ranked.kind[i], ranked.priority[i], costs[i])
+        cost[i] = write_costs(least[i], kind[i], priority[i], costs[i])
     return cost, costs
 
 

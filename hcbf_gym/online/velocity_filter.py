@@ -15,7 +15,6 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
 from hcbf_gym.barriers.set import BarrierSet, Entry
-from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -25,18 +24,16 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.online.barrier_clock import ROUNDING, BarrierClock
-from hcbf_gym.online.motion_monitor import MotionMonitor
+from hcbf_gym.online.follower import Follower
+from hcbf_gym.online.odometry import Odometry
 from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
-from hcbf_gym.online.sample import Sample, frame_of, moved, number, placed, sample_of
+from hcbf_gym.online.sample import frame_of, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots.response_monitor import ResponseMonitor
-from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins, warn_of_standing
 from hcbf_gym.robots.walker_response import assumed
 
@@ -47,17 +44,12 @@ if TYPE_CHECKING:
 HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
 
-
 LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
-CARRIED_FOR = 5.0
-"""A twist tells as much of older data as what the robot was told since [s]."""
-PAUSE = 1.5
-"""Periods without one after which the model begins anew, unless the robot follows more slowly."""
 
 
 class VelocityFilter:
@@ -99,7 +91,6 @@ class VelocityFilter:
         **options: as `wrappers.SafetyFilter` takes them.
 
     Attributes:
-        fastest: the greatest speed that the robot is told [m/s].
         robot: the `Robot`, also of a contract.
 
     Raises:
@@ -146,25 +137,23 @@ class VelocityFilter:
         self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
-        self._adapter = Adapter(known.command, known.response, "free")
-        self._limits = known.command.limits
         reach = known.reach if radius is None else radius
         reserved = margins(response, self._period, known.known_as)
         if certificate is not None:
             reserved = certificates.load(certificate).margins or reserved
         reserved = reserved._replace(body=finite_float("radius", reach, minimum=0.0))
         input_set = braked(Box.symmetric(HARDEST), response)
-        self._able = braking.weakest(input_set)
-        box = Box.symmetric(HARDEST)
-        self._axle = axle_of(known.command, response, box, known.command.forward)
-        able = input_set.radius
-        self._hardest = able if self._axle is None else self._axle.braking
-        self._strays = able if self._axle is None else self._axle.hardest_of_point
+        axle = axle_of(known.command, response, Box.symmetric(HARDEST), known.command.forward)
+        able, period = braking.weakest(input_set), self._period
+        self._follower = Follower(known, axle, response.follows, able, period)
+        self._hardest = input_set.radius if axle is None else axle.braking
+        strays = input_set.radius if axle is None else axle.hardest_of_point
+        self._odometry = Odometry(known, self._follower, strays, period)
         self.robot, self._response, self._reserved = known, response, reserved
         self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
-            uncertainty=reserved, axle=self._axle,
+            uncertainty=reserved, axle=axle,
         )  # fmt: skip
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
@@ -172,11 +161,7 @@ class VelocityFilter:
         self._input_set = input_set
         self._core = self._core_of(self._settings)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
-        self._follows = response.follows
-        self._monitor = ResponseMonitor(known.command, known.response)
-        self._motion = MotionMonitor(self._period, self._strays)
         self.goal = goal
-        self._fault = Reason.NONE
         self.reset()
         self._compile()
 
@@ -248,7 +233,7 @@ class VelocityFilter:
     def v_max(self, v_max: float | None) -> None:
         if v_max is None:
             self._limit: tuple[SpeedLimit, ...] = ()
-            self.fastest = self._begins_at = self.robot.command.fastest
+            self._follower.fastest = self._follower.begins_at = self.robot.command.fastest
             return
         kept = self._reserved.speed
         cap = cap_of(v_max, kept, self.robot)
@@ -261,7 +246,13 @@ class VelocityFilter:
             )
         warn_of_standing(cap, self._reserved, self._response)
         self._limit = (SpeedLimit("speed limit", 1, cap),)
-        self._begins_at, self.fastest = left, math.sqrt(left**2 - gained**2)
+        follower = self._follower
+        follower.begins_at, follower.fastest = left, math.sqrt(left**2 - gained**2)
+
+    @property
+    def fastest(self) -> float:
+        """The greatest speed that the robot is told [m/s]."""
+        return self._follower.fastest
 
     @property
     def program(self) -> Any:
@@ -286,19 +277,13 @@ class VelocityFilter:
         core = self._core_of(self._settings)
         core.restart(np.ones(1, dtype=np.bool_))
         x, still = np.zeros(4), np.zeros(2)
-        pose = np.zeros(3)
         with warnings.catch_warnings(), contextlib.suppress(InvalidInputError):
             warnings.simplefilter("ignore")
             core.begin(self._scene(), Estimate(x, 0.0, None, x, x, 0.0), self._goal, None)
             for covariance in (None, np.zeros((4, 4))):
                 seen = Estimate(x, self._period, covariance, x, x, 0.0, elapsed=self._period)
                 core.step(still, self._scene(), seen)
-        self._monitor.tell(self._told, 0.0, 0.1)
-        self._monitor.observe(pose, still, 0.0)
-        self._motion.observe(x, 0.0)
-        self._monitor.carry(pose, np.zeros(3), 0.0, 0.1)
-        self._monitor.forget()
-        self._motion.forget()
+        self._odometry.compile()
 
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
@@ -306,19 +291,11 @@ class VelocityFilter:
         self._from.forget()
         self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
-        self._velocity: Array = np.zeros(2)  # of the model; of a cart in its own axes [m/s]
-        self._input: Array = np.zeros(2)
-        self._frame_yaw = 0.0  # of the pose's frame in the barriers' [rad]
         self._time: float | None = None  # of the last sample, while none is missing [s]
-        self._moved = -math.inf  # when the model's velocity was last known [s]
         self._begun = False
-        self._monitor.forget()
-        self._motion.forget()
-        self._fault = Reason.NONE
-        self._told: Array = np.zeros(len(self._limits))
+        self._follower.forget()
+        self._odometry.forget()
         self._good_from = self._good_until = -math.inf
-        self._sample = Sample()
-        self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
         self._last = self._leapt_from = math.nan  # presents [s]
 
     def go_on_from(self, other: "VelocityFilter") -> None:
@@ -330,12 +307,10 @@ class VelocityFilter:
         Args:
             other: the filter that told the robot what it does; it is not to be used on.
         """
-        self._velocity, self._input, self._moved = other._velocity, other._input, other._moved
-        self._told, self._frame_yaw = other._told, other._frame_yaw
+        self._follower.go_on_from(other._follower)
+        self._odometry.go_on_from(other._odometry)
         self._good_from, self._good_until = other._good_from, other._good_until
-        self._time, self._sample, self._missed_by = other._time, other._sample, other._missed_by
-        self._last, self._leapt_from = other._last, other._leapt_from
-        self._monitor, self._motion, self._fault = other._monitor, other._motion, other._fault
+        self._time, self._last, self._leapt_from = other._time, other._last, other._leapt_from
 
     def step(
         self,
@@ -369,9 +344,10 @@ class VelocityFilter:
             InvalidInputError: if the command is not made of finite numbers; then nothing has
                 happened.
         """
-        wanted = finite_array("command", command, (len(self._limits),))
+        follower, odometry = self._follower, self._odometry
+        wanted = finite_array("command", command, (len(follower.limits),))
         given = sample_of(pose, twist, time)
-        sample = given if now is None else self._newest(given, number(now))
+        sample = given if now is None else odometry.newest(given, number(now))
         present = given.stamp if now is None else number(now)
         self._look_back(present)
         later = self._clock.look(present)
@@ -384,26 +360,25 @@ class VelocityFilter:
         place = self._from.place(placed(correction, sample.place))
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         if sound and sample is given:
-            self._watch(sample.place, motion, sample.stamp)
+            odometry.watch(sample)
         if sound:
-            self._turn(correction[2])
+            follower.turn(correction[2])
         stale = not -ROUNDING <= age <= self._max_age + ROUNDING
         if sound and not stale and age > 0.0:
-            place, motion = self._carried(place, motion, sample.stamp, present)
-        body = self._follower(place, motion)
-        axes = self._axes(place[2])
-        velocity = self._now(present, body[2:] @ axes) @ axes.T if sound else self._velocity
+            place, motion = odometry.carried(place, motion, sample.stamp, present)
+        body = follower.measured(place, motion)
+        velocity = follower.now(body[2:], place[2], present) if sound else follower.velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         estimate = Estimate(
             x,
             self._clock.since(present),
-            self._spread(),
+            odometry.covariance(self._core.uncertainty.confidence),
             x,
             lag,
             place[2],
             age=math.inf if stale else max(0.0, age),
-            fault=self._fault or None,
+            fault=odometry.fault or None,
         )
         barriers = self._scene()
         if not self._begun and sound and not stale:
@@ -425,16 +400,15 @@ class VelocityFilter:
                 self._begin(barriers, estimate, present)
         if self._time is not None and present > self._time:
             estimate = estimate._replace(elapsed=present - self._time)
-        asked = self._asked(wanted, place[2], velocity)
+        asked = follower.asked(wanted, place[2], velocity)
         u, report = self._core.step(asked, barriers, estimate)
         if report["status"] == FilterStatus.BACKUP:
-            self._time, told = None, np.zeros(len(self._limits))
+            self._time, told = None, np.zeros(len(follower.limits))
         else:
-            self._time = self._moved = present
-            self._velocity, self._input = velocity @ axes, u @ axes
-            told = self._tell(wanted, place[2], motion[2])
-        self._told = told
-        self._tell_monitor(present)
+            self._time = present
+            follower.follow(velocity, u, place[2], present)
+            told = follower.command(wanted, place[2], motion[2])
+        odometry.tell(told, present)
         self._good_from = present
         self._good_until = present + self._period if math.isfinite(present) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
@@ -449,90 +423,17 @@ class VelocityFilter:
         self._led_from, self._unseen = present, False
         self._core.begin(barriers, estimate, self._from.goal(self._goal), None)
 
-    def _newest(self, given: Sample, now: float) -> Sample:
-        """Return the newest data that were not from the future: what was given, or what was kept.
-
-        Args:
-            given: with this call.
-            now: the present [s].
-        """
-        if not given.is_sound or not given.stamp <= now + ROUNDING:
-            return given
-        if given.stamp > self._sample.stamp or self._sample.stamp > now + ROUNDING:
-            self._sample = given
-        return self._sample
-
     def _look_back(self, present: float) -> None:
         """Begin anew where the last present was far ahead, and time goes on before it."""
         if self._leapt_from < present <= self._last:
             self._core.restart(np.ones(1, dtype=np.bool_))
-            self._monitor.forget()
-            self._motion.forget()
-            self._begun, self._time, self._moved = False, None, -math.inf
+            self._odometry.compare_anew()
+            self._follower.pause()
+            self._begun, self._time = False, None
             self._clock.begin(present)
         if math.isfinite(present):
             self._leapt_from = self._last if present - self._last > LEAP else math.nan
             self._last = present
-
-    def _spread(self) -> Array | None:
-        """Return the covariance (4, 4) by which rows reserve what position may be off."""
-        if self._missed_by == 0.0:
-            return None
-        deviation = self._missed_by / max(self._core.uncertainty.confidence, TINY)
-        return np.diag([deviation**2, deviation**2, 0.0, 0.0])
-
-    def _carried(
-        self, place: Array, motion: Array, since: float, now: float
-    ) -> tuple[Array, Array]:
-        """Return pose and twist now of a robot that was measured before; note what they may miss.
-
-        Its twist says it, up to what the robot accelerates meanwhile; of a robot that was measured
-        what it was told since says more.
-
-        Args:
-            place: (3,) pose then [m, rad].
-            motion: (3,) twist then [m/s, rad/s].
-            since: the time of both [s].
-            now: the present [s].
-        """
-        straight = moved(place, motion, now - since)
-        missed_by = 0.5 * self._strays * (now - since) ** 2
-        if not self._monitor.is_measured or now - since > CARRIED_FOR:
-            self._missed_by = max(self._missed_by, missed_by)
-            return straight, motion
-        place, motion = place.copy(), motion.copy()
-        off = self._monitor.carry(place, motion, since, now)
-        apart = (self._follower(place, motion) - self._follower(straight, motion))[:2]
-        self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
-        return place, motion
-
-    def _turn(self, yaw: float) -> None:
-        """Let the model's velocity turn with the pose's frame, of which this is the yaw [rad]."""
-        turned, self._frame_yaw = math.remainder(yaw - self._frame_yaw, math.tau), yaw
-        if turned != 0.0 and self._axle is None:
-            cos, sin = math.cos(turned), math.sin(turned)
-            turn = np.array([[cos, -sin], [sin, cos]])
-            self._velocity, self._input = turn @ self._velocity, turn @ self._input
-
-    def _watch(self, place: Array, motion: Array, stamp: float) -> None:
-        """Raise an alarm where what was measured at a time [s] is not what the robot was told.
-
-        Args:
-            place: (3,) pose then, in a frame in which it goes on smoothly [m, rad].
-            motion: (3,) twist then [m/s, rad/s].
-            stamp: of both [s].
-        """
-        measured = self._follower(place, motion)
-        at = np.array([measured[0], measured[1], place[2]])
-        strays = self._monitor.observe(at, measured[2:], stamp)
-        drifts = self._motion.observe(measured, stamp)
-        if self._fault == Reason.NONE and (strays or drifts):
-            self._fault = Reason.RESPONSE if strays else Reason.MOTION
-
-    def _tell_monitor(self, now: float) -> None:
-        """Note what the robot is told from now on [s], where the clocks say when that is."""
-        if math.isfinite(now):
-            self._monitor.tell(self._told, now, now + self._period)
 
     def command_at(self, now: float) -> Array:
         """Return what the robot is to be told now [s]: the last command while it is good, or zero.
@@ -541,82 +442,7 @@ class VelocityFilter:
         where a clock has gone back, it is zero, too.
         """
         good = self._good_from - ROUNDING <= now <= self._good_until
-        return self._told.copy() if good else np.zeros(len(self._limits))
-
-    def _follower(self, place: Array, motion: Array) -> Array:
-        """Return (4,) position and velocity in the world of the point that follows commands."""
-        x, y, yaw = place
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        ahead = self._adapter.look_ahead
-        forward, aside = motion[0], motion[1] + motion[2] * ahead
-        return np.array(
-            [
-                x + ahead * cos,
-                y + ahead * sin,
-                cos * forward - sin * aside,
-                sin * forward + cos * aside,
-            ]
-        )
-
-    def _axes(self, yaw: float) -> Array:
-        """Return (2, 2) in columns the axes in which the model retains its velocity.
-
-        They are the world's. A cart's are its own, as its command turns with it (`models.axle`).
-        """
-        if self._axle is None or not math.isfinite(yaw):
-            return np.eye(2)
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        return np.array([[cos, -sin], [sin, cos]])
-
-    def _now(self, stamp: float, measured: Array) -> Array:
-        """Return the model's velocity now, in its axes.
-
-        It is what the last input has made of it. After a pause of more than τ + δ nothing that was
-        told before is under way, and the model begins with the measured velocity.
-        """
-        passed = stamp - self._moved
-        if passed > max(self._follows, PAUSE * self._period):
-            return self._capped(measured)
-        return self._velocity + min(max(passed, 0.0), self._period) * self._input
-
-    def _capped(self, velocity: Array) -> Array:
-        """Return a measured velocity, shortened to what the cap allows: the model begins there."""
-        if self._axle is not None:
-            sides = np.array([min(self._begins_at, self._axle.forward), self._beside])
-            return np.clip(velocity, -sides, sides)
-        speed = float(np.hypot(*velocity))
-        return velocity * min(1.0, self._begins_at / speed) if speed > 0.0 else velocity
-
-    @property
-    def _beside(self) -> float:
-        """The greatest speed of the point beside a cart's heading, ℓ Ω [m/s]."""
-        return self._adapter.look_ahead * float(self._limits[-1])
-
-    def _asked(self, wanted: Array, yaw: float, now: Array) -> Array:
-        """Return u* (2,) that gives the model the wanted velocity, or as near as U comes."""
-        wanted = np.clip(wanted, -self._limits, self._limits)
-        told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
-        heading = yaw if math.isfinite(yaw) else 0.0
-        cos, sin = math.cos(heading), math.sin(heading)
-        if self._axle is not None:
-            told[0] = min(max(told[0], -self.fastest), self.fastest)
-            axes = self._axes(heading)
-            change = (told - now @ axes) / self._period
-            most = np.array([self._axle.braking, drives.across(self._axle)])
-            return axes @ np.clip(change, -most, most)
-        velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
-        velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
-        missing = (velocity - now) / self._period
-        size = float(np.hypot(*missing))
-        return missing * min(1.0, self._able / size) if size > 0.0 else missing
-
-    def _tell(self, wanted: Array, yaw: float, rate: float) -> Array:
-        """Return the command after the chosen input, in the robot's axes."""
-        soon = self._velocity + self._period * self._input
-        if self._axle is not None:
-            return self._adapter.within(soon / np.array([1.0, self._adapter.look_ahead]))
-        self._adapter.turn = float(wanted[-1])
-        return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
+        return self._odometry.told.copy() if good else np.zeros(len(self._follower.limits))
 
     def _miss(self) -> None:
         """Note that samples are missing: what the robot did meanwhile is not known."""
