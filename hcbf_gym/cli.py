@@ -3,13 +3,16 @@
 Each command takes --help.
 """
 
+import dataclasses
 import importlib
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, get_type_hints
 
+import docstring_parser
 import tyro
 from threadpoolctl import threadpool_limits
 
@@ -76,6 +79,9 @@ COMMANDS = {
     ),
 }
 
+READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
+"""How commands read their arguments: one that is not given has no spelling of its own."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command; an error that this package raises ends it in one line.
@@ -114,7 +120,9 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
         goes_on = getattr(module, "GOES_ON", "")
         own = list(arguments)
         own = own[: own.index("--ros-args")] if "--ros-args" in own else own  # the rest is ROS's
-        args = tyro.cli(module.Args, prog=program, description=module.__doc__, args=own)
+        _describe(module.Args)
+        about = re.sub(r"(?<=\S)\n(?=\S)", " ", module.__doc__ or "")
+        args = tyro.cli(module.Args, prog=program, description=about, args=own, config=READS)
         with threadpool_limits(threads):
             module.main(args)
     except HcbfError as error:
@@ -124,6 +132,26 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
         sys.exit(130)
     finally:
         warnings.formatwarning = usual
+
+
+def _describe(args: type) -> None:
+    """Let the help of a dataclass's fields flow, without the defaults that its text tells of."""
+    texts = {
+        one.arg_name: " ".join((one.description or "").split())
+        for cls in reversed(args.__mro__[:-1])
+        for one in docstring_parser.parse_from_object(cls).params
+    }
+    hints = get_type_hints(args, include_extras=True)
+    plain = get_type_hints(args)
+    for field in dataclasses.fields(args):
+        if dataclasses.is_dataclass(plain[field.name]):
+            _describe(plain[field.name])
+            continue
+        is_told = field.default in (None, ()) or field.default_factory is dict
+        about = tyro.conf.arg(
+            help=texts.get(field.name), help_behavior_hint="" if is_told else None
+        )
+        args.__annotations__[field.name] = Annotated[hints[field.name], about]
 
 
 def _warning(message: Warning | str, *_: object, **__: object) -> str:

@@ -18,7 +18,7 @@ from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.evaluation.workers import Backend
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Args:
     """Decides scenes and noise."""
     chunk: int = 100
     """Episodes that run together and are saved together."""
-    workers: Workers = None
-    """Chunks that run at once."""
+    workers: int | None = None
+    """Chunks that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/monte-carlo")

@@ -40,7 +40,7 @@ from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggreg
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
-from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.robots.walker import Walker
 
 GOES_ON = "the same command goes on where this one stopped"
@@ -96,8 +96,8 @@ class Args:
     """First seed."""
     steps: int | None = None
     """The most that an episode takes [default: what the environment does; 500 of your own]."""
-    workers: Workers = None
-    """Episodes that run at once."""
+    workers: int | None = None
+    """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path | None = None

@@ -8,10 +8,9 @@ import time
 import warnings
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
-from typing import Annotated, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import joblib
-import tyro
 from joblib.externals.loky import ProcessPoolExecutor
 
 from hcbf_gym.errors import (
@@ -24,8 +23,6 @@ from hcbf_gym.errors import (
 
 Backend = Literal["processes", "ray"]
 """Processes of this machine, or a Ray cluster (the extra `cluster`)."""
-Workers = Annotated[int | None, tyro.conf.arg(help_behavior_hint="(default: the backend's CPUs)")]
-"""How many work at once, as commands take it; None for as many as the backend has CPUs."""
 
 
 class Pool(Protocol):

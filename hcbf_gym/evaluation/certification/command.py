@@ -5,7 +5,7 @@ PLANT is "regions", "a1", a walker's name or contract, or a function of your own
 or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and NAME.md. Run it
 again to resume it.
 
---check FILE, or the name of a shipped one, repeats a random part of a certificate instead.
+With --check FILE, or the name of a shipped one, it repeats a random part of a certificate instead.
 """
 
 import re
@@ -28,7 +28,7 @@ from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneF
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_text
-from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
 from hcbf_gym.robots.walker_margins import uncertainty
@@ -87,8 +87,8 @@ class Args:
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
     write: bool = False
     """Of --check: note in the file on which sources a part came out the same."""
-    workers: Workers = None
-    """Chunks that run at once."""
+    workers: int | None = None
+    """Chunks that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path | None = None

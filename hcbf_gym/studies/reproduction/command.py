@@ -18,7 +18,7 @@ from rich.table import Table
 import hcbf_gym
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.reproduction import FIGURES
 
 GOES_ON = "the same command goes on where this one stopped"
@@ -35,8 +35,8 @@ class Args:
     """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
     output: Path = Path("results/reproduce")
     """Folder for the pictures, the episodes and reproduction.json."""
-    workers: Workers = None
-    """Episodes that run at once."""
+    workers: int | None = None
+    """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
 

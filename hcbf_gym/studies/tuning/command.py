@@ -19,7 +19,7 @@ from rich.table import Table
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.workers import Backend, Workers
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
 
@@ -55,8 +55,8 @@ class Args:
     """Decides the samples and the episodes."""
     storage: str | None = None
     """URL of a database [default: a log in the output folder]."""
-    workers: Workers = None
-    """Episodes that run at once, in full physics."""
+    workers: int | None = None
+    """Episodes that run at once, in full physics [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Path = Path("results/tune")
