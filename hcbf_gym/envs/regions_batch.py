@@ -161,8 +161,8 @@ class RegionsBatch:
         scene = self.barrier_set
         start = self.x.copy() if scene.own else self.x
         min_h, distance_before = _advance(
-            scene.kind, scene.parameters, scene.atlas.numbers, *self._references, self.x,
-            self.steps, u, self._v_max,
+            scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
+            u, self._v_max,
         )  # fmt: skip
         if self.barrier_set.own:
             self._look_at_own(start, u, min_h)
@@ -223,21 +223,19 @@ def _advance(
     kind: Integers,
     parameters: Array,
     atlas: Array | None,
-    tables: Array,
-    of: Integers,
-    last: Integers,
+    references: References,
     x: Array,
     steps: Integers,
     u: Array,
     v_max: Array,
 ) -> tuple[Array, Array]:
-    """Advance x (N, 4) in place over one control step; `References` has what they follow.
+    """Advance x (N, 4) in place over one control step.
 
     Returns:
         (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
     """
     kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
-    references = References(borrowed(tables), borrowed(of), borrowed(last))
+    references = References(*borrowed(references))
     min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
     way = np.empty((SUBSTEPS, 4))
     for i in range(x.shape[0]):
