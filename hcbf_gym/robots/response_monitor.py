@@ -14,8 +14,9 @@ The alarm is raised where in any window
 
 with S = sway/(τ + δ), the greatest mean residual over the time in which the robot follows, and D
 what of it remains over long times (sway about it averages out): the response's residuals set both.
-d is what nobody knows: what a command that was not renewed in time still did; ``Δ²/2b`` of a step
-Δ that is faster than the robot brakes by b; and, of a response that nobody measured or that has
+d is what nobody knows: what a command that was not renewed in time still did; ``‖∫(v̂ - v_b) dt‖``,
+with v_b the velocity of a robot that follows as v̂ says, but changes it no harder than it brakes,
+and its overshoot meanwhile; and, of a response that nobody measured or that has
 complaints, (τ + δ) times all by which v̂ changes.
 
 A gait sways more than many a fault shows in r. What follows late, by another share or in another
@@ -48,8 +49,6 @@ BEYOND = 1.45
 """K: hours show more sway than the minutes of identification."""
 SWAYS = 2.0
 """Over how many W₀ sway adds up."""
-STEP = 1.5
-"""Of the change that a robot can follow: a command that changes faster is a step."""
 SHARE, DOUBTED = 0.15, 0.5
 """a: share of the motion that may be missing or too much, and of a response that nobody measured
 or that has complaints."""
@@ -81,6 +80,7 @@ NOTES = np.dtype(
         ("count", "i8"),  # of all that were told
         ("acting", "i8"),  # the number of the one that acts
         ("velocity", "f8", 2),  # v̂ in the robot's axes [m/s]
+        ("braked", "f8", 2),  # v_b in the robot's axes [m/s]
         ("place", "f8", 3),  # x, y [m] and heading [rad] at the last sample
         ("time", "f8"),  # of it [s]
         ("begun", "i8"),  # whether there is one
@@ -104,6 +104,7 @@ LAW = np.dtype(
         ("lasting", "f8"),  # D [m/s]
         ("share", "f8"),  # a
         ("braking", "f8"),  # how hard a stop brakes [m/s²]
+        ("overshoot", "f8"),  # by how much the speed exceeds all commands [m/s]
         ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
@@ -146,7 +147,7 @@ class ResponseMonitor:
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * BEYOND * most, widened * lasting
         law["share"], law["forward"] = widened * share, command.forward
-        law["braking"] = known.braking
+        law["braking"], law["overshoot"] = known.braking, known.overshoot
         law["guessed"] = widened * follows if doubted else 0.0
         self._law = law
         self.is_measured = not doubted
@@ -214,36 +215,55 @@ def _tell(notes: Records, moves: tuple[float, float, float], time: float, ends: 
 
 
 @kernel(error_model="numpy", inline="always")
-def _lapsed(note: np.record, acting: int) -> float:
-    """Return the speed of a command that was to end [m/s], and that a robot may still do.
+def _renew(note: np.record, law: np.record, acting: int, velocity: Array) -> None:
+    """Let v_b be where it is farther from the command that begins to act.
 
-    Args:
-        note: what it was told.
-        acting: how many commands act, or have acted.
+    Where the one before was not renewed in time, the robot may have gone on by it, or have braked.
     """
-    if acting < 2 or note.ends[(acting - 1) % HELD] == 0:
-        return 0.0
-    before = (acting - 2) % HELD
-    return np.hypot(note.told[before, 0], note.told[before, 1])
+    last, end = (acting - 1) % HELD, (acting - 2) % HELD
+    if acting < 2 or note.ends[last] != 0 or note.ends[end] == 0:
+        return
+    speed = np.hypot(velocity[0], velocity[1])
+    lost = law.braking * (note.told_at[last] - note.told_at[end])
+    left = max(0.0, 1.0 - lost / max(speed, 1e-9))
+    x, y = note.told[last, 0], note.told[last, 1]
+    goes_on = np.hypot(x - velocity[0], y - velocity[1])
+    if np.hypot(x - left * velocity[0], y - left * velocity[1]) > goes_on:
+        velocity[0] *= left
+        velocity[1] *= left
 
 
 @kernel(error_model="numpy", inline="always")
-def _beyond(note: np.record, law: np.record, k: int) -> float:
-    """Return the way that a robot makes because it cannot follow the step of the k-th command [m].
+def _doubt(
+    note: np.record, law: np.record, acting: int, span: float, went: Pair, velocity: Array
+) -> float:
+    """Let v_b follow what acts for a time, and return what is not known of the way meanwhile [m].
 
-    One that brakes by b goes on for v²/2b, where v̂ stops within τ. Before the first command stands
-    v̂, of which nobody knows since when.
+    Args:
+        note: what was told.
+        law: of the response.
+        acting: how many commands act, or have acted.
+        span: the time [s].
+        went: ∫v̂ dt over it [m].
+        velocity: v_b; written to.
     """
-    at, before = k % HELD, (k - 1) % HELD
-    if note.ends[at] != 0 or (k > 0 and note.ends[before] != 0):
-        return 0.0
-    if k > 0:
-        x, y = note.told[at, 0] - note.told[before, 0], note.told[at, 1] - note.told[before, 1]
-        most = STEP * law.braking * (note.told_at[at] - note.told_at[before])
-    else:
-        x, y = note.told[at, 0] - note.velocity[0], note.told[at, 1] - note.velocity[1]
-        most = 0.0
-    return (x * x + y * y) / (2.0 * law.braking) if x * x + y * y > most * most else 0.0
+    x = y = 0.0
+    if acting > 0:
+        last, before = (acting - 1) % HELD, (acting - 2) % HELD
+        x, y = note.told[last, 0], note.told[last, 1]
+        if note.ends[last] != 0 and acting > 1:  # which it may still do
+            return np.hypot(note.told[before, 0], note.told[before, 1]) * span
+    tau = max(law.tau, 1e-6)
+    behind = np.hypot(x - velocity[0], y - velocity[1])
+    most = law.braking * tau  # what it is behind where it need not brake harder
+    braking = min(span, max(0.0, behind - most) / law.braking)
+    left = (behind - law.braking * braking) * np.exp(-(span - braking) / tau)
+    late = (behind - 0.5 * law.braking * braking) * braking
+    late += tau * (behind - law.braking * braking - left)
+    to_x, to_y = (x - velocity[0]) / max(behind, 1e-9), (y - velocity[1]) / max(behind, 1e-9)
+    velocity[0], velocity[1] = x - left * to_x, y - left * to_y
+    off = np.hypot(went[0] - x * span + late * to_x, went[1] - y * span + late * to_y)
+    return off + law.overshoot * braking
 
 
 @kernel(error_model="numpy")
@@ -268,8 +288,9 @@ def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: 
         note.velocity[1] = cos * velocity[1] - sin * velocity[0]
         note.missed[:, :], note.moved[:], note.seen[:] = 0.0, 0.0, 0.0
         note.missing[:, :], note.asked[:] = 0.0, 0.0
-        doubt = _follow(note, law, time - PAUSE, time, False)[3]  # a stop that is under way
-        note.doubt[:], note.hidden[:] = doubt, doubt * law.forward
+        note.doubt[:], note.hidden[:] = 0.0, 0.0
+        _follow(note, law, time, time + 1e-9, False)
+        note.braked[0], note.braked[1] = note.velocity[0], note.velocity[1]
         return False
     forward, sideways = note.velocity[0], note.velocity[1]
     went_ahead, went_aside, length, doubt = _follow(note, law, began, time, True)
@@ -353,7 +374,7 @@ def _follow(
 
     Returns:
         ∫v̂ (2), ∫‖v̂‖, and the way that is not known [m]: of commands that were not renewed, and of
-        steps that no robot follows.
+        those that ask for more than the robot's braking.
     """
     tau, delay = max(law.tau, 1e-6), law.delay
     ahead = aside = length = doubt = 0.0
@@ -361,8 +382,8 @@ def _follow(
     note.acting = max(note.acting, note.count - HELD)
     while now < end:
         while note.acting < note.count and note.told_at[note.acting % HELD] + delay <= now + 1e-9:
-            doubt += _beyond(note, law, note.acting)
             note.acting += 1
+            _renew(note, law, note.acting, note.braked)
         until = end
         if note.acting < note.count:
             until = min(end, note.told_at[note.acting % HELD] + delay)
@@ -379,7 +400,7 @@ def _follow(
             ahead += part_x
             aside += part_y
             length += np.hypot(part_x, part_y)
-            doubt += _lapsed(note, note.acting) * span
+            doubt += _doubt(note, law, note.acting, span, (part_x, part_y), note.braked)
             note.velocity[0], note.velocity[1] = forward + x * left, sideways + y * left
         now = until
     return ahead, aside, length, doubt
@@ -396,11 +417,12 @@ def _carry(
     ):
         acting -= 1
     time, told, moved = since, np.zeros(3), np.zeros(3)
+    braked = np.array([twist[0], twist[1] + ahead * twist[2]])
     length = doubt = 0.0
     while time < now:
         while acting < note.count and note.told_at[acting % HELD] + law.delay <= time + 1e-9:
-            doubt += _beyond(note, law, acting)
             acting += 1
+            _renew(note, law, acting, braked)
         until = min(now, time + CARRIED)
         if acting < note.count:
             until = min(until, note.told_at[acting % HELD] + law.delay)
@@ -416,7 +438,8 @@ def _carry(
         pose[0] += cos * moved[0] - sin * moved[1]
         pose[1] += sin * moved[0] + cos * moved[1]
         pose[2] += moved[2]
-        length += np.hypot(moved[0], moved[1] + ahead * moved[2])
-        doubt += _lapsed(note, acting) * span
+        went = moved[0], moved[1] + ahead * moved[2]
+        length += np.hypot(went[0], went[1])
+        doubt += _doubt(note, law, acting, span, went, braked)
         time = until
     return _bound(law, now - since, length) + doubt

@@ -178,3 +178,39 @@ def test_the_first_command_after_a_change_of_filters_is_a_step_that_nobody_can_f
         monitor.tell(np.array([-0.1, 0.0]), 0.02 * k, 0.02 * k + 0.05)
         change = max(-0.02 * 3.5, -0.1 - v)
         x, v = x + 0.02 * (v + 0.5 * change), v + change
+
+
+FAST = Response(
+    gain=(1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.002, 0.04, 0.17), sway=0.0034,
+    overshoot=0.13, braking=4.5,
+)  # fmt: skip
+"""A cart's: it changes its velocity no harder than it brakes, which small steps do not show."""
+
+
+@pytest.mark.parametrize("lapse", [0.0, 0.04])
+@pytest.mark.parametrize("period", [0.05, 0.13])
+def test_a_robot_that_needs_its_braking_to_follow_rare_commands_is_no_alarm(period, lapse):
+    command, rng, fine = Command(1.2, 2.5, look_ahead=0.25), np.random.default_rng(7), 0.005
+    monitor, place, speed, told, worst = ResponseMonitor(command, FAST), 0.0, 0.0, 0.0, 0.0
+    for k in range(300):
+        time = k * (period + lapse)
+        asked = rng.choice([-1.2, 0.0, 1.2])
+        change = FAST.braking * period
+        told = 0.0 if rng.random() < 0.2 else float(np.clip(asked, told - change, told + change))
+        monitor.tell(np.array([told, 0.0]), time, time + period)
+        goes_on = rng.random() < 0.5  # beyond the time until which the command is good
+        for j in range(round((period + lapse) / fine)):
+            ends = j * fine >= period and not goes_on
+            most = fine * FAST.braking
+            speed += float(np.clip((0.0 if ends else told) - speed, -most, most))
+            place += fine * speed
+        at, moves = np.array([place, 0.0, 0.0]), np.array([speed, 0.0])
+        assert not monitor.observe(at, moves, time + period + lapse)
+        worst = max(worst, monitor.worst)
+    assert worst > 0.2
+    stands = [
+        (monitor.tell(np.array([1.0, 0.0]), time + (period + lapse) * (k + 1), time + 99.0),
+         monitor.observe(at, np.zeros(2), time + (period + lapse) * (k + 2)))[1]
+        for k in range(20)
+    ]  # fmt: skip
+    assert any(stands)
