@@ -3,7 +3,7 @@
 from typing import Any
 
 from hcbf_gym import scenarios
-from hcbf_gym.evaluation.command import comparison
+from hcbf_gym.evaluation.command import column_names, comparison
 from hcbf_gym.evaluation.rollouts import UNFILTERED, Case, aggregate, evaluate
 from hcbf_gym.evaluation.tables import Table
 
@@ -29,5 +29,6 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of the README."""
+    rows = figures["rows"]
     conditions = [(b.name, b.priority) for b in scenarios.make(SCENARIO).barriers]
-    return {"all": comparison(figures["rows"], conditions)}
+    return {"all": comparison(rows, conditions, column_names(rows))}

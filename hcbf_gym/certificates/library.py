@@ -48,7 +48,8 @@ def stale(certificate: Certificate) -> str:
         return ""
     listed = "" if since is None else f", stale since {since}"
     return (
-        f"the sources {today} (certificate {certificate.name!r}: earned on {certificate.sources}"
+        f"today's program, which has changed since the certificate {certificate.name!r} was earned "
+        f"(sources {today}, earned on {certificate.sources}"
         f"{', repeated on ' + certificate.repeated if certificate.repeated else ''}{listed}; "
         f"`hcbf certify --check {certificate.name} --write` repeats a part of it)"
     )

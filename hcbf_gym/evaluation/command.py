@@ -161,9 +161,10 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     write_json(output / "summary.json", _summary(args, files, in_order, rows, first))
     written = _draw(args, output, cases[0], first)
     shutil.rmtree(finished)
-    console, names = Console(), _conditions(first)
+    console, names, labels = Console(), _conditions(first), column_names(rows)
     for start in range(0, len(rows), COLUMNS):
-        console.print(comparison(rows[start : start + COLUMNS], names).rich())
+        here = slice(start, start + COLUMNS)
+        console.print(comparison(rows[here], names, labels[here]).rich())
     for case in cases:
         if args.video:
             written.append(_record(case, args, output))
@@ -303,17 +304,23 @@ def _own_barriers(args: Args) -> Sequence[Barrier | Shapes]:
     return barriers
 
 
-def comparison(rows: list[dict[str, Any]], conditions: Sequence[tuple[str, int]]) -> Table:
+def column_names(rows: list[dict[str, Any]]) -> list[str]:
+    """Return what columns are called: policy and program, or the program where policies are one."""
+    if len({row["policy"] for row in rows}) == 1:
+        return [row["program"] for row in rows]
+    return [f"{row['policy']}, {row['program']}" for row in rows]
+
+
+def comparison(
+    rows: list[dict[str, Any]], conditions: Sequence[tuple[str, int]], header: Sequence[str]
+) -> Table:
     """Return a table with a column for each pair of policy and program.
 
     Args:
         rows: as `aggregate` returns them, all of one environment and scene.
         conditions: name and rank of the scene's.
+        header: what the columns are called.
     """
-    one_policy = len({row["policy"] for row in rows}) == 1
-    header = [
-        row["program"] if one_policy else f"{row['policy']}, {row['program']}" for row in rows
-    ]
     cells: list[tuple[str, ...]] = []
     for k, (name, rank) in enumerate(conditions):
         title = f"{name} (rank {rank}): min h [m]"

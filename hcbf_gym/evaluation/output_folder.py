@@ -61,7 +61,7 @@ def check_folder(
         if not overwrite:
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
-                f"expected an empty folder, a new one, or the same study{flag}"
+                f"expected another --output, or the same study{flag}"
             )
     elif folder.exists() and any(folder.iterdir()) and not overwrite:
         raise InvalidInputError(

@@ -32,7 +32,7 @@ class Table(NamedTuple):
         """Return the table for a terminal."""
         table = RichTable(title=escape(self.title))
         for k, name in enumerate(self.header):
-            table.add_column(escape(name), justify="right" if k else "left")
+            table.add_column(escape(name), justify="right" if k else "left", overflow="fold")
         for row in self.rows:
             table.add_row(*map(escape, row))
         return table

@@ -100,8 +100,8 @@ class VelocityFilter:
 
     Examples:
         >>> from hcbf_gym.barriers import Disc
-        >>> door = VelocityFilter("cart", [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
-        >>> command, report = door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        >>> safe = VelocityFilter("cart", [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+        >>> command, report = safe.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
         >>> command.shape, report["status"]
         ((2,), np.int64(1))
     """

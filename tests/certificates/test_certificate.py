@@ -163,12 +163,14 @@ def test_today_is_on_what_it_was_earned_or_repeated(monkeypatch):
 
 def test_a_certificate_of_other_sources_covers_nothing_and_says_so(monkeypatch):
     env = gym.make("HCBF-Regions-v0", scenario="random")
-    with pytest.warns(CoverageWarning, match="does not know the sources .* earned on abc"):
+    with pytest.warns(CoverageWarning, match="does not know today's program, .* earned on abc"):
         filtered = SafetyFilter(env, certificate=made(REGIONS, sources="abc"))
     assert covered(filtered) == Coverage.OUTSIDE
     old = MappingProxyType({"regions": made(REGIONS, sources="abc")})
     monkeypatch.setattr(library, "shipped", lambda: old)
-    with pytest.warns(CoverageWarning, match=r"covered = 0.: nothing was tested on the sources"):
+    with pytest.warns(
+        CoverageWarning, match=r"covered = 0.: nothing was tested on today's program"
+    ):
         gym.make("HCBF-Regions-v0", scenario="random")
 
 

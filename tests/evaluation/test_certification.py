@@ -13,7 +13,7 @@ import tyro
 from hcbf_gym import certificates
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import BLOCK, Certificate
-from hcbf_gym.errors import InvalidInputError, RefusedError
+from hcbf_gym.errors import InvalidInputError, RefusedError, SafetyWarning
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.certification import (
     calibration,
@@ -48,7 +48,17 @@ def plant(need, first_h=1.0, alarm=0, follows=1.0):
     def run(margins, seeds, title):
         needs = [need * np.random.default_rng(s).uniform(0.5, 1.0) for s in seeds]
         return [
-            Seen("nearest", "own", follows * margins.distance - n, 9.0, first_h, False, alarm)
+            Seen(
+                "nearest",
+                "own",
+                follows * margins.distance - n,
+                9.0,
+                first_h,
+                False,
+                alarm,
+                100,
+                True,
+            )
             for n in needs
         ]
 
@@ -94,7 +104,9 @@ def test_a_plant_that_does_not_deserve_margins_is_refused(run, message):
 
 def test_a_speed_limit_of_which_the_margin_leaves_nothing_is_refused():
     def run(margins, seeds, title):
-        return [Seen("edge", "own", 1.0, margins.speed - 0.3, 2.0, False) for _ in seeds]
+        return [
+            Seen("edge", "own", 1.0, margins.speed - 0.3, 2.0, False, 0, 100, True) for _ in seeds
+        ]
 
     with pytest.raises(RefusedError, match="leaves no speed"):
         calibration.calibrate(Uncertainty(), run, None, 50, 1e-3, 0, v_max=0.5)
@@ -392,3 +404,16 @@ def test_the_lowest_cap_leaves_a_walker_speed_beside_what_its_row_reserves(tmp_p
     certify.plant_of(swaying)  # an environment with the lowest cap leaves some speed
     most = replace(swaying, options={"robot": str(file), "v_max": swaying.caps[0]}, caps=None)
     certify.plant_of(most)
+
+
+@pytest.mark.parametrize(("pressed", "said"), [(80, ""), (46, ""), (44, "warned"), (39, "refused")])
+def test_a_first_round_that_presses_too_little_is_told_at_once(pressed, said):
+    seen = [Seen("edge", "own", 1.0, 9.0, 2.0, False, 0, 100, k < pressed) for k in range(100)]
+    if said == "refused":
+        with pytest.raises(RefusedError, match="calibration: in 39 of 100 episodes"):
+            calibration._check_stake(seen)
+    elif said == "warned":
+        with pytest.warns(SafetyWarning, match="there may be no certificate"):
+            calibration._check_stake(seen)
+    else:
+        calibration._check_stake(seen)

@@ -13,6 +13,7 @@ What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is
 follows, and d is what that leaves.
 """
 
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.certificates.certificate import CALIBRATED
-from hcbf_gym.errors import RefusedError, finite_array
+from hcbf_gym.certificates.parts import LASTING, PRESSED, Shown, vacuous
+from hcbf_gym.errors import RefusedError, SafetyWarning, finite_array
 from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.evaluation.certification.families import Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
@@ -117,6 +119,8 @@ def calibrate(
         rounds.append(recorded("round", margins, seed, seen))
         seed += episodes
         _check_standing(seen)
+        if number == 0:
+            _check_stake(seen)
         settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CALIBRATED)
         if settled and not rounds[-1].entered and attack is not None:
             tried = search(margins, attack, seed)
@@ -227,6 +231,31 @@ def _check_standing(seen: Sequence[Seen]) -> None:
             f"({named}): the plant is not the one that is declared, or something stands between "
             "filter and robot"
         )
+
+
+def shown(seen: Sequence[Seen]) -> Shown:
+    """Return how much episodes put rank 1 to the test."""
+    return Shown(
+        sum(one.pressed for one in seen),
+        float(np.median([one.least_h for one in seen])),
+        int(np.median([one.steps for one in seen])),
+    )
+
+
+def _check_stake(seen: Sequence[Seen]) -> None:
+    """Refuse episodes of which too few put rank 1 to the test, and warn where they may be too few.
+
+    Raises:
+        RefusedError: if they are too few by two standard deviations; by one is warned of.
+    """
+    found, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
+    why = vacuous(found, len(seen))
+    short = PRESSED * len(seen) - found.pressed
+    if not why or (found.half_last >= LASTING and short <= deviation):
+        return
+    if found.half_last < LASTING or short > 2.0 * deviation:
+        raise RefusedError(f"calibration: {why}")
+    warnings.warn(f"calibration: {why}; else there may be no certificate", SafetyWarning, 2)
 
 
 def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from hcbf_gym import certificates
 from hcbf_gym.arrays import Info
-from hcbf_gym.certificates import BLOCK, Block, Certificate, Shown, Stratum, sequential, sources
+from hcbf_gym.certificates import BLOCK, Block, Certificate, Stratum, sequential, sources
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.certificates.sequential import Tally
@@ -276,11 +276,7 @@ def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
         "least_h": min(one.least_h for one in seen),
         "falls": sum(one.fell for one in seen),
         "alarms": sum(one.alarm > 0 for one in seen),
-        "shown": Shown(
-            sum(one.pressed for one in seen),
-            float(np.median([one.least_h for one in seen])),
-            int(np.median([one.steps for one in seen])),
-        ),
+        "shown": calibration.shown(seen),
         "strata": strata(seen),
         "blocks": tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK)),
     }

@@ -57,8 +57,8 @@ class Args:
     confidence: float = 0.999
     """Of the bound."""
     attempt: Annotated[int, tyro.conf.arg(name="try")] = 0
-    """Which of several tries with fresh episodes this is, from 1: the n-th spends 2⁻ⁿ of the doubt.
-    0 is the only one, and spends it all."""
+    """Where a plant may be tried again: which try this is, from 1, each with fresh episodes. The
+    n-th spends 2⁻ⁿ of the doubt; 0 is the only try that there will be, and spends it all."""
     part: tuple[int, int] | None = None
     """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
     the chunks of all machines into one folder, and run the command without --part."""
