@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import each
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
@@ -241,6 +241,15 @@ class NodeCore:
                     f"goal: got {np.asarray(goal).tolist()}, expected a goal that can be reached"
                 )
         return made
+
+    @property
+    def is_localized(self) -> bool:
+        """Whether a pose has come, so that a goal can be `planned`."""
+        return self.localization.newest is not None
+
+    def wait(self, goal: ArrayLike) -> None:
+        """Let a goal (2,) [m] wait for the first pose; then `goal_to_plan` returns it."""
+        self._led.wait(finite_array("goal", goal, (2,)))
 
     def take(self, planned: VelocityFilter) -> None:
         """Go on with a filter that was `planned`."""

@@ -133,6 +133,10 @@ class Led:
         self.filter.reset()
         return goal is not None
 
+    def wait(self, goal: Array) -> None:
+        """Ask for a field to a goal (2,) [m] later: nobody knows yet where it has to begin."""
+        self._lost, self._asks = goal, True
+
     def goal_to_plan(self) -> Array | None:
         """Return the goal for which a filter has to be planned, once; None where none has."""
         asks, self._asks = self._asks, False

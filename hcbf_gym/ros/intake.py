@@ -159,7 +159,11 @@ class Intake:
         self._planner.put("field", functools.partial(self._lead, goal))
 
     def _lead(self, goal: Any) -> None:
-        """Let guidance lead to a goal through what is known."""
+        """Let guidance lead to a goal through what is known, which waits for the first pose."""
+        if not self._core.is_localized:
+            with self._lock:
+                self._core.wait(goal)
+            return
         planned = self._core.planned(goal)
         with self._lock:
             self._core.take(planned)

@@ -266,6 +266,16 @@ def test_a_plan_keeps_the_cap_that_was_set_meanwhile():
     assert d.core.fastest < 0.6
 
 
+def test_a_goal_that_comes_before_the_first_pose_waits_for_it():
+    zone = {**ZONE, "zone.points": [1.5, -2.0, 2.0, -2.0, 2.0, 0.1, 1.5, 0.1]}
+    d = Drive({"guidance": "geodesic", **zone}, wanted=(0.0, 0.0, 0.0))
+    assert not d.core.is_localized
+    d.core.wait((4.0, 0.0))
+    assert d.core.goal_to_plan() is None
+    d.run(1.5)  # which plans what is asked for, as the node does
+    assert d.velocity[0] > 0.1  # guidance leads
+
+
 def test_a_clock_that_is_set_back_is_believed_after_new_data():
     d = Drive(SCAN).run(1.0)
     d.now = Now(100.0, d.now.steady)
