@@ -23,8 +23,7 @@ class Planner(Node):
         self.velocity = self.create_publisher(TwistStamped, "cmd_vel_smoothed", 10)
         self.goal = self.create_publisher(PoseStamped, "goal_pose", 10)
         self.create_subscription(Odometry, "odom", self.heard, qos_profile_sensor_data)
-        self.pose, self.heads = None, self.goal.get_subscription_count
-        self.told = False
+        self.pose, self.told = None, -1.0
         self.create_timer(0.05, self.drive)
 
     def heard(self, message):
@@ -38,8 +37,8 @@ class Planner(Node):
     def drive(self):
         if self.pose is None:
             return
-        if not self.told and self.heads():
-            self.told = True
+        if time.monotonic() - self.told > 1.0:  # again and again: who has just come hears it too
+            self.told = time.monotonic()
             goal = PoseStamped()
             goal.header.frame_id = "odom"
             goal.pose.position.x, goal.pose.position.y = GOAL

@@ -48,6 +48,7 @@ class Intake:
         self._transforms, self._logger = transforms, logger
         self._limits: dict[str, dict[str, Any]] = {}
         self._masks: dict[str, str] = {}
+        self._goal: Any = None  # (2,) that was asked for last [m], until no way leads there
         self._worker, self._planner = Worker(self._failed), Worker(self._no_way)
         for one in core.settings.sources:
             self._subscribe(one)
@@ -134,8 +135,8 @@ class Intake:
             with self._lock:
                 differs = core.hear_source(name, made, stamp or now.ros, now, frame)
             is_scan = core.sources[name].settings.type == "scan"
-            if differs and not is_scan and core.goal is not None:
-                self.plan(core.goal)
+            if differs and not is_scan and self._goal is not None:
+                self.plan(self._goal)  # also one whose field is computed at this moment
 
         self._worker.put(name, job)
 
@@ -151,11 +152,12 @@ class Intake:
         expected = self._core.settings.global_frame_id
         if frame != expected:
             self._logger.warning(f"goal: got the frame {frame!r}, expected {expected!r}")
-        else:
+        elif self._goal is None or tuple(goal) != tuple(self._goal):  # planners repeat theirs
             self.plan(goal)
 
     def plan(self, goal: Any) -> None:
         """Let the other thread compute guidance's field to a goal."""
+        self._goal = goal
         self._planner.put("field", functools.partial(self._lead, goal))
 
     def _lead(self, goal: Any) -> None:
@@ -170,6 +172,7 @@ class Intake:
 
     def _no_way(self, name: str, error: Exception) -> None:
         """Go on without guidance: the goal cannot be reached."""
+        self._goal = None
         says = str(error) if isinstance(error, InvalidInputError) else repr(error)
         self._logger.warning(f"guidance ends: {says}")
         planned = self._core.planned(None)
