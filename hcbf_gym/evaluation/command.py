@@ -162,8 +162,10 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     written = _draw(args, output, cases[0], first)
     shutil.rmtree(finished)
     console, names, labels = Console(), _conditions(first), column_names(rows)
-    for start in range(0, len(rows), COLUMNS):
-        here = slice(start, start + COLUMNS)
+    count = len(args.program)
+    together = COLUMNS // count * count or COLUMNS  # the programs of a policy stand side by side
+    for start in range(0, len(rows), together):
+        here = slice(start, start + together)
         console.print(comparison(rows[here], names, labels[here]).rich())
     for case in cases:
         if args.video:
@@ -308,7 +310,7 @@ def column_names(rows: list[dict[str, Any]]) -> list[str]:
     """Return what columns are called: policy and program, or the program where policies are one."""
     if len({row["policy"] for row in rows}) == 1:
         return [row["program"] for row in rows]
-    return [f"{row['policy']}, {row['program']}" for row in rows]
+    return [f"{row['policy']}\n{row['program']}" for row in rows]
 
 
 def comparison(
@@ -346,7 +348,8 @@ def comparison(
     for status in ("VIOLATED", "UNSAFE", "BACKUP"):
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))
-    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {n} episode(s) each"
+    policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
+    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode(s) each"
     return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
 
 

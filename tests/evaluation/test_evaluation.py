@@ -123,3 +123,10 @@ def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
 def test_ray_and_unknown_backends_are_refused_in_words():
     with pytest.raises(HcbfError, match="processes"):
         list(evaluate([Case(ROM, "random", "pd", "none")], [0], Runs(backend="cloud")))
+
+
+def test_columns_name_the_policy_where_there_are_several():
+    pairs = [("own.py:act", "none"), ("own.py:act", "lex-cbf-qp"), ("pd", "none")]
+    rows = [{"policy": policy, "program": program} for policy, program in pairs]
+    assert command.column_names(rows) == ["own.py:act\nnone", "own.py:act\nlex-cbf-qp", "pd\nnone"]
+    assert command.column_names(rows[:2]) == ["none", "lex-cbf-qp"]
