@@ -12,6 +12,7 @@ import pytest
 from hcbf_gym import cli
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.command import column_names
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
 from hcbf_gym.programs import FilterStatus
 
@@ -128,5 +129,5 @@ def test_ray_and_unknown_backends_are_refused_in_words():
 def test_columns_name_the_policy_where_there_are_several():
     pairs = [("own.py:act", "none"), ("own.py:act", "lex-cbf-qp"), ("pd", "none")]
     rows = [{"policy": policy, "program": program} for policy, program in pairs]
-    assert command.column_names(rows) == ["own.py:act\nnone", "own.py:act\nlex-cbf-qp", "pd\nnone"]
-    assert command.column_names(rows[:2]) == ["none", "lex-cbf-qp"]
+    assert column_names(rows) == ["own.py:act\nnone", "own.py:act\nlex-cbf-qp", "pd\nnone"]
+    assert column_names(rows[:2]) == ["none", "lex-cbf-qp"]
