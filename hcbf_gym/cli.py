@@ -147,7 +147,7 @@ def _describe(args: type) -> None:
         if dataclasses.is_dataclass(plain[field.name]):
             _describe(plain[field.name])
             continue
-        is_told = field.default in (None, ()) or field.default_factory is dict
+        is_told = field.default in (None, (), "") or field.default_factory is dict
         about = tyro.conf.arg(
             help=texts.get(field.name), help_behavior_hint="" if is_told else None
         )

@@ -18,7 +18,7 @@ def test_help_describes_each_argument_and_shows_no_default_that_python_alone_kno
     with pytest.raises(SystemExit):
         cli.main([name, "--help"])
     said = capsys.readouterr().out
-    assert not re.search(r"\{None\}|default: (None)?\)", said)
+    assert not re.search(r"\{None\}|default: (None|'')?\)", said)
     texts = list(texts_of(importlib.import_module(command.module).Args))
     assert texts
     assert all(texts)

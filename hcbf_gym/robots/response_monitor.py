@@ -38,7 +38,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Pair, Records
 from hcbf_gym.compilation import kernel
-from hcbf_gym.robots.told import HELD, LAW, NOTES, WINDOWS, doubt_of, follow, renew, tell
+from hcbf_gym.robots.told import HELD, LAW, NOTES, WINDOWS, begin, doubt_of, follow, renew, tell
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
@@ -178,16 +178,14 @@ def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: 
     began, note.time, note.begun = note.time, time, 1
     if not known:
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        note.velocity[0] = cos * velocity[0] + sin * velocity[1]
-        note.velocity[1] = cos * velocity[1] - sin * velocity[0]
+        vx, vy = velocity[0], velocity[1]
+        begin(note, law, time, (cos * vx + sin * vy, cos * vy - sin * vx))
         note.missed[:, :], note.moved[:], note.seen[:] = 0.0, 0.0, 0.0
         note.missing[:, :], note.asked[:] = 0.0, 0.0
         note.doubt[:], note.hidden[:] = 0.0, 0.0
-        follow(note, law, time, time + 1e-9, False)
-        note.braked[0], note.braked[1] = note.velocity[0], note.velocity[1]
         return False
     forward, sideways = note.velocity[0], note.velocity[1]
-    went_ahead, went_aside, length, doubt = follow(note, law, began, time, True)
+    went_ahead, went_aside, length, doubt = follow(note, law, began, time)
     speed = np.hypot(forward, sideways)
     for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
         speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))

@@ -126,9 +126,26 @@ def doubt_of(
     return off + law.overshoot * braking
 
 
+@kernel(error_model="numpy", inline="always")
+def act(note: np.record, law: np.record, now: float) -> None:
+    """Let the commands act that a robot follows by now [s]."""
+    note.acting = max(note.acting, note.count - HELD)
+    while note.acting < note.count and note.told_at[note.acting % HELD] + law.delay <= now + 1e-9:
+        note.acting += 1
+        renew(note, law, note.acting, note.braked)
+
+
+@kernel(error_model="numpy", inline="always")
+def begin(note: np.record, law: np.record, now: float, velocity: Pair) -> None:
+    """Let v̂ and v_b begin with a velocity (2,) that was measured now, in the robot's axes."""
+    act(note, law, now)
+    for k in range(2):
+        note.velocity[k] = note.braked[k] = velocity[k]
+
+
 @kernel(error_model="numpy")
 def follow(
-    note: np.record, law: np.record, start: float, end: float, moves: bool
+    note: np.record, law: np.record, start: float, end: float
 ) -> tuple[float, float, float, float]:
     """Let v̂ follow the commands from a time to another.
 
@@ -136,31 +153,29 @@ def follow(
         ∫v̂ (2), ∫‖v̂‖, and the way that is not known [m]: of commands that were not renewed, and of
         those that ask for more than the robot's braking.
     """
-    tau, delay = max(law.tau, 1e-6), law.delay
+    tau = max(law.tau, 1e-6)
     ahead = aside = length = doubt = 0.0
     now = start
-    note.acting = max(note.acting, note.count - HELD)
     while now < end:
-        while note.acting < note.count and note.told_at[note.acting % HELD] + delay <= now + 1e-9:
-            note.acting += 1
-            renew(note, law, note.acting, note.braked)
+        act(note, law, now)
         until = end
         if note.acting < note.count:
-            until = min(end, note.told_at[note.acting % HELD] + delay)
+            until = min(end, note.told_at[note.acting % HELD] + law.delay)
         forward = sideways = 0.0
         if note.acting > 0:
             forward = note.told[(note.acting - 1) % HELD, 0]
             sideways = note.told[(note.acting - 1) % HELD, 1]
         span = until - now
-        if moves:
-            left = np.exp(-span / tau)
-            x, y = note.velocity[0] - forward, note.velocity[1] - sideways
-            part_x = forward * span + x * tau * (1.0 - left)
-            part_y = sideways * span + y * tau * (1.0 - left)
-            ahead += part_x
-            aside += part_y
-            length += np.hypot(part_x, part_y)
-            doubt += doubt_of(note, law, note.acting, span, (part_x, part_y), note.braked)
-            note.velocity[0], note.velocity[1] = forward + x * left, sideways + y * left
+        left = np.exp(-span / tau)
+        x, y = note.velocity[0] - forward, note.velocity[1] - sideways
+        went = (
+            forward * span + x * tau * (1.0 - left),
+            sideways * span + y * tau * (1.0 - left),
+        )
+        ahead += went[0]
+        aside += went[1]
+        length += np.hypot(went[0], went[1])
+        doubt += doubt_of(note, law, note.acting, span, went, note.braked)
+        note.velocity[0], note.velocity[1] = forward + x * left, sideways + y * left
         now = until
     return ahead, aside, length, doubt

@@ -49,6 +49,7 @@ class Intake:
         self._limits: dict[str, dict[str, Any]] = {}
         self._masks: dict[str, str] = {}
         self._goal: Any = None  # (2,) that was asked for last [m], until no way leads there
+        self._planned: Any = None  # whose field was computed last, or is at this moment
         self._worker, self._planner = Worker(self._failed), Worker(self._no_way)
         for one in core.settings.sources:
             self._subscribe(one)
@@ -162,6 +163,7 @@ class Intake:
 
     def _lead(self, goal: Any) -> None:
         """Let guidance lead to a goal through what is known, which waits for the first pose."""
+        self._planned = goal
         if not self._core.is_localized:
             with self._lock:
                 self._core.wait(goal)
@@ -171,8 +173,9 @@ class Intake:
             self._core.take(planned)
 
     def _no_way(self, name: str, error: Exception) -> None:
-        """Go on without guidance: the goal cannot be reached."""
-        self._goal = None
+        """Go on without guidance: the goal cannot be reached; another may be asked for already."""
+        if self._goal is self._planned:
+            self._goal = None
         says = str(error) if isinstance(error, InvalidInputError) else repr(error)
         self._logger.warning(f"guidance ends: {says}")
         planned = self._core.planned(None)

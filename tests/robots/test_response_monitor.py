@@ -214,3 +214,22 @@ def test_a_robot_that_needs_its_braking_to_follow_rare_commands_is_no_alarm(peri
         for k in range(20)
     ]  # fmt: skip
     assert any(stands)
+
+
+def test_a_clock_that_counts_from_1970_changes_nothing():
+    seen = []
+    for shift in (0.0, 1.7e9):
+        monitor = ResponseMonitor(Command(1.2, 2.5, look_ahead=0.25), FAST)
+        rng = np.random.default_rng(3)
+        place, worst = 0.0, []
+        for k in range(100):
+            told = float(rng.uniform(-1.0, 1.0))
+            monitor.tell(np.array([told, 0.0]), shift + k / 8.0, shift + k / 8.0 + 1.0 / 16.0)
+            place += told / 16.0
+            if k % 10 < 5:  # after a pause it begins anew, in the midst of commands that lapse
+                at, moves = np.array([place, 0.0, 0.0]), np.array([told, 0.0])
+                monitor.observe(at, moves, shift + k / 8.0 + 1.0 / 32.0)
+                worst.append(monitor.worst)
+        seen.append(worst)
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
+    assert max(seen[0]) > 0.05
