@@ -1,0 +1,144 @@
+"""Goals on their way to guidance: whatever comes meanwhile, the one asked for last leads."""
+
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+from needs import needs
+
+from hcbf_gym.errors import InvalidInputError
+
+GOAL, OTHER = (3.0, 0.0), (0.0, 2.0)
+
+
+class Core:
+    """What an intake needs of a node's core; `planned` waits until it is let go."""
+
+    def __init__(self):
+        zone = SimpleNamespace(name="zone", type="circle", topic="zone", filter_info_topic="")
+        self.settings = SimpleNamespace(
+            sources=[zone], guidance="geodesic", goal_topic="goal", global_frame_id="odom"
+        )
+        self.sources = {"zone": SimpleNamespace(settings=SimpleNamespace(type="circle"))}
+        self.is_localized, self.unreachable = True, ()
+        self.go_on, self.begun = threading.Event(), threading.Semaphore(0)
+        self.plans, self.waits, self.heard, self.leads = [], [], 0, []
+        self.go_on.set()
+
+    def planned(self, goal):
+        if goal is None:
+            return None
+        self.plans.append((tuple(goal), self.heard))
+        self.begun.release()
+        assert self.go_on.wait(10.0)
+        if tuple(goal) in self.unreachable:
+            raise InvalidInputError("goal: there is no way")
+        return tuple(goal)
+
+    def take(self, planned):
+        self.leads.append(planned)
+
+    def wait(self, goal):
+        self.waits.append(tuple(goal))
+
+    def hear_source(self, *_):
+        self.heard += 1
+        return True
+
+    def refuse_source(self, name, says):
+        raise AssertionError((name, says))
+
+
+@pytest.fixture
+def hearing(monkeypatch):
+    from hcbf_gym.ros import sources
+    from hcbf_gym.ros.intake import Intake
+
+    monkeypatch.setattr(sources, "of_circle", lambda *_: ())
+    core, heard = Core(), {}
+    intake = Intake(
+        core,
+        threading.Lock(),
+        lambda: SimpleNamespace(ros=0.0, steady=0.0),
+        lambda kind, topic, callback, quality: heard.update({topic: callback}),
+        None,
+        SimpleNamespace(warning=lambda *_, **__: None),
+    )
+    yield core, lambda goal: heard["goal"](asked(goal)), lambda: heard["zone"](circle())
+    core.go_on.set()
+    intake.close()
+
+
+def asked(goal):
+    from geometry_msgs.msg import PoseStamped
+
+    message = PoseStamped()
+    message.header.frame_id = "odom"
+    message.pose.position.x, message.pose.position.y = goal
+    return message
+
+
+def circle():
+    from geometry_msgs.msg import PointStamped
+
+    message = PointStamped()
+    message.header.frame_id = "odom"
+    return message
+
+
+def soon(holds):
+    """Wait until something holds; the threads are the intake's own."""
+    end = time.monotonic() + 10.0
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.002)
+    assert holds()
+
+
+@needs("rclpy")
+def test_what_comes_while_a_field_is_computed_has_it_computed_again(hearing):
+    core, ask, hear = hearing
+    core.go_on.clear()
+    ask(GOAL)
+    assert core.begun.acquire(timeout=10.0)
+    hear()
+    soon(lambda: core.heard == 1)
+    core.go_on.set()
+    soon(lambda: len(core.leads) == 2)
+    assert core.plans == [(GOAL, 0), (GOAL, 1)]
+
+
+@needs("rclpy")
+def test_a_goal_that_is_repeated_is_computed_once_and_one_before_the_first_pose_waits(hearing):
+    core, ask, _ = hearing
+    core.is_localized = False
+    ask(GOAL)
+    soon(lambda: core.waits == [GOAL])
+    core.is_localized = True
+    ask(OTHER)
+    soon(lambda: core.leads == [OTHER])
+    ask(OTHER)
+    ask(GOAL)
+    soon(lambda: core.leads == [OTHER, GOAL])
+    assert [goal for goal, _ in core.plans] == [OTHER, GOAL]
+
+
+@needs("rclpy")
+def test_a_goal_that_cannot_be_reached_ends_guidance_and_forgets_no_newer_one(hearing):
+    core, ask, hear = hearing
+    core.unreachable = (GOAL,)
+    core.go_on.clear()
+    ask(GOAL)
+    assert core.begun.acquire(timeout=10.0)
+    ask(OTHER)
+    core.go_on.set()
+    soon(lambda: core.leads == [None, OTHER])
+    hear()
+    soon(lambda: core.leads == [None, OTHER, OTHER])
+    ask(GOAL)
+    soon(lambda: core.leads[-1] is None)
+    hear()
+    soon(lambda: core.heard == 2)
+    time.sleep(0.05)
+    assert core.plans[-1][0] == GOAL  # nobody asks for it again
+    assert core.leads[-1] is None
