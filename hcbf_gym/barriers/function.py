@@ -104,6 +104,12 @@ class Function(Barrier):
         """Return h while JAX traces it; see `of`."""
         return self.of(self.packed)(x, t)
 
+    def batch(self, x: Array, t: Array) -> Jet:
+        """Return those of many states, compiled as one."""
+        found = _compile_jet(*self.signature, many=True)(x, t, self.packed)
+        stacked: Any = map(np.array, found)
+        return Jet(*stacked)
+
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
         h, gradient, hessian, rate, gradient_rate, rate_rate = self._compiled(
@@ -153,8 +159,10 @@ def _traced(
 
 
 @lru_cache(maxsize=32)
-def _compile_jet(function: Callable[..., Any], shape: tuple[int, ...] | None) -> Callable[..., Any]:
-    """Return (x, t, packed parameters) → the entries of a `Jet`."""
+def _compile_jet(
+    function: Callable[..., Any], shape: tuple[int, ...] | None, many: bool = False
+) -> Callable[..., Any]:
+    """Return (x, t, packed parameters) → the entries of a `Jet`, of one state or of many."""
     jax = import_jax("barriers.Function")
 
     def jet(x: Any, t: Any, packed: Any) -> tuple[Any, ...]:
@@ -163,4 +171,4 @@ def _compile_jet(function: Callable[..., Any], shape: tuple[int, ...] | None) ->
         hessian, gradient_rate = jax.jacfwd(of_x, (0, 1))(x, t)
         return h(x, t), of_x(x, t), hessian, of_t(x, t), gradient_rate, jax.grad(of_t, 1)(x, t)
 
-    return compile64(jet)
+    return compile64(jax.vmap(jet, (0, 0, None)) if many else jet)

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
@@ -18,6 +19,7 @@ from hcbf_gym.maps.cover import boxes
 from hcbf_gym.scenarios import Scenario
 
 _FAR = 100.0
+_CELLS = 100  # along a side of the grid on which a condition without an outline is drawn
 
 
 def outline(barrier: object, t: float = 0.0) -> Patch | None:
@@ -65,16 +67,44 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
 
 
-def draw_barriers(axes: Axes, barriers: Iterable[Barrier | Shapes], t: float = 0.0) -> list[Patch]:
-    """Draw the regions among barriers at time t, the first rank on top, and return the patches."""
-    patches = []
+def draw_barriers(
+    axes: Axes, barriers: Iterable[Barrier | Shapes], t: float = 0.0, x: Array | None = None
+) -> list[Artist]:
+    """Draw the regions among barriers at time t, the first rank on top, and return what is drawn.
+
+    Args:
+        axes: where to draw, its limits set.
+        barriers: of which those with an outline are drawn.
+        t: time [s].
+        x: (n,) a state whose first two entries are the position: conditions on it that have no
+            outline, such as a `Function`, are drawn, too, at its other entries.
+    """
+    drawn: list[Artist] = []
     for barrier in sorted(barriers, key=lambda b: -b.priority):
         patch = outline(barrier, t)
+        color = palette.priority_color(barrier.priority)
         if patch is not None:
-            color = palette.priority_color(barrier.priority)
             patch.set(facecolor=palette.paler(color, 0.6), edgecolor=color, lw=1.2, zorder=1)
-            patches.append(axes.add_patch(patch))
-    return patches
+            drawn.append(axes.add_patch(patch))
+        elif x is not None and isinstance(barrier, Barrier) and barrier.reads_position:
+            drawn.extend(_draw_level(axes, barrier, t, x, color))
+    return drawn
+
+
+def _draw_level(axes: Axes, barrier: Barrier, t: float, x: Array, color: str) -> list[Artist]:
+    """Draw where h < 0 over the positions in the window of the axes."""
+    side = [np.linspace(*limits, _CELLS) for limits in (axes.get_xlim(), axes.get_ylim())]
+    states = np.tile(x, (_CELLS**2, 1))
+    states[:, :2] = np.stack(np.meshgrid(*side), axis=-1).reshape(-1, 2)
+    jets = barrier.batch(states, np.full(len(states), t))
+    h = np.reshape(jets.h, (_CELLS, _CELLS))
+    if not h.min() < 0.0:
+        return []
+    levels, filled = [float(h.min()), 0.0], palette.paler(color, 0.6)
+    return [
+        axes.contourf(*side, h, levels, colors=[filled], zorder=1),
+        axes.contour(*side, h, [0.0], colors=[color], linewidths=1.2, zorder=1),
+    ]
 
 
 def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hcbf_gym.barriers import Barrier, Shapes
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import Barrier, Shape, Shapes
 from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
 from hcbf_gym.drawing.scene_plot import draw_barriers, draw_scene, legend_below, window
 from hcbf_gym.evaluation.recorded import Episode
@@ -92,7 +93,8 @@ def plot_episode(
 
     Args:
         episode: as `recorded.rollout` returns it, of any environment.
-        barriers: whose regions are drawn, as they are at the first instant.
+        barriers: whose regions are drawn: shapes as they are at the first instant, others, which
+            may depend on all of the state, at that at which their h is least.
         title: above all.
         labels: name of a condition → what the figure calls it.
         inputs: what it calls each of the n_u inputs, with the unit.
@@ -132,11 +134,25 @@ def plot_episode(
 
 def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:
     """Draw where an episode went among the regions, start and end marked."""
-    draw_barriers(axes, barriers, float(episode.time[0]))
+    frame(axes, episode, barriers)
+    for barrier in sorted(barriers, key=lambda b: -b.priority):
+        k = 0 if isinstance(barrier, Shape) else _nearest(episode, barrier)
+        draw_barriers(axes, [barrier], float(episode.time[k]), seen_from(episode, k))
     axes.plot(*episode.position.T, color=PATH, lw=1.8, zorder=4)
     axes.plot(*episode.position[0], "o", color="k", ms=4, zorder=5)
     axes.plot(*episode.position[-1], "s", color=PATH, ms=5, zorder=5)
-    frame(axes, episode, barriers)
+
+
+def _nearest(episode: Episode, barrier: Barrier | Shapes) -> int:
+    """Return the sample at which a barrier's h is least; the first where the episode has none."""
+    known = barrier.name in episode.names
+    return int(np.argmin(episode.h[:, episode.names.index(barrier.name)])) if known else 0
+
+
+def seen_from(episode: Episode, k: int) -> Array | None:
+    """Return the k-th state; None where its first two entries are not the position."""
+    is_position = np.array_equal(episode.state[:, :2], episode.position)
+    return episode.state[k] if is_position else None
 
 
 def frame(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:

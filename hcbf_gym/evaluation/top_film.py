@@ -14,7 +14,7 @@ from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.drawing.palette import PATH
 from hcbf_gym.drawing.scene_plot import draw_barriers
 from hcbf_gym.errors import InvalidInputError, require
-from hcbf_gym.evaluation.episode_plot import frame
+from hcbf_gym.evaluation.episode_plot import frame, seen_from
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.programs import FilterStatus
 
@@ -30,7 +30,7 @@ def film(episode: Episode, path: str | Path, barriers: Sequence[Barrier | Shapes
     Args:
         episode: as `recorded.rollout` returns it.
         path: of the film, which ends in .mp4.
-        barriers: whose regions are drawn; those that move by a velocity do.
+        barriers: whose regions are drawn as they are at each instant.
 
     Raises:
         MissingDependencyError: if the extra `video` is not installed.
@@ -59,13 +59,13 @@ def _pictures(episode: Episode, barriers: Sequence[Barrier | Shapes]) -> list[np
     shown = np.searchsorted(episode.time, times, side="right") - 1
     pictures = []
     for k in track(shown.tolist(), "filming"):
-        patches = draw_barriers(axes, barriers, float(episode.time[k]))
+        drawn = draw_barriers(axes, barriers, float(episode.time[k]), seen_from(episode, k))
         way.set_data(*episode.position[: k + 1].T)
         robot.set_data(*episode.position[k : k + 1].T)
         status = FilterStatus(int(episode.status[min(k, len(episode.status) - 1)])).name
         axes.set_title(f"t = {episode.time[k]:.1f} s, {status}", fontsize=9)
         canvas.draw()
         pictures.append(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-        for patch in patches:
-            patch.remove()
+        for artist in drawn:
+            artist.remove()
     return pictures

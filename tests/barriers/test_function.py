@@ -82,8 +82,10 @@ def test_rows_equal_those_of_the_analytic_jets_one_state_and_many(model):
 def test_a_functions_jet_is_its_shapes():
     x, t = np.array([0.7, -1.6, 0.4, 0.3]), 0.3
     for shape, function in zip(SHAPES, functions_of(SHAPES), strict=True):
-        for got, expected in zip(function.jet(x, t), shape.jet(x, t), strict=True):
+        many = function.batch(np.tile(x, (3, 1)), np.full(3, t))
+        for got, of_many, expected in zip(function.jet(x, t), many, shape.jet(x, t), strict=True):
             np.testing.assert_allclose(got, expected, atol=1e-9)
+            np.testing.assert_allclose(of_many, 3 * [expected], atol=1e-9)
 
 
 def chain(n):

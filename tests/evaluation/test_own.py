@@ -7,8 +7,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from by_hand import by_hand
+from matplotlib.figure import Figure
+from needs import remedy
 
-from hcbf_gym import cli, compilation, wrappers
+from hcbf_gym import barriers, cli, compilation, wrappers
+from hcbf_gym.drawing import scene_plot
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import episode_plot, own_environment
 from hcbf_gym.evaluation.recorded import rollout
@@ -166,6 +169,20 @@ def test_own_labels_and_programs_are_drawn(own):
     )
     texts = [text.get_text() for axes in figure.axes for text in _texts(axes)]
     assert {"the pond", "ax [m/s²]", "h, rank 2"} <= set(texts)
+
+
+def test_a_condition_without_an_outline_is_drawn_where_it_is_below_zero():
+    pytest.importorskip("jax", reason=remedy("jax"))
+    inside = barriers.Function("mine", 1, lambda x, t: (x[0] - x[2]) ** 2 + x[1] ** 2 - 1.0)
+    axes = Figure().add_subplot()
+    axes.set(xlim=(-3.0, 3.0), ylim=(-3.0, 3.0))
+    filled, border = scene_plot.draw_barriers(axes, [inside], 0.0, np.array([0.0, 0.0, 0.5]))
+    for drawn in (filled, border):
+        low, high = (f(drawn.get_paths()[0].vertices, axis=0) for f in (np.min, np.max))
+        np.testing.assert_allclose([low, high], [[-0.5, -1.0], [1.5, 1.0]], atol=0.02)
+    assert scene_plot.draw_barriers(axes, [inside]) == []  # nothing says where the robot is
+    far = np.array([0.0, 0.0, 9.0])
+    assert scene_plot.draw_barriers(axes, [inside], 0.0, far) == []
 
 
 def _texts(axes):
