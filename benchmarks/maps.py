@@ -25,7 +25,7 @@ from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
+from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, points_of
 from hcbf_gym.maps.cover import Cover
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.programs import FilterStatus
@@ -310,7 +310,7 @@ class Sensor:
         hit = (half2 > 0.0) & (along > 0.0)
         reach = np.where(hit, along - np.sqrt(np.maximum(half2, 0.0)), np.inf).min(axis=1)
         ranges = np.where(reach < RANGE, reach, np.inf)
-        return Scan.of_ranges("laser", ranges, angles, (float(x[0]), float(x[1]), 0.0))
+        return Scan("laser", points_of(ranges, angles), (float(x[0]), float(x[1]), 0.0))
 
 
 def seen_only(robot: str, number: int) -> float:

@@ -19,7 +19,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.maps import Scan
+from hcbf_gym.maps import Scan, points_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker
 
@@ -170,8 +170,8 @@ class Laser:
     def takes(self, now: float, ranges: Array, angles: Array, pose: Array) -> None:
         """Hand a scan to the filter."""
         x, y, yaw = pose.tolist()
-        scan = Scan.of_ranges(
-            "scan", ranges, angles, (x, y, yaw), PERIOD, self._case.speed,
+        scan = Scan(
+            "scan", points_of(ranges, angles), (x, y, yaw), PERIOD, self._case.speed,
             margin=self._case.margin, noise=3.0 * self._case.error,
         )  # fmt: skip
         self._door.set_barriers([*self._known, scan], look=False)

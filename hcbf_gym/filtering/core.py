@@ -32,6 +32,7 @@ from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.configured import Configured
 from hcbf_gym.filtering.covering import Covering
+from hcbf_gym.filtering.plants import Plants
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
@@ -202,11 +203,11 @@ class FilterCore(Configured, ABC):
             )
         if self._solver is None:
             return self._filter_parts(scene, own)
-        plants, told = samples.plants, (buffer.plants, buffer.rows)
         shared = self._constants, self._program, self._drives
+        sensed, told, rows = samples.plants, buffer.plants, buffer.rows
         kind, parameters, priority, own_margin, atlas = scene
-        barriers = kind, parameters, priority, own_margin
-        said, part, work, source = step.pose(*shared, barriers, atlas, plants, own, *told)
+        plants = Plants(kind, parameters, priority, own_margin, sensed, own, told, rows)
+        said, part, work, source = step.pose(*shared, plants, atlas)
         if said != step.DONE:
             return said
         answered = solvers.answer(self._solver, work)

@@ -189,34 +189,29 @@ def _nearby(c: Record, drives: Drives, p: Plants, atlas: Array, i: int) -> tuple
 
 @kernel()
 def pose(
-    constants: Records,
-    program: Array,
-    drives: Drives,
-    scene: tuple[Integers, Array, Integers, Array],
-    atlas: Array | None,
-    sensed: Records,
-    own: Array,
-    told: Records,
-    rows: Records,
+    constants: Records, program: Array, drives: Drives, plants: Plants, atlas: Array | None
 ) -> tuple[int, Plants, Work, Integers]:
     """Pose problems to a solver outside, which writes the answers into `Work`.
 
-    Args: as `filter_plants` takes them, of one planar double integrator or of N plants of any model
-        and number of inputs.
+    Args:
+        constants: (1,) `plants.CONSTANTS`.
+        program: see `plants.constants`.
+        drives: as `filter_plants` takes it.
+        plants: one planar double integrator, or N plants of any model and number of inputs.
+        atlas: as `filter_plants` takes it.
 
     Returns:
         as `filter_plants`, the plants with what is at hand, their problems, and which condition
         each row stands for; of other models (0,).
     """
     c = borrowed(constants)[0]
-    plants = Plants(*scene, sensed, own, told, rows)
     said = _begin(c, drives, plants)
     settings = program_of(c, borrowed(program), 0, 1)
     part, source = plants, np.empty(0, dtype=np.int64)
     if atlas is not None and said == DONE and not c.made:
         part, source = _nearby(c, drives, plants, atlas, 0)
     count, m = part.kind.shape
-    work = make_work(settings, count, m, part.rows.shape[1], told[0].u_safe.size, drives)
+    work = make_work(settings, count, m, part.rows.shape[1], part.told[0].u_safe.size, drives)
     if said == DONE:
         _make_rows(c, drives, part, work)
         for i in range(count):

@@ -1,7 +1,6 @@
 """What a range sensor sees as strict pieces of its own: for people and boxes that are in no map."""
 
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,8 +35,8 @@ class Scan(Several):
 
     Args:
         name: what infos and messages call it.
-        points: (k, 2) in the sensor's axes [m], in the order in which its beam turns; those that
-            are not finite were not measured.
+        points: (k, 2) in the sensor's axes [m], in the order in which its beam turns, as
+            `points_of` makes them of ranges; those that are not finite were not measured.
         pose: x [m], y [m] and yaw [rad] of the sensor in the world, when it measured.
         period: how old the scan is at most before another one takes its place [s].
         speed: of the fastest thing around [m/s]; 0 where nothing moves.
@@ -51,7 +50,8 @@ class Scan(Several):
         InvalidInputError: if a number is not finite or out of range, or the points are no (k, 2).
 
     Examples:
-        >>> seen = Scan.of_ranges("laser", [1.0, np.inf], [0.0, 0.1], (2.0, 0.0, np.pi / 2))
+        >>> points = points_of([1.0, np.inf], [0.0, 0.1])
+        >>> seen = Scan("laser", points, (2.0, 0.0, np.pi / 2))
         >>> seen.conditions[0].h(np.array([2.0, 0.0, 0.0, 0.0])) <= 1.0
         True
     """
@@ -80,45 +80,6 @@ class Scan(Several):
         )
         object.__setattr__(self, "_seen", seen)
 
-    @classmethod
-    def of_ranges(
-        cls,
-        name: str,
-        ranges: ArrayLike,
-        angles: ArrayLike,
-        pose: tuple[float, float, float],
-        period: float = 0.0,
-        speed: float = 0.0,
-        rank: int = 1,
-        margin: float = 0.0,
-        noise: float = 0.0,
-    ) -> Self:
-        """Return a scan of beams.
-
-        Args:
-            name: what infos and messages call it.
-            ranges: (k,) [m]; as ROS has it, +inf saw nothing, and −inf something nearer than can
-                be measured, which is taken for the sensor's own place. NaN is a beam that failed.
-            angles: (k,) of the beams in the sensor's axes [rad], in their order.
-            pose: as the class takes it.
-            period: likewise.
-            speed: likewise.
-            rank: likewise.
-            margin: likewise.
-            noise: likewise.
-
-        Raises:
-            InvalidInputError: if there are not as many angles as ranges, or one is no number.
-        """
-        far = _numbers(f"{name}: ranges", ranges, 1)
-        turn = finite_array(f"{name}: angles", angles, (far.size,))
-        far = np.where(np.isneginf(far), 0.0, far)
-        if (far < 0.0).any():
-            raise InvalidInputError(f"{name}: ranges: got {far.min()} m, expected none below 0")
-        seen = np.isfinite(far)
-        points = far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
-        return cls(name, points, pose, period, speed, rank, margin, noise)
-
     @property
     def conditions(self) -> tuple[Barrier, ...]:
         """The one barrier that it stands for."""
@@ -141,6 +102,27 @@ class Scan(Several):
         turn = np.array([[cos, sin], [-sin, cos]])
         corners = surfaces.pieces(near, self.noise + FINE, self.depth) @ turn + (x, y)
         return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
+
+
+def points_of(ranges: ArrayLike, angles: ArrayLike, name: str = "scan") -> Array:
+    """Return the points (k, 2) that beams see, in the sensor's axes [m].
+
+    Args:
+        ranges: (n,) [m]; as ROS has it, +inf saw nothing, and −inf something nearer than can be
+            measured, which is taken for the sensor's own place. NaN is a beam that failed.
+        angles: (n,) of the beams in the sensor's axes [rad], in their order.
+        name: what messages call them.
+
+    Raises:
+        InvalidInputError: if there are not as many angles as ranges, or one is no number.
+    """
+    far = _numbers(f"{name}: ranges", ranges, 1)
+    turn = finite_array(f"{name}: angles", angles, (far.size,))
+    far = np.where(np.isneginf(far), 0.0, far)
+    if (far < 0.0).any():
+        raise InvalidInputError(f"{name}: ranges: got {far.min()} m, expected none below 0")
+    seen = np.isfinite(far)
+    return far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:

@@ -15,7 +15,7 @@ from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
-from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, reading
+from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, points_of, reading
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.ros.parameter import naming
@@ -124,10 +124,16 @@ def of_scan(source: SourceSettings, beams: Beams, pose: tuple[float, float, floa
     with np.errstate(invalid="ignore"):
         outside = ~(far <= beams.most) | ((far < beams.least) & np.isfinite(far))
     far = np.where(outside, np.inf, far)
-    seen = Scan.of_ranges(
-        source.name, far, angles, pose, source.scan_period, source.obstacle_speed, source.priority,
-        source.margin, source.range_noise,
-    )  # fmt: skip
+    seen = Scan(
+        source.name,
+        points_of(far, angles, source.name),
+        pose,
+        source.scan_period,
+        source.obstacle_speed,
+        source.priority,
+        source.margin,
+        source.range_noise,
+    )
     return (seen,)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import MapClass, Scan, paying
+from hcbf_gym.maps import MapClass, Scan, paying, points_of
 from hcbf_gym.maps.scan import FINE, REACH
 from tests.maps.floors import cells, room
 
@@ -38,7 +38,7 @@ def seen(pose, angles=ANGLES, noise=0.0, rng=None, **options):
     ranges = beams_at_the_wall(np.array(pose), angles)
     if rng is not None:
         ranges = ranges + rng.normal(0.0, noise / 3.0, angles.size)
-    return Scan.of_ranges("laser", ranges, angles, pose, noise=noise, **options)
+    return Scan("laser", points_of(ranges, angles), pose, noise=noise, **options)
 
 
 def poses(count, rng):
@@ -49,7 +49,7 @@ def poses(count, rng):
 
 def test_every_point_lies_in_or_beside_a_piece_and_pieces_are_few():
     ranges = 3.0 + np.sin(3.0 * ANGLES)
-    scan = Scan.of_ranges("laser", ranges, ANGLES, POSE)
+    scan = Scan("laser", points_of(ranges, ANGLES), POSE)
     turned = ANGLES + POSE[2]
     points = POSE[:2] + ranges[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
     assert h(scan, points).max() <= FINE
@@ -89,18 +89,18 @@ def test_dropped_beams_leave_no_hole_and_openings_stay_open():
     for x, y, yaw in poses(20, rng):
         ranges = beams_at_the_wall(np.array([x, y, yaw]))
         dropped = np.where(rng.random(360) < 0.3, np.inf, ranges)
-        scan = Scan.of_ranges("laser", dropped, ANGLES, (x, y, yaw))
+        scan = Scan("laser", points_of(dropped, ANGLES), (x, y, yaw))
         np.testing.assert_allclose(h(scan, HERE[None]), OFF - HERE @ NORMAL, atol=0.01)
         assert h(scan, gap).max() <= 0.0
         door = beams_at_the_wall(np.array([x, y, yaw]), openings=[(middle - 0.4, middle + 0.4)])
-        free = h(Scan.of_ranges("laser", door, ANGLES, (x, y, yaw)), gap[:1])[0]
+        free = h(Scan("laser", points_of(door, ANGLES), (x, y, yaw)), gap[:1])[0]
         assert 0.38 < free < 0.45
 
 
 def test_what_stands_before_a_wall_is_not_joined_to_it():
     angles = np.radians(np.arange(-45.0, 45.0))
     ranges = np.where(np.abs(np.degrees(angles)) < 6.0, 1.0, 3.0) / np.cos(angles)
-    scan = Scan.of_ranges("laser", ranges, angles, (0.0, 0.0, 0.0))
+    scan = Scan("laser", points_of(ranges, angles), (0.0, 0.0, 0.0))
     assert h(scan, np.array([[2.0, 0.4]]))[0] > 0.2
     assert h(scan, np.array([[1.0, 0.0], [3.0, 1.0]])).max() <= 0.0
 
@@ -117,20 +117,20 @@ def test_its_depth_changes_no_distance_from_where_it_was_seen():
 def test_a_ring_around_the_sensor_is_closed():
     for first in (0.0, 0.7, 3.0):
         angles = first + np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
-        scan = Scan.of_ranges("laser", np.ones(90), angles, (0.0, 0.0, 0.0))
+        scan = Scan("laser", points_of(np.ones(90), angles), (0.0, 0.0, 0.0))
         turn = np.linspace(0.0, 2.0 * np.pi, 500)
         assert h(scan, np.column_stack([np.cos(turn), np.sin(turn)])).max() < FINE
 
 
 def test_nothing_in_sight_is_free():
     nothing = np.full(360, np.inf)
-    assert h(Scan.of_ranges("laser", nothing, ANGLES, POSE), np.zeros((1, 2)))[0] > 100.0
+    assert h(Scan("laser", points_of(nothing, ANGLES), POSE), np.zeros((1, 2)))[0] > 100.0
     assert h(Scan("tracker", [], POSE), np.zeros((1, 2)))[0] > 100.0
 
 
 def test_what_is_nearer_than_can_be_measured_lies_at_the_sensor():
     ranges = np.where(np.arange(360) == 7, -np.inf, np.inf)
-    assert h(Scan.of_ranges("laser", ranges, ANGLES, POSE), np.array([POSE[:2]]))[0] <= 0.0
+    assert h(Scan("laser", points_of(ranges, ANGLES), POSE), np.array([POSE[:2]]))[0] <= 0.0
 
 
 def test_a_point_just_within_reach_is_seen():
@@ -165,7 +165,7 @@ def test_a_bent_scan_is_refused(bent):
 def test_a_beam_that_failed_is_not_one_that_saw_nothing():
     ranges = np.where(np.arange(360) == 7, np.nan, np.inf)
     with pytest.raises(InvalidInputError, match="got NaN"):
-        Scan.of_ranges("laser", ranges, ANGLES, POSE)
+        Scan("laser", points_of(ranges, ANGLES), POSE)
 
 
 def test_who_pays_is_named_with_the_place():

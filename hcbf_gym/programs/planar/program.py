@@ -67,10 +67,8 @@ class _Compiled:
         self.prices.weights.check(count)
         return self._settings
 
-    def _solve(
-        self, settings: tuple[Any, ...], u_nominal: Array, rows: CbfRows
-    ) -> tuple[Array, Integers]:
-        """Return u, slack and δ of all states, one after the other, and the statuses (N,)."""
+    def _solve(self, settings: tuple[Any, ...], u_nominal: Array, rows: CbfRows) -> Array:
+        """Return u, slack, δ and the statuses of all states, one after the other."""
         if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
             self.prices.least_slack(rows)
             rows = rows._replace(alpha2_psi=rows.b)
@@ -79,8 +77,7 @@ class _Compiled:
         fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
         if not fits or kind not in "iu" or rows.alpha2_psi.shape != shape:  # type: ignore[union-attr]
             check_shapes(rows, 2)
-        count = u_nominal.size // 2
-        answer, status = np.empty(2 * count + 2 * rows.b.size), np.empty(count, dtype=np.int64)
+        answer = np.empty(3 * (u_nominal.size // 2) + 2 * rows.b.size)
         if not _filter_all(
             settings,
             u_nominal,
@@ -90,11 +87,10 @@ class _Compiled:
             np.ascontiguousarray(rows.priority, np.int64),
             np.ascontiguousarray(rows.alpha2_psi, np.float64),
             answer,
-            status,
         ):
             finite_array("u_nominal", u_nominal, u_nominal.shape)
             explain(rows)
-        return answer, status
+        return answer
 
 
 class PlanarProgram(_Compiled, Program):
@@ -110,9 +106,9 @@ class PlanarProgram(_Compiled, Program):
             u_nominal = finite_array("u_nominal", u_nominal, (2,))
         if rows.b.ndim != 1:
             raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
-        answer, status = self._solve(self._of_one, np.ascontiguousarray(u_nominal), rows)
-        end = 2 + rows.b.size
-        return FilterResult(answer[:2], answer[2:end], answer[end:], _STATUSES[status[0]], 0)
+        answer = self._solve(self._of_one, np.ascontiguousarray(u_nominal), rows)
+        end, status = 2 + rows.b.size, _STATUSES[int(answer[-1])]
+        return FilterResult(answer[:2], answer[2:end], answer[end:-1], status, 0)
 
 
 class BatchProgram(_Compiled):
@@ -136,11 +132,15 @@ class BatchProgram(_Compiled):
         count = len(desired)
         if rows.b.ndim != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
-        answer, status = self._solve(tuple(self.settings_of(count)), desired, rows)
-        u, slack, delta = np.split(answer, (2 * count, 2 * count + rows.b.size))
-        none = np.zeros(count, dtype=np.int64)
+        answer = self._solve(tuple(self.settings_of(count)), desired, rows)
+        sizes = 2 * count, rows.b.size, rows.b.size
+        u, slack, delta, status = np.split(answer, np.cumsum(sizes))
         return FilterResult(
-            u.reshape(count, 2), slack.reshape(shape), delta.reshape(shape), status, none
+            u.reshape(count, 2),
+            slack.reshape(shape),
+            delta.reshape(shape),
+            status.astype(np.int64),
+            np.zeros(count, dtype=np.int64),
         )
 
 
@@ -159,14 +159,13 @@ def _filter_all(
     priority: Integers,
     alpha2_psi: Array,
     answer: Array,
-    status: Integers,
 ) -> bool:
-    """Filter N states, unless u* or a row is malformed; return whether none is.
+    """Filter N states into `answer`, unless u* or a row is malformed; return whether none is.
 
     Arrays come one by one, of one state without the leading N: Numba takes a microsecond to open a
     record that Python hands over, and NumPy as long to make its arrays longer by an axis.
     """
-    count, total = status.size, b.size
+    count, total = u_nominal.size // 2, b.size
     m = total // count if count else 0
     if not (np.isfinite(u_nominal).all() and np.isfinite(alpha2_psi).all()):
         return False
@@ -184,9 +183,10 @@ def _filter_all(
     result = FilterResult(
         answer[: 2 * count].reshape(count, 2),
         answer[2 * count : end].reshape(count, m),
-        answer[end:].reshape(count, m),
-        status,
+        answer[end : end + total].reshape(count, m),
+        np.empty(count, dtype=np.int64),
         np.empty(count, dtype=np.int64),
     )
     filter_batch(Settings(*settings), u_nominal.reshape(count, 2), rows, result)
+    answer[end + total :] = result.status
     return True
