@@ -99,26 +99,26 @@ def of(env: str, **options: Any) -> Callable[[], gym.Env]:
     return lambda: gym.make(env, **options)
 
 
-def walker(name: str) -> Callable[[], gym.Env]:
-    """Return what makes a robot with a contract of the tests' data."""
-    contract = Path(os.environ.get("HCBF_DATA", "data")) / "walkers" / name
-    return of("HCBF-WalkerRegions-v0", robot=str(contract), scenario="random")
+def on_map(name: str) -> Callable[[], gym.Env]:
+    """Return what makes the reduced-order model on a map of the tests' data."""
+    file = str(Path(os.environ.get("HCBF_DATA", "data")) / "maps" / name)
+    return of(REGIONS, scenario={"map": {"file": file}})
 
 
-def depot() -> gym.Env:
-    """Return the reduced-order model on a ranked map."""
-    return gym.make(REGIONS, scenario="random-map")
-
+GO1 = str(Path(hcbf_gym.__file__).parents[1] / "tests" / "robots" / "contracts" / "go1.json")
+"""The contract of the checkout that runs."""
 
 FAMILIES: dict[str, tuple[Callable[[], gym.Env], int]] = {
     "random": (of(REGIONS, scenario="random"), 200),
     "random-moving": (of(REGIONS, scenario="random-moving"), 200),
     "random-clutter": (of(REGIONS, scenario="random-clutter"), 200),
     "paper-simulation": (of(REGIONS, scenario="paper-simulation"), 300),
-    "random-map": (depot, 100),
+    "random-map": (of(REGIONS, scenario="random-map"), 100),
+    "depot": (on_map("depot.yaml"), 100),
     "a1": (of("HCBF-A1Regions-v0", scenario="paper-simulation"), 40),
     "a1-random": (of("HCBF-A1Regions-v0", scenario="random", estimation="lidar"), 40),
     "cart": (of("HCBF-WalkerRegions-v0", robot="cart", scenario="random"), 100),
+    "go1": (of("HCBF-WalkerRegions-v0", robot=GO1, scenario="random"), 40),
     "unicycle": (lambda: Own(Unicycle(), np.array([-0.5, 0.0, 0.0])), 100),
     "bicycle": (lambda: Own(KinematicBicycle(), np.array([-0.5, 0.0, 0.0, 0.5])), 100),
     "single-integrator": (lambda: Own(models.SingleIntegrator(), np.array([-0.5, 0.0])), 100),
