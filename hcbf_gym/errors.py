@@ -2,6 +2,7 @@
 
 import contextlib
 import importlib.util
+import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
@@ -71,6 +72,23 @@ class SafetyWarning(UserWarning):
     """The filter brakes, or has noticed that the plant is not the one that was declared."""
 
 
+_PASSED = {"hcbf_gym", "gymnasium", "contextlib", "functools"}
+"""Packages whose lines are not the user's."""
+
+
+def warn_caller(text: str, category: type[Warning] = UserWarning) -> None:
+    """Warn of the user's line: the first one that lies neither in this package nor in Gymnasium.
+
+    Args:
+        text: what is said.
+        category: of the warning.
+    """
+    frame, level = sys._getframe(), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, category, stacklevel=level)
+
+
 @contextlib.contextmanager
 def said_once() -> Iterator[None]:
     """Let what is warned of inside be said once, at the end."""
@@ -81,7 +99,7 @@ def said_once() -> Iterator[None]:
             yield
     finally:  # also where it failed: what was warned of may be why
         for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
-            warnings.warn(text, category, stacklevel=4)
+            warn_caller(text, category)
 
 
 def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:

@@ -2,13 +2,16 @@
 
 import warnings
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from PIL import Image
 
-from hcbf_gym import scenarios
+from hcbf_gym import Command, Robot, VelocityFilter, scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, said_once
 from hcbf_gym.estimation.sensors import Sensors
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.scenarios import BoxObstacle
 
@@ -92,3 +95,36 @@ def test_what_is_warned_of_many_times_is_said_once_also_where_it_fails():
         ("one", CoverageWarning),
         ("other", CoverageWarning),
     ]
+
+
+def an_environment():
+    gym.make("HCBF-A1Regions-v0", friction=0.3)
+
+
+def a_filter():
+    env = gym.make("HCBF-Regions-v0", scenario="random", disable_env_checker=True)
+    wrappers.SafetyFilter(env, alpha1={"kind": "linear", "gain": 9.0})
+
+
+def a_loop():
+    robot = Robot(Command(forward=0.5, turn=1.0, look_ahead=0.1), reach=0.2)
+    safe = VelocityFilter(robot, [Disc("a", 1, center=(3.0, 0.0), radius=0.5)])
+    for time in (0.0, 0.05):
+        safe.step((0.2, 0.0), (np.nan * time, 0.0, 0.0), (0.0, 0.0), time)
+
+
+def a_map(folder):
+    pixels = np.full((9, 9), 254, dtype=np.uint8)
+    Image.fromarray(pixels).save(folder / "map.png")
+    keys = "image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n"
+    limits = "occupied_thresh: 0.65\nfree_thresh: 0.25\nauthor: me\n"
+    (folder / "map.yaml").write_text(keys + limits, encoding="utf-8")
+    RankedMap.load(folder / "map.yaml")
+
+
+@pytest.mark.parametrize("way", [an_environment, a_filter, a_loop, a_map])
+def test_a_warning_names_the_users_line(way, tmp_path):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        way(tmp_path) if way is a_map else way()
+    assert {one.filename for one in said} == {__file__}

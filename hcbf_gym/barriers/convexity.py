@@ -1,12 +1,11 @@
 """Whether a user's own h is convex in the position, as rows between samples and margins assume."""
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.errors import UNREADABLE, SafetyWarning
+from hcbf_gym.errors import UNREADABLE, SafetyWarning, warn_caller
 from hcbf_gym.models.control_affine import ControlAffine
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -44,10 +43,9 @@ def warn_of_concave(barriers: Sequence[Barrier], model: ReducedOrderModel) -> No
     found = {b.name for b in barriers if not is_convex(b, model)}
     names = [name for name in bent if name in found]
     if names:
-        warnings.warn(
+        warn_caller(
             f"safety filter: h of {names} is not convex in the position at sampled states, so that "
             "it may fall below its margin between two samples; expected the outside of a convex "
             "region, one condition for each, or a larger margin and a shorter period",
             SafetyWarning,
-            stacklevel=5,
         )

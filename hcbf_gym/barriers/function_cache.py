@@ -1,6 +1,5 @@
 """Which rows of functions are compiled, and for how long that is retained."""
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_rows import FunctionRows, RowsKernel
 from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.errors import warn_caller
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 MOST = 8
@@ -70,12 +70,11 @@ class FunctionCache:
             self.alone[function.signature] = kernel
         elif not self._warned:
             self._warned = True
-            warnings.warn(
+            warn_caller(
                 f"{function.name}: got yet another function after {MOST} that were compiled; from "
                 "now on such rows are evaluated without compiling, a hundred times slower; "
                 "expected the same function object in every step: pass what changes as an "
                 "argument, barriers.Function(name, priority, h, parameters=p) with h(x, t, p)",
-                stacklevel=6,
             )
         return kernel
 

@@ -1,5 +1,6 @@
 """What a plant says of itself, as certificates compare it."""
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,10 +8,15 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hcbf_gym import compilation, records
 from hcbf_gym.arrays import Info
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
+
+_PLAIN = bool, int, float, str, np.ndarray
+"""What of an object's own is told."""
 
 
 def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[str, object]:
@@ -53,7 +59,7 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
         "files": files_hash(files),
     }
     if is_dataclass(plant.model):
-        said["parameters of the model"] = repr(plant.model)
+        said["parameters of the model"] = _named(plant.model)
     if input_set is None:
         said["action space"] = str(env.action_space)
     return said
@@ -75,11 +81,17 @@ def _named(thing: object) -> str:
     code = getattr(thing, "__code__", None)
     if code is not None:
         return f"{code.co_name} in line {code.co_firstlineno}"
+    if isinstance(thing, functools.partial):
+        return _named([thing.func, *thing.args, *sorted(thing.keywords.items())])
     if isinstance(thing, Sequence) and not isinstance(thing, str):
         return f"[{', '.join(map(_named, thing))}]"
     if is_dataclass(thing):
         parts = (f"{f.name}={_named(getattr(thing, f.name))}" for f in fields(thing))
         return f"{type(thing).__name__}({', '.join(parts)})"
+    if type(thing).__repr__ is object.__repr__:  # which is where it lies in this process
+        held = getattr(thing, "__dict__", {}).items()
+        known = (f"{name}={_named(value)}" for name, value in held if isinstance(value, _PLAIN))
+        return f"{type(thing).__qualname__}({', '.join(known)})"
     return repr(thing)
 
 
@@ -87,10 +99,12 @@ def _written_in(*things: Any) -> set[Path]:
     """Return the files in which classes and functions are written; none for what has none."""
     found = set()
     for thing in things:
-        try:
-            file = inspect.getsourcefile(thing)
-        except TypeError:  # an instance, or built in
-            continue
-        if file is not None and Path(file).is_file():
-            found.add(Path(file))
+        whole = thing.func if isinstance(thing, functools.partial) else thing
+        for one in (whole, type(whole)):
+            try:
+                file = inspect.getsourcefile(one)
+            except TypeError:  # an instance, or built in
+                continue
+            if file is not None and Path(file).is_file():
+                found.add(Path(file))
     return found

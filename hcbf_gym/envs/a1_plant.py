@@ -1,7 +1,6 @@
 """What controller and filter believe of the A1 and its ground, from what is declared."""
 
 import math
-import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
 from hcbf_gym.envs.plants import PlantModel
 from hcbf_gym.envs.randomization import PlantConditions, Randomization
-from hcbf_gym.errors import InvalidInputError, LoweredWarning
+from hcbf_gym.errors import InvalidInputError, LoweredWarning, warn_caller
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
 from hcbf_gym.locomotion.tick import FULL_GRIP
 from hcbf_gym.locomotion.watch import WatchBounds
@@ -289,11 +288,10 @@ def speed_limit(
     carried = carried_speed(declared, terrain, input_set)
     if asked <= carried:
         return asked
-    warnings.warn(
+    warn_caller(
         f"HCBF-A1Regions-v0: v_max: {asked} m/s is lowered to {carried} m/s, the highest cap that "
         f"the declared plant carries: U stops it with {braking.weakest(input_set):.3g} m/s² in its "
         "weakest direction",
         LoweredWarning,
-        stacklevel=5,
     )
     return carried

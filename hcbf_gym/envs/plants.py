@@ -1,12 +1,11 @@
 """What a safety filter must know of this package's environments, as `Plant` records."""
 
-import warnings
 from functools import partial
 from typing import Any, NamedTuple
 
 from hcbf_gym.certificates import Judged, NearestCertificate
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.errors import CoverageWarning, warn_caller
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, CoveredBy, Plant, Uncertainty
@@ -94,6 +93,7 @@ def warn_of(name: str, judged: Judged) -> None:
         why = f": nothing was tested on {judged.says[0]}"
     else:
         why = f", as the arguments leave what was tested: {'; '.join(judged.says)}"
-    warnings.warn(
-        f"{name}: rank 1 is not promised (covered = 0){why}", CoverageWarning, stacklevel=5
+    warn_caller(
+        f"{name}: rank 1 is not promised (covered = 0){why}",
+        CoverageWarning,
     )

@@ -1,6 +1,5 @@
 """HCBF-WalkerRegions-v0: any robot that takes velocities in the ranked regions."""
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.envs.walker_plant import Declared, plant_model, widened
-from hcbf_gym.errors import SafetyWarning, choose
+from hcbf_gym.errors import SafetyWarning, choose, warn_caller
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.robots.walker_margins import speed_cap
@@ -133,12 +132,11 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     def _stopped(self) -> bool:
         """Return whether the robot has fallen or its controller has failed; warn of the latter."""
         if self.drive.failed:
-            warnings.warn(
+            warn_caller(
                 f"walker {self.contract.name!r}: its controller {self.contract.policy} gave no "
                 "finite action of its size; the last inputs of the actuators stand, and the "
                 "episode ends",
                 SafetyWarning,
-                stacklevel=3,
             )
         return self.drive.failed or super()._stopped()
 

@@ -1,8 +1,6 @@
 """What a filter says when it brakes, or when the plant is not the one that was declared."""
 
-import warnings
-
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.errors import SafetyWarning, warn_caller
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
 
@@ -35,4 +33,4 @@ class ReasonWarnings:
             what = "the filter goes on, and promises nothing until the next reset"
         many = "" if count == 1 else f" of {count} plants"
         message = f"safety filter{many}: {Reason(reason).says}; {what}"
-        warnings.warn(message, SafetyWarning, stacklevel=5)
+        warn_caller(message, SafetyWarning)

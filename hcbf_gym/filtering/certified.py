@@ -1,6 +1,5 @@
 """A plant under a certificate: its margins are what rows reserve, and `covered` follows it."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -10,7 +9,7 @@ from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.certificates import Certificate, Judged, judge
-from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.errors import CoverageWarning, warn_caller
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
@@ -50,11 +49,10 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
     of_another = judged.outside and judged.covered_by == CoveredBy.ARGUMENT
     if judged.outside:
         of = "is of another plant:" if of_another else "does not know"
-        warnings.warn(
+        warn_caller(
             f"safety filter: the certificate {certificate.name!r} {of} {'; '.join(judged.says)}: "
             "covered is 0",
             CoverageWarning,
-            stacklevel=4,
         )
     outside = judged._replace(covered_by=CoveredBy.CERTIFICATE)
     if of_another:
@@ -102,10 +100,9 @@ def limits(
     if not outside:
         return None
     says = tuple(phrase for one in outside for phrase in one.says)
-    warnings.warn(
+    warn_caller(
         f"safety filter: the promise was not tested with {', '.join(says)}: covered is 0",
         CoverageWarning,
-        stacklevel=4,
     )
     return outside[0]._replace(says=says)
 

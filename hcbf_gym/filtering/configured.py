@@ -1,6 +1,5 @@
 """A filter of N plants as its user asked for it: settings, read once at the door, and program."""
 
-import warnings
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +17,7 @@ from hcbf_gym.errors import (
     check_options,
     choose,
     finite_array,
+    warn_caller,
 )
 from hcbf_gym.filtering import plants
 from hcbf_gym.filtering.settings import (
@@ -93,11 +93,10 @@ class Configured:
             dip += plant.axle.strays(plant.period or 0.0)
         self.uncertainty = kept(plant, settings.margin, dip)
         if plant.period is None:
-            warnings.warn(
+            warn_caller(
                 "safety filter: the plant's period is not known, so that rows are those of one "
                 "instant and promise nothing between samples; expected Plant(period=…) [s]",
                 SafetyWarning,
-                stacklevel=5,
             )
         self.told_as = np.dtype(np.float64)
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
@@ -253,12 +252,11 @@ class Configured:
         """Warn where a differential drive is sampled so slowly that it stays far off walls."""
         axle, period = self.plant.axle, self.plant.period
         if axle is not None and clearance > FAR_OFF:
-            warnings.warn(
+            warn_caller(
                 f"safety filter: at a period of {period:g} s a cart that turns at {axle.turn:g} "
                 f"rad/s stays {clearance:.2g} m off walls besides its margin; expected a shorter "
                 "period, or a lower turn or forward speed",
                 CoverageWarning,
-                stacklevel=6,
             )
 
     def _axle_settings(self, held: bool) -> RowSettings:

@@ -5,7 +5,6 @@ step stands here and in what this file calls.
 """
 
 import operator
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
@@ -21,12 +20,7 @@ from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import (
-    UNREADABLE,
-    InvalidInputError,
-    UnreachableError,
-    shown,
-)
+from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError, shown, warn_caller
 from hcbf_gym.filtering import solvers, step
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
@@ -384,7 +378,7 @@ class FilterCore(Configured, ABC):
         late = f"{late}: allowed" if allowed else f"{late}; {REMEDY}"
         if not self._said_late and (allowed or not self._fresh.all()):
             self._said_late = True
-            warnings.warn(f"safety filter: {late}", stacklevel=6)
+            warn_caller(f"safety filter: {late}")
         if not allowed:
             raise InvalidInputError(late)
 

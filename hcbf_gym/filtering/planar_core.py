@@ -1,7 +1,6 @@
 """The filter of N planar double integrators: one compiled call a step."""
 
 import operator
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from hcbf_gym.barriers.own_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.row_kernels import B
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, CoverageWarning
+from hcbf_gym.errors import UNREADABLE, CoverageWarning, warn_caller
 from hcbf_gym.filtering import belief
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.guide import Guide
@@ -127,7 +126,7 @@ class PlanarCore(FilterCore):
                 covered[one.scenes] = Coverage.OUTSIDE
             if one.what not in self._said:
                 self._said.add(one.what)
-                warnings.warn(f"safety filter: {one.says}", CoverageWarning, stacklevel=5)
+                warn_caller(f"safety filter: {one.says}", CoverageWarning)
         return covered
 
     def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:

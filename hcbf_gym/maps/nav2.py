@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    choose,
+    finite_array,
+    finite_float,
+    shown,
+    warn_caller,
+)
 from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.grid import Grid, checked_shape
 
@@ -64,9 +71,8 @@ def read(path: str | Path) -> Raster:
         )
     others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
     if others:
-        warnings.warn(
+        warn_caller(
             f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}",
-            stacklevel=4,
         )
     mode = keys.get("mode", "trinary")
     choose(f"mode of map {path}", mode, dict.fromkeys(MODES))

@@ -1,6 +1,5 @@
 """Classes of a map from its files: the map itself, and masks over it."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.errors import InvalidInputError, check_options, finite_float
+from hcbf_gym.errors import InvalidInputError, check_options, finite_float, warn_caller
 from hcbf_gym.maps import nav2
 from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.maps.nav2 import Raster
@@ -115,10 +114,9 @@ def _of_mask_file(
         cells, beyond = onto(grid, one.cells, raster.grid)
         classes.append(replace(one, cells=cells))
         if beyond and outside_is_free:
-            warnings.warn(
+            warn_caller(
                 f"{label}: some of its cells lie beyond the map, where with unknown=None all is "
                 "free: they are left out",
-                stacklevel=5,
             )
     return classes
 

@@ -1,9 +1,8 @@
 """When barriers that move were where they are put: from then the filter's time counts."""
 
 import math
-import warnings
 
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.errors import SafetyWarning, warn_caller
 
 ROUNDING = 1e-9
 """By how much a present may seem to be before its past [s]."""
@@ -51,12 +50,11 @@ class BarrierClock:
         self.is_sound = self.seen_at is None or -ahead <= present - zero <= SEEN_FOR
         if not self.is_sound:
             if was_sound:
-                warnings.warn(
+                warn_caller(
                     f"velocity filter: seen_at: got {zero:.9g} s at {present:.9g} s, expected a "
                     f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
                     f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
                     SafetyWarning,
-                    stacklevel=3,
                 )
             return 0.0
         later = 0.0 if self._zero is None else zero - self._zero

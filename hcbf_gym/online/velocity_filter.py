@@ -21,6 +21,7 @@ from hcbf_gym.errors import (
     SafetyWarning,
     finite_array,
     finite_float,
+    warn_caller,
 )
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
@@ -125,11 +126,10 @@ class VelocityFilter:
         known = known_of(robot)
         response = known.response or assumed(known.command)
         if response.complaints:
-            warnings.warn(
+            warn_caller(
                 "velocity filter: rank 1 is not promised (covered = 0), as the robot does not "
                 f"follow: {'; '.join(response.complaints)}",
                 CoverageWarning,
-                stacklevel=2,
             )
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._from, self._clock = Origin(), BarrierClock(self._max_age)
@@ -387,7 +387,7 @@ class VelocityFilter:
                 self._begin(barriers, estimate, present)
                 self._begun = True
             except InvalidInputError as error:  # no filter can begin with these barriers
-                warnings.warn(f"velocity filter: {error}", SafetyWarning, stacklevel=2)
+                warn_caller(f"velocity filter: {error}", SafetyWarning)
                 barriers = None
         elif (
             self._unseen

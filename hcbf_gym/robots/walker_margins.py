@@ -1,12 +1,11 @@
 """What rows must reserve for a robot that takes velocities: the one law of its margins."""
 
 import math
-import warnings
 
 from hcbf_gym import certificates
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.speed_limit import leaves_speed
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_float
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_float, warn_caller
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
@@ -126,13 +125,12 @@ def warn_of_standing(cap: float, known: Uncertainty, response: Response) -> None
     """
     usual = known.speed + known.speed_per_velocity * response.residual[0]
     if not leaves_speed(cap, usual):
-        warnings.warn(
+        warn_caller(
             f"v_max: {cap:g} m/s leave a robot that follows to {response.residual[0]:.2g} m/s "
             f"nothing, as the row of the speed limit reserves {usual:.3g} m/s then: it hardly "
             f"moves; expected above {2.0 * usual:.3g} m/s, no v_max where the robot's motors cap "
             "its speed, or hcbf identify, which measures how it follows",
             SafetyWarning,
-            stacklevel=2,
         )
 
 

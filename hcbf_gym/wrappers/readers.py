@@ -1,10 +1,9 @@
 """A plant's readers at every step: one that raises is one that knows nothing."""
 
-import warnings
 from typing import Any
 
 from hcbf_gym.arrays import Info
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.errors import SafetyWarning, warn_caller
 from hcbf_gym.models.plant import Estimate, Plant
 
 
@@ -39,9 +38,8 @@ class Readers:
         """Warn of a reader that raised, once of each."""
         if name not in self._said:
             self._said.add(name)
-            warnings.warn(
+            warn_caller(
                 f"safety filter: the reader of the {name} raised {error!r}; the filter brakes "
                 "until that ends",
                 SafetyWarning,
-                stacklevel=5,
             )

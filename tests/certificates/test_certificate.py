@@ -1,5 +1,6 @@
 """A certificate contradicts itself nowhere, and speaks of its own plant alone."""
 
+import functools
 import json
 import warnings
 from dataclasses import replace
@@ -275,6 +276,37 @@ def test_a_plant_of_ones_own_is_told_by_its_model_its_inputs_and_its_files():
     other = made(declared | {"files": "0123"})
     with pytest.warns(CoverageWarning, match="files"):
         SafetyFilter(env, plant=mass(), certificate=other)
+
+
+class Reader:
+    """A reader that is an object, and whose `repr` is an address."""
+
+    def __init__(self, gain):
+        self.gain = gain
+
+    def __call__(self, env, observation, info):
+        return Estimate(np.full(4, self.gain))
+
+
+def scaled(gain, env, observation, info):
+    return Estimate(np.full(4, gain))
+
+
+def read_by(kind, gain):
+    model = models.ControlAffine(
+        lambda x: np.zeros(4), lambda x: np.eye(4)[:, 2:], n=4, n_u=2, velocity_at=2
+    )
+    reader = Reader(gain) if kind == "object" else functools.partial(scaled, gain)
+    return replace(mass(), model=model, state=reader)
+
+
+@pytest.mark.parametrize("kind", ["object", "partial"])
+def test_a_plant_of_ones_own_is_the_same_in_every_process(kind):
+    said = [
+        certificates.declared(read_by(kind, gain), Mass(), None, {}) for gain in (1.0, 1.0, 2.0)
+    ]
+    assert said[0] == said[1] != said[2]
+    assert " at 0x" not in str(said)
 
 
 def test_a_plant_of_ones_own_with_other_barriers_is_another_plant():

@@ -13,7 +13,6 @@ What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is
 follows, and d is what that leaves.
 """
 
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.certificates.parts import LASTING, PRESSED, Shown, vacuous
-from hcbf_gym.errors import RefusedError, SafetyWarning, finite_array
+from hcbf_gym.errors import RefusedError, SafetyWarning, finite_array, warn_caller
 from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.evaluation.certification.families import Seen
 from hcbf_gym.models.plant import Reason, Uncertainty
@@ -255,7 +254,7 @@ def _check_stake(seen: Sequence[Seen]) -> None:
         return
     if found.half_last < LASTING or short > 2.0 * deviation:
         raise RefusedError(f"calibration: {why}")
-    warnings.warn(f"calibration: {why}; else there may be no certificate", SafetyWarning, 2)
+    warn_caller(f"calibration: {why}; else there may be no certificate", SafetyWarning)
 
 
 def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> None:

@@ -30,7 +30,7 @@ def page(certificate: Certificate) -> str:
         "",
         f"**P(enter) ≤ {c.bound:.3g}** for the next episode, with a confidence of {share:.1%}: "
         f"{c.entered} of {c.episodes:,} fresh episodes entered rank 1, the first that were enough: "
-        f"e = {c.e_value:.4g}, {_try(c)}. The least h was {c.least_h:+.4g}; the robot "
+        f"e = {c.e_value:.4g} ({_try(c)}). The least h was {c.least_h:+.4g}; the robot "
         f"fell in {c.falls}, and the filter raised an alarm in {c.alarms}.",
         "",
         *_stakes(c),
@@ -67,7 +67,7 @@ def page(certificate: Certificate) -> str:
 def _try(c: Certificate) -> str:
     """Return which try it was, and what it had to reach."""
     which = "the only try" if c.attempt == 0 else f"try {c.attempt}"
-    return f"{which}, {1.0 / c.doubt:,.4g} were needed"
+    return f"{which}, which asks for {1.0 / c.doubt:,.4g} at least"
 
 
 def _stakes(c: Certificate) -> list[str]:
