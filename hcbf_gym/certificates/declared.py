@@ -86,7 +86,8 @@ def _named(thing: object) -> str:
     if isinstance(thing, Sequence) and not isinstance(thing, str):
         return f"[{', '.join(map(_named, thing))}]"
     if is_dataclass(thing):
-        parts = (f"{f.name}={_named(getattr(thing, f.name))}" for f in fields(thing))
+        shown = (f.name for f in fields(thing) if f.repr)
+        parts = (f"{name}={_named(getattr(thing, name))}" for name in shown)
         return f"{type(thing).__name__}({', '.join(parts)})"
     if type(thing).__repr__ is object.__repr__:  # which is where it lies in this process
         held = getattr(thing, "__dict__", {}).items()
