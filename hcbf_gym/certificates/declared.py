@@ -108,4 +108,5 @@ def _written_in(*things: Any) -> set[Path]:
                 continue
             if file is not None and Path(file).is_file():
                 found.add(Path(file))
+                break
     return found
