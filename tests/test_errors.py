@@ -103,7 +103,7 @@ def an_environment():
 
 def a_filter():
     env = gym.make("HCBF-Regions-v0", scenario="random", disable_env_checker=True)
-    wrappers.SafetyFilter(env, alpha1={"kind": "linear", "gain": 9.0})
+    wrappers.SafetyFilter(env, rows="usual")
 
 
 def a_loop():

@@ -20,7 +20,10 @@ class Several(ABC):
     @property
     @abstractmethod
     def conditions(self) -> tuple[Barrier, ...]:
-        """The barriers, in the order of their infos; the same objects until one changes."""
+        """The barriers, in the order of their infos; the same objects until one changes.
+
+        It is read at every step: other objects are other barriers.
+        """
 
 
 class Shapes:

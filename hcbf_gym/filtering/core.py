@@ -8,7 +8,8 @@ import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
@@ -71,6 +73,7 @@ class FilterCore(Configured, ABC):
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
+        self._several: tuple[_Read, ...] = ()  # what in those may change in place
 
     @property
     def guides(self) -> bool:
@@ -332,12 +335,15 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
-        if _same(barriers, self._listed):
+        if _same(barriers, self._listed) and all(one.is_as_read() for one in self._several):
             return self._scene
         scene = self._scenes_of(barriers)
-        self._listed = None
+        self._listed, self._several = None, ()
         if not isinstance(barriers, BarrierSet):
             self._listed = tuple(tuple(b) if isinstance(b, list) else b for b in barriers)
+            entries = chain.from_iterable(b if type(b) is tuple else (b,) for b in self._listed)
+            several = (one for one in entries if isinstance(one, Several))
+            self._several = tuple(_Read(one, one.conditions) for one in several)
         return scene
 
     def _scenes_of(self, barriers: object) -> BarrierSet:
@@ -405,8 +411,20 @@ class FilterCore(Configured, ABC):
         return float(gain) * self.input_set.radius
 
 
+class _Read(NamedTuple):
+    """An entry of a list that stands for several barriers, and those for which it stood."""
+
+    entry: Several
+    conditions: tuple[Barrier, ...]
+
+    def is_as_read(self) -> bool:
+        """Return whether it stands for the very same ones."""
+        now, before = self.entry.conditions, self.conditions
+        return len(now) == len(before) and all(map(operator.is_, now, before))
+
+
 def _same(barriers: Any, listed: tuple[Any, ...] | None) -> bool:
-    """Return whether a list holds the very barriers that were read last; they never change."""
+    """Return whether a list holds the very entries that were read last."""
     if listed is None or type(barriers) not in (list, tuple) or len(barriers) != len(listed):
         return False
     return all(map(operator.is_, barriers, listed)) or (

@@ -1,5 +1,6 @@
 """A user's own barrier: accepted wherever built-in ones are, and named for JSON."""
 
+import itertools
 import json
 from dataclasses import dataclass, replace
 
@@ -198,6 +199,75 @@ def test_what_stands_for_several_barriers_is_taken_whatever_the_model_is(model):
     assert len(fence["margin"]) == len(Fence.conditions)
     for name, value in posts.items():
         np.testing.assert_array_equal(fence[name], value, name)
+
+
+class Post(Several):
+    """A post that is moved in place."""
+
+    conditions = ()
+
+    def __init__(self):
+        self.move(2.0)
+
+    def move(self, to):
+        self.conditions = (Disc("post", 1, center=(to, 0.0), radius=0.1),)
+
+
+def stepped(model):
+    post = Post()
+    plant = Plant(model, [post], lambda env, *_: env.x.copy(), period=0.02)
+    env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
+    env.reset(seed=0)
+    return post, lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
+
+
+def read_anew():
+    model, post = models.DoubleIntegrator(), Post()
+    plant = Plant(model, lambda *_: [post], lambda env, *_: env.x.copy(), period=0.02)
+    env = wrappers.SafetyFilter(Still(model), plant=plant)
+    env.reset(seed=0)
+    return post, lambda: env.step(np.zeros(2))[4]["safety_filter"]["h"][-1]
+
+
+def batched():
+    model, post = models.DoubleIntegrator(), Post()
+    envs = gym.vector.SyncVectorEnv(2 * [lambda: Still(model)])
+    states = lambda envs, *_: np.array([one.x for one in envs.envs])  # noqa: E731
+    plant = Plant(model, lambda *_: [[post], [post]], states, period=0.02)
+    envs = wrappers.VectorSafetyFilter(envs, plant=plant)
+    envs.reset(seed=0)
+    return post, lambda: envs.step(np.zeros((2, 2)))[4]["safety_filter"]["h"][1, -1]
+
+
+def driven():
+    post, times = Post(), itertools.count()
+    door = VelocityFilter("cart", [post], period=0.05)
+
+    def step():
+        report = door.step((0.0, 0.0), np.zeros(3), np.zeros(3), 0.05 * next(times))[1]
+        return report["h"][-1]
+
+    return post, step
+
+
+@pytest.mark.filterwarnings("ignore:safety filter", "ignore:velocity filter")
+@pytest.mark.parametrize(
+    "way",
+    [
+        lambda: stepped(models.DoubleIntegrator()),
+        lambda: stepped(models.SingleIntegrator()),
+        lambda: stepped(Unicycle()),
+        read_anew,
+        batched,
+        driven,
+    ],
+)
+def test_what_changes_in_place_is_seen_in_the_next_step(way):
+    post, step = way()
+    step()
+    far = step()
+    post.move(1.5)
+    assert far - step() == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_velocity_filter_takes_it_too():

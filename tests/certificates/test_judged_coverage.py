@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from benchmarks.alone import ALONE
 from hcbf_gym import certificates, models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import judge
@@ -18,6 +19,9 @@ from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 KINDS = ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"})
 SHIPPED = certificates.shipped()
 FILTER = "filter of a plant that is not its model"
+NAMES = {"unit", "words", "kind"}
+DERIVED = {"position", "friction_derived"}
+"""What the mixture's own certificate drives."""
 
 
 def kind(expected):
@@ -263,3 +267,21 @@ def test_a_scene_that_changes_or_asks_for_too_much_says_so():
     env._core._fresh[:] = True
     env._core.covering.doubt(np.array([Coverage.OUTSIDE]), env._core._fresh)
     assert env._core.covering._why[0] == CoveredBy.INPUTS
+
+
+def leaves(value):
+    """Return the numbers and names in a value of JSON, without `NAMES`."""
+    if isinstance(value, dict):
+        return [x for name, one in value.items() if name not in NAMES for x in leaves(one)]
+    if isinstance(value, list):
+        return [x for one in value for x in leaves(one)]
+    return [] if value is None else [value]
+
+
+def test_every_end_of_a_range_that_was_tested_alone_is_driven():
+    alone = certificates.tested()["alone"]["HCBF-A1Regions-v0"]["ranges"]
+    driven = [option for options in ALONE.values() for option in options.items()]
+    assert {name for name, _ in driven} == set(alone)
+    for name, expected in alone.items():
+        ends = {end for end in leaves(expected) if end not in DERIVED}
+        assert ends <= {end for one, value in driven if one == name for end in leaves(value)}, name
