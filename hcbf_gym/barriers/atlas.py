@@ -63,13 +63,14 @@ class Atlas:
         barrier.write(parameters[place], self._begins[pieces])
 
     def of(self, places: dict[int, int]) -> "Atlas":
-        """Return what some scenes hold, and the same numbers; to be read only.
+        """Return what some scenes hold, and the same numbers, to which no more is written.
 
         Args:
             places: number of each scene → its number in the new set.
         """
         chosen = Atlas()
         chosen.numbers = self.numbers
+        chosen._end = 0 if self.numbers is None else self.numbers.size  # more asks for new room
         chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
         return chosen
 

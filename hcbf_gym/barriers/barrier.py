@@ -102,7 +102,9 @@ class Barrier(ABC):
 
     def moved(self, step: Array) -> "Barrier":
         """Return the same condition a step (2,) [m] away: h(x) there is h(x − step) here."""
-        return Elsewhere(self.name, self.priority, self, step) if self.reads_position else self
+        if not self.reads_position:
+            return self
+        return Elsewhere(self.name, self.priority, self, np.array(step))
 
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at N states x (N, n) and times t (N,), with a leading N.
@@ -132,7 +134,7 @@ class PlanarBarrier(Barrier):
 
     def moved(self, step: Array) -> "PlanarBarrier":
         """Return the same condition a step (2,) [m] away."""
-        return PlanarElsewhere(self.name, self.priority, self, step)
+        return PlanarElsewhere(self.name, self.priority, self, np.array(step))
 
     def core(self, q: Array, reach: float) -> Core | None:
         """Return the core of a convex region around which ∇H turns, or None if that is unknown.

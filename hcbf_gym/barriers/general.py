@@ -239,10 +239,10 @@ class GeneralRows:
 
     def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same."""
-        latest = () if self._latest is None else self._latest.scenes
-        if self._latest is None or len(latest) != len(scenes) or not _same(latest, scenes):
-            self._latest = self.prepared(scenes)
-        return self._latest
+        kept = self._latest  # filters in other threads share these rows
+        if kept is None or len(kept.scenes) != len(scenes) or not _same(kept.scenes, scenes):
+            self._latest = kept = self.prepared(scenes)
+        return kept
 
     def prepared(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
         """Return what is known of the barriers of N scenes.

@@ -1,7 +1,8 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
+import operator
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,7 @@ class BarrierSet:
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
         entries: N sequences, what the scenes were set from; () where that were arrays.
+        listed: N sequences, those barriers one by one, as they were read.
         atlas: where the pieces of maps stand.
     """
 
@@ -84,6 +86,8 @@ class BarrierSet:
         self.own: dict[tuple[int, int], Barrier] = {}
         self.atlas = Atlas(None if before is None else before.atlas)
         self.entries: list[Sequence[Entry]] = [()] * len(scenes)
+        self.listed: list[Sequence[Barrier | Shapes]] = [()] * len(scenes)
+        self._read: dict[int, list[tuple[Several, tuple[Barrier, ...]]]] = {}
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
@@ -93,16 +97,25 @@ class BarrierSet:
         Raises:
             InvalidInputError: if there are not m of them, or an entry is no `Barrier`.
         """
-        if length(scene) != self.kind.shape[1]:
+        entries: Any = tuple(scene)
+        read = [(one, tuple(one.conditions)) for one in entries if isinstance(one, Several)]
+        barriers = entries
+        if read:
+            stands_for = {id(one): conditions for one, conditions in read}
+            barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
+        count = length(barriers)
+        if count != self.kind.shape[1]:
             raise InvalidInputError(
-                f"barrier set: got a scene of {length(scene)} barriers, "
-                f"expected {self.kind.shape[1]}"
+                f"barrier set: got a scene of {count} barriers, expected {self.kind.shape[1]}"
             )
         self.version[i] += 1
         self.edits += 1
-        self.entries[i] = tuple(scene)
+        self.entries[i], self.listed[i] = entries, barriers
+        self._read.pop(i, None)
+        if read:
+            self._read[i] = read
         k = 0
-        for barrier in each(scene):
+        for barrier in barriers:
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
             self.priority[i, k:end] = barrier.priority
             self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
@@ -124,6 +137,31 @@ class BarrierSet:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
             k = end
+
+    def is_as_read(self) -> bool:
+        """Return whether entries that stand for several barriers stand for those that were read."""
+        return not self._read or not self._changed()
+
+    def read_again(self) -> None:
+        """Read what stands for several barriers and has changed in place; its scenes are news.
+
+        Raises:
+            InvalidInputError: if it stands for another number of barriers now.
+        """
+        for i in self._changed():
+            self.set_scene(i, self.entries[i])
+
+    def _changed(self) -> list[int]:
+        known: dict[int, bool] = {}  # scenes share maps
+        for read in self._read.values():
+            for one, before in read:
+                if id(one) not in known:
+                    now = one.conditions
+                    same = len(now) == len(before) and all(map(operator.is_, now, before))
+                    known[id(one)] = not same
+        if not any(known.values()):
+            return []
+        return [i for i, read in self._read.items() if any(known[id(one)] for one, _ in read)]
 
     @property
     def is_region(self) -> Mask:
@@ -183,7 +221,7 @@ class BarrierSet:
         """Return name and rank of the barriers of scene `i`, in the order of the report's rows."""
         names = [
             barrier.name
-            for barrier in each(self.entries[i])
+            for barrier in self.listed[i]
             for _ in range(len(barrier) if isinstance(barrier, Shapes) else 1)
         ]
         ranks = self.priority[i].tolist()
@@ -196,7 +234,8 @@ class BarrierSet:
         for name in _ARRAYS:
             setattr(chosen, name, np.repeat(getattr(self, name)[:1], count, axis=0))
         everywhere = range(count)
-        chosen.entries = [self.entries[0]] * count
+        chosen.entries, chosen.listed = [self.entries[0]] * count, [self.listed[0]] * count
+        chosen._read = dict.fromkeys(everywhere, self._read[0]) if self._read else {}
         chosen.own = {(i, k): own for i in everywhere for (_, k), own in self.own.items()}
         chosen.atlas = self.atlas.repeated(count)
         return chosen
@@ -210,6 +249,8 @@ class BarrierSet:
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
         chosen.entries = [self.entries[i] for i in places]
+        chosen.listed = [self.listed[i] for i in places]
+        chosen._read = {places[i]: read for i, read in self._read.items() if i in places}
         chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}
         chosen.atlas = self.atlas.of(places)
         return chosen

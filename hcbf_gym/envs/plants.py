@@ -31,6 +31,10 @@ def _estimate(env: Any, *_: object) -> Any:
     return env.estimate
 
 
+READERS = _barriers, _estimate
+"""They look at the environment alone, neither at observations nor at infos."""
+
+
 class PlantModel(NamedTuple):
     """What a filter takes for true of a simulated robot, from its environment's arguments.
 

@@ -143,7 +143,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     def estimate(self) -> Estimate:
         """The state, which is known exactly."""
         batch = self._batch
-        return Estimate(batch.x[0], batch.steps[0] * task.CONTROL_DT)
+        return Estimate(batch.x[0].copy(), batch.steps[0] * task.CONTROL_DT)
 
     @property
     def truth(self) -> Array:

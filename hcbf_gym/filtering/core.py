@@ -8,8 +8,7 @@ import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,6 @@ from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
@@ -73,7 +71,6 @@ class FilterCore(Configured, ABC):
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
-        self._several: tuple[_Read, ...] = ()  # what in those may change in place
 
     @property
     def guides(self) -> bool:
@@ -110,6 +107,7 @@ class FilterCore(Configured, ABC):
             InvalidInputError: if barriers ask for what cannot be, or leave an input to the policy
                 that moves them later.
         """
+        self._renew()
         self._take(barriers, estimate)
         refusal = self._refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
@@ -133,12 +131,12 @@ class FilterCore(Configured, ABC):
     def step(self, u_nominal: Array, barriers: object, estimate: Estimate) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
         buffer = self._buffer
+        self._renew()
         self._take(barriers, estimate)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
             self._make_room(self._m)
-        buffer.renew()
         buffer.u_nominal[...] = u_nominal
         arrays, own = self._made(scene, u_nominal)
         said = self._filter(arrays, own)
@@ -161,6 +159,13 @@ class FilterCore(Configured, ABC):
             self._finish()
         report = buffer.report()
         return report["u_safe"], report
+
+    def _renew(self) -> None:
+        """Give a batch's next report memory of its own: the user has that of the last one."""
+        if not self._alone:
+            self._buffer.renew()
+            self._buffer.plants["alpha1_scale"] = self.alpha1_scale
+            self.covering.tell(self._buffer.plants)
 
     @abstractmethod
     def _make_room(self, m: int) -> None:
@@ -279,7 +284,8 @@ class FilterCore(Configured, ABC):
         """
         samples = self._samples
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
-        if barriers is not self._scene or self._scene.edits != self._edits:
+        scene = self._scene
+        if barriers is not scene or scene.edits != self._edits or not scene.is_as_read():
             self._take_barriers(barriers)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
@@ -335,15 +341,14 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
-        if _same(barriers, self._listed) and all(one.is_as_read() for one in self._several):
+        if _same(barriers, self._listed) and self._scene.is_as_read():
             return self._scene
+        if isinstance(barriers, BarrierSet):
+            barriers.read_again()
         scene = self._scenes_of(barriers)
-        self._listed, self._several = None, ()
+        self._listed = None
         if not isinstance(barriers, BarrierSet):
-            self._listed = tuple(tuple(b) if isinstance(b, list) else b for b in barriers)
-            entries = chain.from_iterable(b if type(b) is tuple else (b,) for b in self._listed)
-            several = (one for one in entries if isinstance(one, Several))
-            self._several = tuple(_Read(one, one.conditions) for one in several)
+            self._listed = tuple(tuple(b) if isinstance(b, Sequence) else b for b in barriers)
         return scene
 
     def _scenes_of(self, barriers: object) -> BarrierSet:
@@ -409,18 +414,6 @@ class FilterCore(Configured, ABC):
             return self.input_set.radius
         gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
         return float(gain) * self.input_set.radius
-
-
-class _Read(NamedTuple):
-    """An entry of a list that stands for several barriers, and those for which it stood."""
-
-    entry: Several
-    conditions: tuple[Barrier, ...]
-
-    def is_as_read(self) -> bool:
-        """Return whether it stands for the very same ones."""
-        now, before = self.entry.conditions, self.conditions
-        return len(now) == len(before) and all(map(operator.is_, now, before))
 
 
 def _same(barriers: Any, listed: tuple[Any, ...] | None) -> bool:

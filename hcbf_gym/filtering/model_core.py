@@ -76,12 +76,15 @@ class ModelCore(FilterCore):
             )
         nested = not self._alone and isinstance(barriers, list | tuple)
         if nested and all(isinstance(one, list | tuple) for one in barriers):
-            return super()._scenes_of([check_barriers(one) for one in barriers])
-        return super()._scenes_of(check_barriers(barriers))
+            for one in barriers:
+                check_barriers(one)
+        else:
+            check_barriers(barriers)
+        return super()._scenes_of(barriers)
 
     def _moves(self, scene: BarrierSet) -> bool:
         """Return whether a scene depends on time."""
-        seen = {id(one): one for entries in scene.entries for one in entries}
+        seen = {id(one): one for listed in scene.listed for one in listed}
         n = self.plant.model.n
         return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
 
@@ -102,9 +105,9 @@ class ModelCore(FilterCore):
     def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Look at a scene that is news, and return its barriers and how inputs reach them."""
         self._prepared = None
-        first: Any = scene.entries[0]
-        same = all(entries is first for entries in scene.entries)
-        scenes: Any = [first] * self.count if same else scene.entries
+        first: Any = scene.listed[0]
+        same = all(listed is first for listed in scene.listed)
+        scenes: Any = [first] * self.count if same else scene.listed
         if not self._said_concave:
             self._said_concave = True
             own = [one for one in first if isinstance(one, Function)]

@@ -88,7 +88,6 @@ class PlanarCore(FilterCore):
         if self._refused or scene.own or not stands:
             return False
         before = samples.remembered()
-        buffer.renew()
         buffer.u_nominal[...] = 0.0
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         self._filter((*numbers, scene.atlas.numbers), self._no_rows)

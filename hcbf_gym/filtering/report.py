@@ -93,9 +93,8 @@ class ReportBuffer:
             self._places = _places(self._dtype, m)
 
     def renew(self) -> None:
-        """Give a batch's next report memory of its own; that of one plant is copied."""
-        if not self._alone:
-            self._divide(self._numbers.copy())
+        """Take memory of its own for the next report."""
+        self._divide(self._numbers.copy())
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""

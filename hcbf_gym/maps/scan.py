@@ -74,6 +74,9 @@ class Scan(Several):
             least = EDGE if name == "depth" else 0.0
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=least)
             object.__setattr__(self, name, number)
+        points = np.array(_numbers(f"{self.name}: points", self.points, 2))
+        points.flags.writeable = False
+        object.__setattr__(self, "points", points)
         errors = self.noise + self.period * self.speed
         seen = SeenRegion(
             self.name, self.rank, pieces=self._pieces(errors), margin=self.margin + FINE + errors
@@ -91,7 +94,7 @@ class Scan(Several):
         Raises:
             InvalidInputError: if the points are no (k, 2).
         """
-        given = _numbers(f"{self.name}: points", self.points, 2)
+        given = np.asarray(self.points)
         if given.shape[1] != 2:
             raise InvalidInputError(
                 f"{self.name}: points: got shape {given.shape}, expected (k, 2)"

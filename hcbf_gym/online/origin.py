@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, Shapes
+from hcbf_gym.barriers import Barrier, PlanarBarrier, Shape, Shapes
 from hcbf_gym.barriers.set import Entry, each
+from hcbf_gym.barriers.shapes import SHAPES
 
 FAR = 1e3
 """A robot that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
@@ -44,5 +45,13 @@ class Origin:
         if at is None or not at.any():
             return listed
         entries = tuple(each(listed))
-        self._near = {id(one): self._near.get(id(one)) or (one, one.moved(-at)) for one in entries}
+        near = self._near
+        self._near = {id(one): near.get(id(one)) or (one, _moved(one, -at)) for one in entries}
         return tuple(self._near[id(one)][1] for one in entries)
+
+
+def _moved(one: Barrier | Shapes, step: Array) -> Barrier | Shapes:
+    """Return a barrier a step (2,) [m] away; a user's own kind of shape is looked at as it is."""
+    if isinstance(one, Shape) and type(one) not in SHAPES:
+        return PlanarBarrier.moved(one, step)
+    return one.moved(step)

@@ -134,6 +134,7 @@ class VelocityFilter:
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._from, self._clock = Origin(), BarrierClock(self._max_age)
         self._barriers: object = None
+        self._looked_at: object = None  # as they were when guidance was told to look
         self._unseen = True  # whether guidance has not looked at the barriers
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
@@ -192,8 +193,9 @@ class VelocityFilter:
             InvalidInputError: if `seen_at` is not finite.
         """
         self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
-        self._unseen = self._unseen or (look and not _same(barriers, self._barriers))
-        self._barriers = barriers
+        listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
+        self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
+        self._barriers, self._looked_at = barriers, listed
 
     def check(self, barriers: Sequence[Entry]) -> None:
         """Refuse barriers that a step would only brake for, before they are handed over.
@@ -220,6 +222,8 @@ class VelocityFilter:
             raise InvalidInputError(
                 f"goal: got None with guidance {guidance!r}, expected (x, y) where it leads [m]"
             )
+        if found is not None:
+            found.flags.writeable = False
         self._goal = found
         self._core.look_again()
         self._begun = False

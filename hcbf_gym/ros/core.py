@@ -101,7 +101,7 @@ class NodeCore:
         self._clock.see(now)
         if self._zero_since == -math.inf:
             self._zero_since = None
-        given = np.asarray(command, dtype=np.float64)
+        given = np.array(command, dtype=np.float64)
         expected = self.settings.base_frame_id if frame else ""
         if not np.isfinite(given).all():
             return self._command.refuse(f"got {given.tolist()}, expected finite numbers")

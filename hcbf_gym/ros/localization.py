@@ -98,7 +98,7 @@ class Localization:
             frame: of the pose; "" for odometry's.
             child: of the twist; "" for the robot's.
         """
-        place, motion = np.asarray(pose, dtype=np.float64), np.asarray(twist, dtype=np.float64)
+        place, motion = np.array(pose, dtype=np.float64), np.array(twist, dtype=np.float64)
         watch, settings = self._odometry, self._settings
         if child and child != settings.base_frame_id:
             watch.refuse(f"child frame {child!r}, expected {settings.base_frame_id!r}")
@@ -115,7 +115,7 @@ class Localization:
 
     def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str) -> None:
         """Take where the robot was in the global frame: odometry goes on from there."""
-        given = np.asarray(pose, dtype=np.float64)
+        given = np.array(pose, dtype=np.float64)
         if not _plausible(given):
             self._pose.refuse(f"got {given.tolist()}, expected finite numbers")
         elif self._pose.hear(stamp, now, frame, self._settings.global_frame_id):
@@ -127,7 +127,7 @@ class Localization:
 
     def hear_correction(self, correction: ArrayLike | None) -> None:
         """Take the odometry's frame in the global one, (x, y, yaw), as tf has it; None: unknown."""
-        given = np.full(3, np.nan) if correction is None else np.asarray(correction, dtype=float)
+        given = np.full(3, np.nan) if correction is None else np.array(correction, dtype=float)
         if _plausible(given):
             self._correction = given
             self._pose.stand()

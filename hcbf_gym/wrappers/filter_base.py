@@ -9,6 +9,7 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
+from hcbf_gym.envs.plants import READERS
 from hcbf_gym.filtering.certified import certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
@@ -25,7 +26,7 @@ from hcbf_gym.wrappers.checks import (
     plant_of,
     real_input,
 )
-from hcbf_gym.wrappers.readers import Readers
+from hcbf_gym.wrappers.readers import Readers, copied
 
 
 class FilterBase:
@@ -83,6 +84,7 @@ class FilterBase:
         self._info: Info = {}
         self._begun = False
         self._readers = Readers(self.plant)
+        self._copies = (self.plant.barriers, self.plant.state) != READERS
 
     @property
     def input_set(self) -> InputSet:
@@ -93,6 +95,12 @@ class FilterBase:
     def conditions(self) -> list[Condition]:
         """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
         return self._core.conditions
+
+    def _see(self, observation: object, info: Info) -> None:
+        """Note what readers look at before the next action; the caller may change what it has."""
+        if self._copies:
+            observation, info = copied(observation), copied(info)
+        self._observation, self._info = observation, info
 
     def _begin(self, mask: Mask) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""
@@ -114,7 +122,9 @@ class FilterBase:
         u_nominal = real_input(wanted, self._shape)
         sensed = self._readers(self._inner, self._observation, self._info)
         u, report = self._core.step(u_nominal, *sensed)
-        return u.astype(self._dtype) if plant.to_action is None else plant.to_action(u), report
+        if plant.to_action is None:
+            return u.astype(self._dtype), report
+        return plant.to_action(u.copy()), report
 
 
 def _core_of(plant: Plant) -> type[PlanarCore] | type[ModelCore]:

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from hcbf_gym.arrays import Info
 from hcbf_gym.errors import SafetyWarning, warn_caller
 from hcbf_gym.models.plant import Estimate, Plant
@@ -43,3 +45,14 @@ class Readers:
                 "until that ends",
                 SafetyWarning,
             )
+
+
+def copied(value: Any) -> Any:
+    """Return a value with copies of the arrays in it, and of the mappings and sequences."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if type(value) is dict:
+        return {name: copied(one) for name, one in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(map(copied, value))
+    return value

@@ -124,7 +124,7 @@ class SafetyFilter(
             observation: the environment's last one.
             info: the environment's last one; it gets the filter's entry.
         """
-        self._observation, self._info = observation, info
+        self._see(observation, info)
         info["safety_filter"] = self._begin(np.ones(1, dtype=np.bool_))
         self._begun = True
         return observation, info
@@ -137,6 +137,6 @@ class SafetyFilter(
         """
         applied, report = self._filtered(action)
         observation, reward, terminated, truncated, info = self.env.step(applied)
-        self._observation, self._info = observation, info
+        self._see(observation, info)
         info["safety_filter"] = report
         return observation, reward, terminated, truncated, info

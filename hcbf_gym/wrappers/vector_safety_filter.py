@@ -105,7 +105,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = as_array("reset_mask", options["reset_mask"])
-        self._observation, self._info = observation, info
+        self._see(observation, info)
         self._reporter.at_reset(info, self._begin(mask), options)
         self._begun = begun or bool(mask.all())
         return observation, info
@@ -118,7 +118,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         """
         applied, report = self._filtered(actions)
         observation, reward, terminated, truncated, info = self.env.step(applied)
-        self._observation, self._info = observation, info
+        self._see(observation, info)
         ended = as_array("terminated", terminated) | as_array("truncated", truncated)
         self._reporter.at_step(info, report, self._begin, ended)
         return observation, reward, terminated, truncated, info

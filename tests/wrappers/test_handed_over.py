@@ -1,0 +1,289 @@
+"""What is handed over stays the caller's, who may change it; so does what comes back."""
+
+import sys
+import threading
+from collections import deque
+from typing import NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hcbf_gym import BatchFilter, Plant, VelocityFilter, models, wrappers
+from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
+from hcbf_gym.barriers.many import Several
+from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
+
+MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
+
+
+def post(at):
+    return Disc("post", 1, center=(at, 0.0), radius=0.5)
+
+
+class Post(Several):
+    """A post that is moved in place, and whose list of conditions stays the same object."""
+
+    conditions = ()
+
+    def __init__(self, at=30.0):
+        self.conditions = [post(at)]
+
+    def move(self, at):
+        self.conditions[0] = post(at)
+
+
+class Pair(NamedTuple):
+    """Barriers of a plant, by name."""
+
+    first: object
+
+
+class Still(gym.Env):
+    """A robot that stands where it is."""
+
+    observation_space = gym.spaces.Box(-99.0, 99.0, (4,))
+
+    def __init__(self, model=MODELS[0]):
+        self.action_space = gym.spaces.Box(-5.0, 5.0, (model.n_u,), dtype=np.float64)
+        self.x = np.zeros(model.n)
+
+    def reset(self, *, seed=None, options=None):
+        return self.x.copy(), {"x": self.x.copy()}
+
+    def step(self, action):
+        return self.x.copy(), 0.0, False, False, {"x": self.x.copy()}
+
+
+class Moving(Still):
+    """A double integrator."""
+
+    def step(self, action):
+        self.x = MODELS[0].step(self.x, action, 0.02)
+        return super().step(action)
+
+
+def single(barriers, model=MODELS[0]):
+    plant = Plant(model, barriers, lambda env, *_: env.x.copy(), period=0.02)
+    env = wrappers.SafetyFilter(Still(model), plant=plant)
+    env.reset(seed=0)
+    return lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
+
+
+def batch(barriers):
+    filt = BatchFilter(models.Box.symmetric(3.0), 0.02, 2)
+    filt.set_scene(barriers)
+    filt.reset(x=np.zeros((2, 4)))
+    return lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]["h"][1, -1]
+
+
+WAYS = {
+    "a list": lambda one: single([one]),
+    "a list, any model": lambda one: single([one], MODELS[1]),
+    "a reader": lambda one: single(lambda *_: [one]),
+    "a set": lambda one: single(BarrierSet([[one]])),
+    "a list for a batch": lambda one: batch([one]),
+    "lists for a batch": lambda one: batch([[one], [one]]),
+    "deques for a batch": lambda one: batch([deque([one]), deque([one])]),
+    "tuples with names for a batch": lambda one: batch([Pair(one), Pair(one)]),
+    "a set for a batch": lambda one: batch(BarrierSet([[one], [one]])),
+    "a set like another": lambda one: batch(BarrierSet([[one]]).repeated(2)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("way", WAYS)
+def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(way):
+    one = Post()
+    step = WAYS[way](one)
+    step()
+    far = step()
+    one.move(10.0)
+    assert far - step() == pytest.approx(20.0)
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("inner", [deque, list])
+def test_what_a_list_of_lists_holds_is_seen(inner):
+    scenes = [inner([post(30.0)]), inner([post(30.0)])]
+    plant = Plant(
+        MODELS[0], lambda *_: scenes, lambda envs, *_: np.zeros((2, 4)), period=0.02,
+        input_set=models.Box.symmetric(3.0),
+    )  # fmt: skip
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs.reset(seed=0)
+    scenes[1][0] = post(10.0)
+    h = envs.step(np.zeros((2, 2)))[4]["safety_filter"]["h"]
+    np.testing.assert_allclose(h[:, -1], [29.5, 9.5])
+
+
+def wall(at):
+    """Return a map whose cells are occupied at some x [m]."""
+    cells = np.zeros((20, 80), dtype=np.bool_)
+    cells[:, round(at / 0.1)] = True
+    return RankedMap(
+        Grid(0.1, (0.0, -1.0, 0.0), cells.shape), (MapClass("wall", 1, "keepout", cells),)
+    )
+
+
+@pytest.mark.parametrize("part", [lambda one: one.repeated(3), lambda one: one.of(FIRST)])
+def test_a_scene_is_set_in_a_part_of_a_set_alone(part):
+    one = BarrierSet([[wall(2.0)], [wall(2.0)]])
+    some = part(one)
+    before = some.values(*HERE(some)), one.values(*HERE(one))
+    some.set_scene(0, [wall(5.0)])
+    after = some.values(*HERE(some)), one.values(*HERE(one))
+    assert after[0][0] != before[0][0]
+    np.testing.assert_array_equal(after[0][1:], before[0][1:])
+    np.testing.assert_array_equal(after[1], before[1])
+
+
+FIRST = np.array([True, False])
+
+
+def HERE(some):  # noqa: N802
+    count = len(some.kind)
+    return np.tile([0.5, 0.0, 0.0, 0.0], (count, 1)), np.zeros(count)
+
+
+class Own(PlanarBarrier):
+    """A wall of one's own."""
+
+    at = 0.0
+
+    def planar_jet(self, q):
+        return self.at - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
+
+
+def test_two_filters_in_two_threads_have_rows_of_their_own():
+    wrong = []
+
+    def drive(at):
+        wall = Own("wall", 1)
+        object.__setattr__(wall, "at", at)
+        step = batch([wall])
+        wrong.extend(h for h in (step() for _ in range(1500)) if h != at)
+
+    switch = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=drive, args=(at,)) for at in (2.0, 30.0)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+    finally:
+        sys.setswitchinterval(switch)
+    assert wrong == []
+
+
+READERS = {
+    "the observation": lambda env, observation, info: observation,
+    "infos": lambda env, observation, info: info["x"],
+}
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("vector", [False, True])
+def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
+    plant = Plant(
+        MODELS[0], [post(3.0)], READERS[reader], period=0.02,
+        input_set=models.Box.symmetric(5.0),
+    )  # fmt: skip
+    if vector:
+        env = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Moving]), plant=plant)
+    else:
+        env = wrappers.SafetyFilter(Moving(), plant=plant)
+    observation, info = env.reset(seed=0)
+    u = np.array([5.0, 0.0]) if not vector else np.tile([5.0, 0.0], (2, 1))
+    for _ in range(200):
+        observation[..., :2] -= 5.0
+        info["x"][..., :2] -= 5.0
+        observation, _, _, _, info = env.step(u)
+        x = np.atleast_2d(observation)
+        assert (np.hypot(x[:, 0] - 3.0, x[:, 1]) >= 0.5).all()
+
+
+def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
+    filt = BatchFilter(models.Box.symmetric(3.0), 0.02, 2)
+    filt.set_scene([post(3.0)])
+    filt.reset(x=np.zeros((2, 4)))
+    step = lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]  # noqa: E731
+    first, second = step(), step()
+    kept = {name: np.array(value) for name, value in second.items()}
+    for value in first.values():
+        value[...] = 1
+    filt.set_scene([post(2.0)])
+    third = step()
+    filt.reset(x=np.zeros((2, 4)))
+    for name, value in kept.items():
+        np.testing.assert_array_equal(second[name], value, name)
+    for name in ("covered", "covered_by", "alpha1_scale"):
+        np.testing.assert_array_equal(third[name], kept[name], name)
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_guidance_looks_at_a_list_that_was_changed_and_set_again():
+    listed = [post(2.0)]
+    door = VelocityFilter("cart", listed, goal=(6.0, 0.0), guidance="geodesic")
+    looked = []
+    for k, new in enumerate((None, Disc("other", 1, center=(2.0, 1.5), radius=1.2))):
+        if new is not None:
+            listed.append(new)
+            door.barriers = listed
+        door.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
+        looked.append(door._led_from)
+    assert looked == [0.0, 5.0]
+    with pytest.raises(ValueError, match="read-only"):
+        door.goal[:] = 0.0
+
+
+class Grown(Disc):
+    """A disc of one's own that grows in place."""
+
+    extra = 0.0
+
+    def planar_jet(self, q):
+        h, *rest = super().planar_jet(q)
+        return h - self.extra, *rest
+
+
+@pytest.mark.parametrize("start", [0.0, 5000.0])
+def test_ones_own_kind_of_shape_is_looked_at_as_it_is_wherever_it_lies(start):
+    one = Grown("grown", 1, center=(start + 3.0, 0.0), radius=0.5)
+    door = VelocityFilter("cart", [one], period=0.05)
+    pose, twist = np.array([start, 0.0, 0.0]), np.zeros(3)
+    before = door.step((0.0, 0.0), pose, twist, 0.0)[1]["h"][0]
+    object.__setattr__(one, "extra", 1.0)
+    assert before - door.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
+
+
+def test_what_a_robot_is_told_may_be_written_to():
+    def to_action(u):
+        u *= 2.0
+        return u
+
+    plant = Plant(
+        MODELS[0], [post(30.0)], lambda env, *_: env.x.copy(), period=0.02, to_action=to_action,
+        from_action=lambda action: action, input_set=models.Box.symmetric(3.0),
+    )  # fmt: skip
+    env = wrappers.SafetyFilter(Still(), plant=plant)
+    env.reset(seed=0)
+    report = env.step(np.array([1.0, 0.0]))[4]["safety_filter"]
+    np.testing.assert_array_equal(report["u_safe"], report["u_nominal"])
+
+
+def test_an_environments_estimate_is_not_its_world():
+    env = gym.make("HCBF-Regions-v0", scenario="random").unwrapped
+    env.reset(seed=0)
+    before = env.rom_state.copy()
+    env.estimate.x[:] += 1.0
+    np.testing.assert_array_equal(env.rom_state, before)
+
+
+def test_a_scan_keeps_points_of_its_own():
+    points = np.array([[1.0, 0.0], [1.0, 0.01]])
+    scan = Scan("scan", points, (0.0, 0.0, 0.0))
+    points[:] = 9.0
+    assert scan.points.max() == 1.0
