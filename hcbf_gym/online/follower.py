@@ -14,6 +14,10 @@ from hcbf_gym.robots.walker_adapter import Adapter
 PAUSE = 1.5
 """Periods without an input after which the model begins anew, unless the robot follows slower."""
 
+TURNED = 0.25
+"""By how much a robot that nobody has measured may turn in the time in which a command shows, and
+is held [rad]: where it moves in any direction, its velocity is off by as much."""
+
 
 class Follower:
     """The reduced-order model of a robot that is told velocities, from one command to the next.
@@ -39,6 +43,10 @@ class Follower:
         self.limits: Array = robot.command.limits
         self.fastest = self.begins_at = robot.command.fastest
         self._adapter = Adapter(robot.command, robot.response, "free")
+        self._turns_at_most = math.inf
+        if robot.response is None and axle is None:  # it shows at once, or as late as is assumed
+            self._adapter.follows = 0.5 * follows
+            self._turns_at_most = TURNED / (0.5 * follows + period)
         self._axle, self._follows, self._able, self._period = axle, follows, able, period
         self.forget()
 
@@ -145,7 +153,8 @@ class Follower:
         soon = self.velocity + self._period * self._input
         if self._axle is not None:
             return self._adapter.within(soon / np.array([1.0, self._adapter.look_ahead]))
-        self._adapter.turn = float(wanted[-1])
+        turn, most = float(wanted[-1]), self._turns_at_most
+        self._adapter.turn = min(max(turn, -most), most)
         return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
 
     def _axes(self, yaw: float) -> Array:

@@ -429,14 +429,18 @@ class VelocityFilter:
 
     def _look_back(self, present: float) -> None:
         """Begin anew where the last present was far ahead, and time goes on before it."""
-        if self._leapt_from < present <= self._last:
+        leapt = self._leapt_from < present <= self._last
+        if math.isinf(self._leapt_from):
+            leapt = self._last - present > LEAP
+        if leapt:
             self._core.restart(np.ones(1, dtype=np.bool_))
             self._odometry.compare_anew()
             self._follower.pause()
             self._begun, self._time = False, None
             self._clock.begin(present)
         if math.isfinite(present):
-            self._leapt_from = self._last if present - self._last > LEAP else math.nan
+            last = -math.inf if math.isnan(self._last) else self._last  # the first may have leapt
+            self._leapt_from = last if present - last > LEAP else math.nan
             self._last = present
 
     def command_at(self, now: float) -> Array:

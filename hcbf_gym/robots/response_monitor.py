@@ -98,6 +98,8 @@ class ResponseMonitor:
         self._command = command
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows
+        if doubted and command.look_ahead is not None:  # its point moves sideways as it turns
+            most *= max(1.0, command.turn * command.look_ahead / command.fastest)
         lasting = known.residual[1] if known.lasting is None else known.lasting
         lasting = min(known.sway / follows, lasting)
         share = DOUBTED if doubted else SHARE

@@ -35,6 +35,7 @@ class Adapter:
 
     Attributes:
         turn: the rate that is asked for where the heading is "free" [rad/s].
+        follows: how long a velocity takes to show, by which a turn is looked ahead [s].
     """
 
     def __init__(self, command: Command, response: Response | None, heading: str | None = None):
@@ -44,7 +45,7 @@ class Adapter:
         self._limits: list[float] = command.limits.tolist()
         count = len(self._limits)
         gains = [1.0] * count if response is None else response.gains(count)
-        self._follows = 0.0 if response is None else response.follows
+        self.follows = 0.0 if response is None else response.follows
         self._gains = [min(max(gain, LEAST_GAIN), MOST_GAIN) for gain in gains]
         self.reset(0.0)
 
@@ -66,7 +67,7 @@ class Adapter:
             yaw: the robot's heading [rad].
             rate: at which it turns [rad/s].
         """
-        soon = yaw + rate * self._follows
+        soon = yaw + rate * self.follows
         cos, sin = math.cos(soon), math.sin(soon)
         ahead, aside = cos * vx + sin * vy, cos * vy - sin * vx
         if self._look_ahead is not None:

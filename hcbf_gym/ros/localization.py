@@ -103,7 +103,10 @@ class Localization:
         if child and child != settings.base_frame_id:
             watch.refuse(f"child frame {child!r}, expected {settings.base_frame_id!r}")
         elif not _plausible(place) or not _plausible(motion):
-            watch.refuse(f"got {[*place.tolist(), *motion.tolist()]}, expected finite numbers")
+            watch.refuse(
+                f"got {[*place.tolist(), *motion.tolist()]}, expected numbers of at most "
+                f"{FARTHEST:g} m, as odometry counts from where it began"
+            )
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
             self._local.append(Odometry(stamp, place, motion))
             self._look_still(self._local[-1])
@@ -117,7 +120,10 @@ class Localization:
         """Take where the robot was in the global frame: odometry goes on from there."""
         given = np.array(pose, dtype=np.float64)
         if not _plausible(given):
-            self._pose.refuse(f"got {given.tolist()}, expected finite numbers")
+            self._pose.refuse(
+                f"got {given.tolist()}, expected numbers of at most "
+                f"{FARTHEST:g} m, as odometry counts from where it began"
+            )
         elif self._pose.hear(stamp, now, frame, self._settings.global_frame_id):
             local = _at(self._local, stamp)
             if local is not None:
