@@ -24,6 +24,9 @@ from hcbf_gym.models.plant import Uncertainty
 
 Entry = Barrier | Shapes | Several
 
+_Read = list[tuple[Several, tuple[Barrier, ...]]]
+"""Entries of a scene that stand for several barriers, and those for which they stood."""
+
 _ARRAYS = ("kind", "parameters", "priority", "keeps_margin", "own_margin")
 _BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
 
@@ -87,7 +90,7 @@ class BarrierSet:
         self.atlas = Atlas(None if before is None else before.atlas)
         self.entries: list[Sequence[Entry]] = [()] * len(scenes)
         self.listed: list[Sequence[Barrier | Shapes]] = [()] * len(scenes)
-        self._read: dict[int, list[tuple[Several, tuple[Barrier, ...]]]] = {}
+        self._read: dict[int, _Read] = {}
         for i, scene in enumerate(scenes):
             self.set_scene(i, scene)
 
@@ -140,7 +143,7 @@ class BarrierSet:
 
     def is_as_read(self) -> bool:
         """Return whether entries that stand for several barriers stand for those that were read."""
-        return not self._read or not self._changed()
+        return all(map(_stand, self._read.values()))
 
     def read_again(self) -> None:
         """Read what stands for several barriers and has changed in place; its scenes are news.
@@ -148,20 +151,8 @@ class BarrierSet:
         Raises:
             InvalidInputError: if it stands for another number of barriers now.
         """
-        for i in self._changed():
+        for i in [i for i, read in self._read.items() if not _stand(read)]:
             self.set_scene(i, self.entries[i])
-
-    def _changed(self) -> list[int]:
-        known: dict[int, bool] = {}  # scenes share maps
-        for read in self._read.values():
-            for one, before in read:
-                if id(one) not in known:
-                    now = one.conditions
-                    same = len(now) == len(before) and all(map(operator.is_, now, before))
-                    known[id(one)] = not same
-        if not any(known.values()):
-            return []
-        return [i for i, read in self._read.items() if any(known[id(one)] for one, _ in read)]
 
     @property
     def is_region(self) -> Mask:
@@ -430,6 +421,16 @@ def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
                 f"barrier set: got {barrier!r}, expected an object of a class derived from "
                 "hcbf_gym.barriers.Barrier, Shapes, or a map"
             )
+
+
+def _stand(read: _Read) -> bool:
+    """Return whether entries stand for the very barriers for which they stood."""
+    for one, before in read:
+        now = one.conditions
+        same = now is before or (len(now) == len(before) and all(map(operator.is_, now, before)))
+        if not same:
+            return False
+    return True
 
 
 def length(scene: Sequence[Entry]) -> int:

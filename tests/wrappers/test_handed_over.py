@@ -102,6 +102,19 @@ def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(way):
     assert far - step() == pytest.approx(20.0)
 
 
+def test_each_scene_knows_what_it_has_read():
+    one, there, here = Post(), post(30.0), post(10.0)
+    scenes = BarrierSet([[one], [one]])
+    for at in (here, there, here, there):
+        one.conditions[0] = at
+        scenes.set_scene(1, [one])
+        scenes.read_again()
+        assert scenes.is_as_read()
+        assert [listed[0] for listed in scenes.listed] == [at, at]
+        scenes.set_scene(0, [there])
+        scenes.set_scene(0, [one])
+
+
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("inner", [deque, list])
 def test_what_a_list_of_lists_holds_is_seen(inner):
