@@ -106,7 +106,7 @@ class BarrierSet:
         if read:
             stands_for = {id(one): conditions for one, conditions in read}
             barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
-        count = length(barriers)
+        count = sum(len(b) if isinstance(b, Shapes) else 1 for b in map(_checked, barriers))
         if count != self.kind.shape[1]:
             raise InvalidInputError(
                 f"barrier set: got a scene of {count} barriers, expected {self.kind.shape[1]}"
@@ -140,6 +140,11 @@ class BarrierSet:
                 self.own[i, k] = barrier
                 self.kind[i, k] = layout.CUSTOM
             k = end
+
+    @property
+    def may_change(self) -> bool:
+        """Whether entries stand for several barriers, which may be others by now."""
+        return bool(self._read)
 
     def is_as_read(self) -> bool:
         """Return whether entries that stand for several barriers stand for those that were read."""
@@ -411,16 +416,17 @@ def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
     Raises:
         InvalidInputError: if an entry is no barrier.
     """
-    for barrier in scene:
-        if isinstance(barrier, Several):
-            yield from barrier.conditions
-        elif isinstance(barrier, Barrier | Shapes):
-            yield barrier
-        else:
-            raise InvalidInputError(
-                f"barrier set: got {barrier!r}, expected an object of a class derived from "
-                "hcbf_gym.barriers.Barrier, Shapes, or a map"
-            )
+    for entry in scene:
+        yield from map(_checked, entry.conditions if isinstance(entry, Several) else (entry,))
+
+
+def _checked(barrier: Any) -> Barrier | Shapes:
+    if not isinstance(barrier, Barrier | Shapes):
+        raise InvalidInputError(
+            f"barrier set: got {barrier!r}, expected an object of a class derived from "
+            "hcbf_gym.barriers.Barrier, Shapes, or a map"
+        )
+    return barrier
 
 
 def _stand(read: _Read) -> bool:

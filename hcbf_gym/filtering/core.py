@@ -285,7 +285,7 @@ class FilterCore(Configured, ABC):
         samples = self._samples
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
         scene = self._scene
-        if barriers is not scene or scene.edits != self._edits or not scene.is_as_read():
+        if barriers is not scene or scene.edits != self._edits or scene.may_change:
             self._take_barriers(barriers)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
@@ -296,7 +296,7 @@ class FilterCore(Configured, ABC):
         """Note barriers that may be others than the last ones."""
         try:
             scene = self._read_barriers(barriers)
-        except UNREADABLE:
+        except Exception:  # whatever a user's own barriers raise, the robot has to stop
             self._listed, self._refused, self._refusal = None, True, None
             self._version, self._edits = np.full(self.count, -1), -1
         else:

@@ -16,8 +16,8 @@ with S = sway/(τ + δ), the greatest mean residual over the time in which the r
 what of it remains over long times (sway about it averages out): the response's residuals set both.
 d is what nobody knows: what a command that was not renewed in time still did; ``‖∫(v̂ - v_b) dt‖``,
 with v_b the velocity of a robot that follows as v̂ says, but changes it no harder than it brakes,
-and its overshoot meanwhile; and, of a response that nobody measured or that has
-complaints, (τ + δ) times all by which v̂ changes.
+and its overshoot meanwhile; and, of a response that nobody measured or that has complaints,
+``‖∫(c - v̂) dt‖`` over each sample, with c the command that was told last: it may show at once.
 
 A gait sways more than many a fault shows in r. What follows late, by another share or in another
 direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
@@ -98,8 +98,6 @@ class ResponseMonitor:
         self._command = command
         follows = max(known.follows, 1e-3)
         most = known.residual[2] if doubted else known.sway / follows
-        if doubted and command.look_ahead is not None:  # its point moves sideways as it turns
-            most *= max(1.0, command.turn * command.look_ahead / command.fastest)
         lasting = known.residual[1] if known.lasting is None else known.lasting
         lasting = min(known.sway / follows, lasting)
         share = DOUBTED if doubted else SHARE
@@ -109,7 +107,7 @@ class ResponseMonitor:
         law["most"], law["lasting"] = widened * BEYOND * most, widened * lasting
         law["share"], law["forward"] = widened * share, command.forward
         law["braking"], law["overshoot"] = known.braking, known.overshoot
-        law["guessed"] = widened * follows if doubted else 0.0
+        law["guessed"] = widened if doubted else 0.0
         self._law = law
         self.is_measured = not doubted
         self._notes = np.zeros(1, dtype=NOTES)
@@ -191,12 +189,25 @@ def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: 
     speed = np.hypot(forward, sideways)
     for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
         speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))
-    doubt += law.guessed * np.hypot(note.velocity[0] - forward, note.velocity[1] - sideways)
+    if law.guessed > 0.0:
+        x, y = _told_by(note, began)
+        doubt += law.guessed * np.hypot(x * passed - went_ahead, y * passed - went_aside)
     off = ahead - went_ahead, aside - went_aside
     strays = _strays(note, law, off, length, passed, doubt)
     differs = _differs(note, law, off, (went_ahead, went_aside), passed, doubt * speed)
     note.worst = max(strays, differs)
     return note.worst > 1.0
+
+
+@kernel(error_model="numpy", inline="always")
+def _told_by(note: np.record, time: float) -> Pair:
+    """Return what the command leads to that was told last by a time [m/s]."""
+    k = note.count
+    while k > max(0, note.count - HELD) and note.told_at[(k - 1) % HELD] > time + 1e-9:
+        k -= 1
+    if k == 0:
+        return 0.0, 0.0
+    return note.told[(k - 1) % HELD, 0], note.told[(k - 1) % HELD, 1]
 
 
 @kernel(error_model="numpy")

@@ -47,7 +47,7 @@ LAW = np.dtype(
         ("share", "f8"),  # a
         ("braking", "f8"),  # how hard a stop brakes [m/s²]
         ("overshoot", "f8"),  # by how much the speed exceeds all commands [m/s]
-        ("guessed", "f8"),  # what is added to d for each m/s by which v̂ changes [s]
+        ("guessed", "f8"),  # how much of ∫(c − v̂)dt is not known, of the command c told last
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
 )

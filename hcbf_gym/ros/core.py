@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import each
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import InvalidInputError, finite_array, shown
+from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
@@ -101,10 +102,11 @@ class NodeCore:
         self._clock.see(now)
         if self._zero_since == -math.inf:
             self._zero_since = None
-        given = np.array(command, dtype=np.float64)
+        given = real_numbers(command, (3,))
         expected = self.settings.base_frame_id if frame else ""
-        if not np.isfinite(given).all():
-            return self._command.refuse(f"got {given.tolist()}, expected finite numbers")
+        if given is None:
+            says = f"got {shown(command)}, expected three finite numbers"
+            return self._command.refuse(says)
         if stamp is None:
             self._command.forget()  # without a stamp the newest is the last that came
         heard = self._command.hear(now.ros if stamp is None else stamp, now, frame, expected)

@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.errors import shown
+from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.online.sample import placed
 from hcbf_gym.ros.parameters import Settings
 from hcbf_gym.ros.watches import Fault, Now, Watch
 
+EXPECTED = f"expected three finite numbers of at most {FARTHEST:g}"
 REMEMBERED = 3.0
 """How long poses are kept, to place scans [s]."""
 EXTRAPOLATED, LOOKED_BACK = 0.3, 0.1
@@ -98,15 +101,12 @@ class Localization:
             frame: of the pose; "" for odometry's.
             child: of the twist; "" for the robot's.
         """
-        place, motion = np.array(pose, dtype=np.float64), np.array(twist, dtype=np.float64)
+        place, motion = (_plausible(given) for given in (pose, twist))
         watch, settings = self._odometry, self._settings
         if child and child != settings.base_frame_id:
             watch.refuse(f"child frame {child!r}, expected {settings.base_frame_id!r}")
-        elif not _plausible(place) or not _plausible(motion):
-            watch.refuse(
-                f"got {[*place.tolist(), *motion.tolist()]}, expected numbers of at most "
-                f"{FARTHEST:g} m, as odometry counts from where it began"
-            )
+        elif place is None or motion is None:
+            watch.refuse(f"got {shown([pose, twist])}, {EXPECTED}")
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
             self._local.append(Odometry(stamp, place, motion))
             self._look_still(self._local[-1])
@@ -118,12 +118,9 @@ class Localization:
 
     def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str) -> None:
         """Take where the robot was in the global frame: odometry goes on from there."""
-        given = np.array(pose, dtype=np.float64)
-        if not _plausible(given):
-            self._pose.refuse(
-                f"got {given.tolist()}, expected numbers of at most "
-                f"{FARTHEST:g} m, as odometry counts from where it began"
-            )
+        given = _plausible(pose)
+        if given is None:
+            self._pose.refuse(f"got {shown(pose)}, {EXPECTED}")
         elif self._pose.hear(stamp, now, frame, self._settings.global_frame_id):
             local = _at(self._local, stamp)
             if local is not None:
@@ -133,8 +130,8 @@ class Localization:
 
     def hear_correction(self, correction: ArrayLike | None) -> None:
         """Take the odometry's frame in the global one, (x, y, yaw), as tf has it; None: unknown."""
-        given = np.full(3, np.nan) if correction is None else np.array(correction, dtype=float)
-        if _plausible(given):
+        given = _plausible(correction)
+        if given is not None:
             self._correction = given
             self._pose.stand()
         else:
@@ -198,9 +195,10 @@ class Localization:
         return Fault("odometry", f"the pose stands while the twist makes {self._still_path:.2f} m")
 
 
-def _plausible(numbers: Array) -> bool:
-    """Return whether numbers are finite, and none is farther than anything is."""
-    return bool(np.isfinite(numbers).all() and np.abs(numbers).max() <= FARTHEST)
+def _plausible(given: object) -> Array | None:
+    """Return (3,) what was given; None where it is not three numbers, or farther than anything."""
+    numbers = real_numbers(given, (3,))
+    return None if numbers is None or np.abs(numbers).max() > FARTHEST else numbers
 
 
 def _between(local: Array, pose: Array) -> Array:

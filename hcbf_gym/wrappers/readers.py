@@ -1,5 +1,6 @@
 """A plant's readers at every step: one that raises is one that knows nothing."""
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -48,11 +49,16 @@ class Readers:
 
 
 def copied(value: Any) -> Any:
-    """Return a value with copies of the arrays in it, and of the mappings and sequences."""
+    """Return a value with copies of the arrays in it, and of what holds them; the rest as it is."""
+    if isinstance(value, dict):
+        kept = copy(value)  # of its own kind
+        kept.update((name, copied(one)) for name, one in value.items())
+        return kept
+    if isinstance(value, tuple):
+        parts = map(copied, value)
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if isinstance(value, list):
+        return list(map(copied, value))
     if isinstance(value, np.ndarray):
         return value.copy()
-    if type(value) is dict:
-        return {name: copied(one) for name, one in value.items()}
-    if type(value) in (list, tuple):
-        return type(value)(map(copied, value))
-    return value
+    return value.clone() if callable(getattr(value, "clone", None)) else value  # a tensor

@@ -69,6 +69,24 @@ def test_a_slow_robot_that_follows_is_no_alarm_however_fast_its_point_turns(
         assert report["reason"] == Reason.NONE
 
 
+@pytest.mark.parametrize("gain", [0.0, -1.0])
+@pytest.mark.parametrize(("forward", "look_ahead", "turn"), [(0.1, 0.2, 2.84), (0.1, 0.3, 1.0)])
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_a_slow_robot_that_does_not_follow_is_one(forward, look_ahead, turn, gain):
+    robot = Robot(Command(forward=forward, turn=turn, look_ahead=look_ahead), reach=0.2)
+    for seed in range(5):
+        safe = VelocityFilter(robot, [HalfPlane("far", 1, (-1.0, 0.0), -900.0)], period=0.1)
+        driven, rng = Lagged((0.0, 0.0, 0.0), 0.1, 0.0), np.random.default_rng(seed)
+        reasons = []
+        for k in range(100):
+            if k % 10 == 0:
+                asked = rng.uniform(-1.0, 1.0, 2) * (forward, turn)
+            told, report = safe.step(asked, driven.pose, driven.velocity, 0.1 * k)
+            list(driven.drive(gain * told, 0.1))
+            reasons.append(report["reason"])
+        assert Reason.RESPONSE in reasons
+
+
 @pytest.mark.parametrize("ahead", [2.0, 60.0, 1e6])
 def test_a_first_stamp_from_the_future_costs_its_own_sample(ahead):
     robot = Robot(Command(forward=0.5, turn=1.0, look_ahead=0.1), reach=0.2)

@@ -2,7 +2,7 @@
 
 import sys
 import threading
-from collections import deque
+from collections import OrderedDict, deque
 from typing import NamedTuple
 
 import gymnasium as gym
@@ -12,6 +12,7 @@ import pytest
 from hcbf_gym import BatchFilter, Plant, VelocityFilter, models, wrappers
 from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
 from hcbf_gym.barriers.many import Several
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
 
 MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
@@ -102,6 +103,47 @@ def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(way):
     assert far - step() == pytest.approx(20.0)
 
 
+class Broken(Post):
+    """A post whose sensor fails."""
+
+    error = None
+
+    @property
+    def conditions(self):
+        if self.error is not None:
+            raise self.error
+        return self.seen
+
+    @conditions.setter
+    def conditions(self, seen):
+        self.seen = seen
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("error", [ValueError("broken"), OSError("unplugged")])
+@pytest.mark.parametrize("way", WAYS)
+def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(way, error):
+    one = Broken()
+    step = WAYS[way](one)
+    before = step()
+    one.error = error
+    assert np.isnan(step())  # nothing is believed: no h is told
+    one.error = None
+    assert step() == before
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("way", WAYS)
+def test_what_stands_for_barriers_stands_for_no_other_that_does(way):
+    one = Post()
+    one.conditions[0] = Post()
+    if way == "a reader":  # which may say better later
+        assert np.isnan(WAYS[way](one)())
+        return
+    with pytest.raises(InvalidInputError, match=r"Post object.*expected"):
+        WAYS[way](one)()
+
+
 def test_each_scene_knows_what_it_has_read():
     one, there, here = Post(), post(30.0), post(10.0)
     scenes = BarrierSet([[one], [one]])
@@ -190,6 +232,20 @@ def test_two_filters_in_two_threads_have_rows_of_their_own():
     assert wrong == []
 
 
+class Named(NamedTuple):
+    """An observation with names."""
+
+    x: np.ndarray
+
+
+SHOWN = {
+    "an array": (lambda x: x, lambda seen: seen),
+    "a mapping": (lambda x: {"x": x}, lambda seen: seen["x"]),
+    "an ordered mapping": (lambda x: OrderedDict(x=x), lambda seen: seen["x"]),
+    "a tuple": (lambda x: (x, 0), lambda seen: seen[0]),
+    "a tuple with names": (lambda x: Named(x), lambda seen: seen.x),
+    "a list in a mapping": (lambda x: {"x": [x]}, lambda seen: seen["x"][0]),
+}
 READERS = {
     "the observation": lambda env, observation, info: observation,
     "infos": lambda env, observation, info: info["x"],
@@ -216,6 +272,31 @@ def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
         observation, _, _, _, info = env.step(u)
         x = np.atleast_2d(observation)
         assert (np.hypot(x[:, 0] - 3.0, x[:, 1]) >= 0.5).all()
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+@pytest.mark.parametrize("kind", SHOWN)
+def test_a_policy_may_write_to_it_whatever_holds_it(kind):
+    show, read = SHOWN[kind]
+
+    class Shows(Moving):
+        def reset(self, *, seed=None, options=None):
+            return show(self.x.copy()), {}
+
+        def step(self, action):
+            self.x = MODELS[0].step(self.x, action, 0.02)
+            return show(self.x.copy()), 0.0, False, False, {}
+
+    plant = Plant(
+        MODELS[0], [post(3.0)], lambda env, observation, info: read(observation), period=0.02,
+        input_set=models.Box.symmetric(5.0),
+    )  # fmt: skip
+    env = wrappers.SafetyFilter(Shows(), plant=plant)
+    observation, _ = env.reset(seed=0)
+    for _ in range(200):
+        read(observation)[:2] -= 5.0
+        observation = env.step(np.array([5.0, 0.0]))[0]
+        assert np.hypot(*(env.unwrapped.x[:2] - (3.0, 0.0))) >= 0.5
 
 
 def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
