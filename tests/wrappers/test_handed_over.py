@@ -138,7 +138,10 @@ def test_what_stands_for_barriers_stands_for_no_other_that_does(way):
     one = Post()
     one.conditions[0] = Post()
     if way == "a reader":  # which may say better later
-        assert np.isnan(WAYS[way](one)())
+        one.conditions[0] = post(30.0)
+        step = WAYS[way](one)
+        one.conditions[0] = Post()
+        assert np.isnan(step())
         return
     with pytest.raises(InvalidInputError, match=r"Post object.*expected"):
         WAYS[way](one)()
