@@ -1,7 +1,5 @@
 """What is handed over stays the caller's, who may change it; so does what comes back."""
 
-import sys
-import threading
 from collections import OrderedDict, deque
 from typing import NamedTuple
 
@@ -10,10 +8,13 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, VelocityFilter, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
+from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier, general
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
+from hcbf_gym.models.plant import Coverage
 
 MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
 
@@ -213,26 +214,21 @@ class Own(PlanarBarrier):
         return self.at - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
 
 
-def test_two_filters_in_two_threads_have_rows_of_their_own():
-    wrong = []
+def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
+    """Whatever the other asks for between two lines."""
+    rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
+    mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
+    compare = general._same
 
-    def drive(at):
-        wall = Own("wall", 1)
-        object.__setattr__(wall, "at", at)
-        step = batch([wall])
-        wrong.extend(h for h in (step() for _ in range(1500)) if h != at)
+    def interrupted(one, other):
+        found = compare(one, other)
+        rows._latest = rows.prepared(others)
+        return found
 
-    switch = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        threads = [threading.Thread(target=drive, args=(at,)) for at in (2.0, 30.0)]
-        for one in threads:
-            one.start()
-        for one in threads:
-            one.join()
-    finally:
-        sys.setswitchinterval(switch)
-    assert wrong == []
+    rows.prepare(mine)
+    monkeypatch.setattr(general, "_same", interrupted)
+    for _ in range(3):
+        assert rows.prepare(mine).scenes[0][0] is mine[0][0]
 
 
 class Named(NamedTuple):
@@ -302,22 +298,31 @@ def test_a_policy_may_write_to_it_whatever_holds_it(kind):
         assert np.hypot(*(env.unwrapped.x[:2] - (3.0, 0.0))) >= 0.5
 
 
+@pytest.mark.filterwarnings("ignore:safety filter")
 def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
-    filt = BatchFilter(models.Box.symmetric(3.0), 0.02, 2)
-    filt.set_scene([post(3.0)])
-    filt.reset(x=np.zeros((2, 4)))
-    step = lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]  # noqa: E731
-    first, second = step(), step()
-    kept = {name: np.array(value) for name, value in second.items()}
-    for value in first.values():
-        value[...] = 1
-    filt.set_scene([post(2.0)])
-    third = step()
-    filt.reset(x=np.zeros((2, 4)))
-    for name, value in kept.items():
-        np.testing.assert_array_equal(second[name], value, name)
-    for name in ("covered", "covered_by", "alpha1_scale"):
-        np.testing.assert_array_equal(third[name], kept[name], name)
+    scene = [post(30.0)]
+    plant = Plant(
+        MODELS[0], lambda *_: scene, lambda envs, *_: np.zeros((2, 4)), period=0.02,
+        input_set=models.Box.symmetric(3.0), covered=Coverage.COVERED,
+    )  # fmt: skip
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs.reset(seed=0)
+    reports = []
+    for at in (30.0, 30.0, 20.0, 20.0, 10.0):
+        scene[0] = post(at)
+        report = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
+        reports.append((report, {name: np.array(value) for name, value in report.items()}))
+    envs.reset(seed=0)
+    for report, then in reports:
+        for name, value in then.items():
+            np.testing.assert_array_equal(report[name], value, name)
+    before = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
+    said = {name: np.array(before[name]) for name in ("covered", "covered_by", "alpha1_scale")}
+    for value in before.values():
+        value[...] = 7
+    after = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
+    for name, value in said.items():
+        np.testing.assert_array_equal(after[name], value, name)
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
