@@ -15,8 +15,9 @@ PAUSE = 1.5
 """Periods without an input after which the model begins anew, unless the robot follows slower."""
 
 TURNED = 0.25
-"""By how much a robot that nobody has measured may turn in the time in which a command shows, and
-is held [rad]: where it moves in any direction, its velocity is off by as much."""
+"""By how much a robot of 1 m/s that nobody has measured may turn in the time in which a command
+shows, and is held [rad]; a faster one by less. Where it moves in any direction, its velocity is off
+by as much."""
 
 
 class Follower:
@@ -46,7 +47,7 @@ class Follower:
         self._turns_at_most = math.inf
         if robot.response is None and axle is None:  # it shows at once, or as late as is assumed
             self._adapter.follows = 0.5 * follows
-            self._turns_at_most = TURNED / (0.5 * follows + period)
+            self._turns_at_most = TURNED / max(1.0, self.fastest) / (0.5 * follows + period)
         self._axle, self._follows, self._able, self._period = axle, follows, able, period
         self.forget()
 

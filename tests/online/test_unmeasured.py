@@ -37,16 +37,17 @@ class Lagged:
 
 @pytest.mark.parametrize("turn", [-3.0, -2.0, -1.0, 1.0, 2.0])
 @pytest.mark.parametrize(("lag", "delay"), [(0.0, 0.0), (0.15, 0.05), (0.3, 0.1)])
+@pytest.mark.parametrize(("speed", "period"), [(0.3, 0.2), (1.0, 0.05), (2.0, 0.02)])
 @pytest.mark.filterwarnings("ignore:velocity filter", "ignore:safety filter")
-def test_who_turns_while_it_slides_along_a_wall_stays_out_of_it(turn, lag, delay):
-    robot = Robot(Command(forward=1.0, turn=3.0, sideways=1.0), reach=0.2)
-    safe = VelocityFilter(robot, [WALL], period=PERIOD)
+def test_who_turns_while_it_slides_along_a_wall_stays_out_of_it(turn, lag, delay, speed, period):
+    robot = Robot(Command(forward=speed, turn=3.0, sideways=speed), reach=0.2)
+    safe = VelocityFilter(robot, [WALL], period=period)
     driven = Lagged((1.0, 0.0, 0.0), lag, delay)
-    for k in range(160):
+    for k in range(round(8.0 / period)):
         at = 1.5 - driven.pose[2]
-        asked = math.cos(at), math.sin(at), turn
-        told, report = safe.step(asked, driven.pose, driven.velocity, PERIOD * k)
-        assert max(x for x, _ in driven.drive(told, PERIOD)) < 1.8
+        asked = speed * math.cos(at), speed * math.sin(at), turn
+        told, report = safe.step(asked, driven.pose, driven.velocity, period * k)
+        assert max(x for x, _ in driven.drive(told, period)) < 1.8
         assert report["reason"] == Reason.NONE
 
 
