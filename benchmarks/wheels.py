@@ -25,6 +25,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker, carts, footprint, walker_parts
 from hcbf_gym.studies.identification.identify import identify
@@ -203,7 +204,7 @@ def loop(
             _, report = door.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
             spent.append(time.perf_counter() - began)
             statuses[int(report["status"])] += 1
-            if report["reason"] >= 6:
+            if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
         robot.go(door.command_at(now))
         path.append(robot.pose)

@@ -25,6 +25,8 @@ from hcbf_gym.arrays import Integers
 from hcbf_gym.models.plant import Coverage, CoveredBy
 
 _TOLD = {"unit", "words"}
+DERIVED = "_derived"
+"""How the name of a value ends that follows from others that are declared; ranges end at it."""
 
 
 class Judged(NamedTuple):
@@ -56,7 +58,8 @@ def judge(
     """Compare what is declared with what was tested.
 
     Args:
-        declared: argument → value; "scene" is the family of the scene, or a list of N of them.
+        declared: argument → value; "scene" is the family of the scene, or a list of N of them. An
+            argument without a range was not tested; names in `DERIVED` are no arguments.
         ranges: argument → range, that were tested all at once.
         alone: "ranges", argument → range, of which one may be left for a wider one where everything
             lies in "others", argument → range; "words" tell of both. None for none.
@@ -68,6 +71,12 @@ def judge(
         f"{name} {_shown(declared.get(name), expected)} (tested: {words(expected)})"
         for name, expected in (dict(ranges) | single).items()
         if name != "scene" and not _lies(name, expected, declared)
+    ]
+    known = {"scene", *ranges, *single}
+    said += [
+        f"{name} {value!r} (nothing is tested of it)"
+        for name, value in declared.items()
+        if name not in known and not name.endswith(DERIVED)
     ]
     left = [n for n in single if n in ranges and not _lies(n, ranges[n], declared)]
     if alone is not None and left:

@@ -91,10 +91,11 @@ def limits(
         "alpha2": class_k.make(asked["options"].get("alpha2", 2.0)),
     }
     told = {name: records.to_dict(alpha, class_k.KINDS) for name, alpha in alphas.items()}
-    program = {"program": programs.plain(asked["program"])}
+    all_told = {**asked, **told, "program": programs.plain(asked["program"])}
+    matters = {name: all_told[name] for name in ranges}
     both = (
         judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
-        judge({**asked, **told, **program}, ranges, reason=CoveredBy.FILTER),
+        judge(matters, ranges, reason=CoveredBy.FILTER),
     )
     outside = [one for one in both if one.outside]
     if not outside:

@@ -1,7 +1,7 @@
 """From u* to u in one compiled call: margins, rows, guidance, program, status, for N plants.
 
-Of planar double integrators all of it happens here. Of other models the states have been looked at,
-and rows, alarms and braking inputs were made beforehand.
+Of planar double integrators all of it happens here. Of other models `model_core` has looked at the
+states, and made rows, alarms and braking inputs, beforehand.
 """
 
 import numpy as np

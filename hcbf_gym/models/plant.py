@@ -19,8 +19,8 @@ Reader = Callable[[Any, Any, Info], Any]
 class Reason(IntEnum):
     """Why a filter brakes or has raised an alarm, and `says` in words; 0 where there is none.
 
-    Up to SOLVER the filter brakes for as long as the reason lasts. From INPUT on they are alarms,
-    which last until the next reset: they say that the plant is not the one that was declared.
+    Below `FIRST_ALARM` the filter brakes for as long as the reason lasts. From there on they are
+    alarms, which last until the next reset: the plant is not the one that was declared.
     """
 
     says: str

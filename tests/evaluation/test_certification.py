@@ -223,6 +223,24 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
     assert check.repeated(other).repeated != ""
 
 
+FOLDERS = (
+    certificates.__path__[0] + "/shipped",
+    str(Path(__file__).parents[2] / "docs" / "results" / "certificates"),
+)
+
+
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.LoweredWarning")
+def test_every_file_says_of_plant_words_and_family_what_is_derived_today():
+    seen = 0
+    for file in (file for folder in FOLDERS for file in Path(folder).glob("*.json")):
+        earned = certificates.load(file)
+        if earned.name not in certificates.library.stale_since():
+            seen += 1
+            family = families.from_dict(earned.family)
+            assert check.stated_otherwise(earned, family) == [], file.name
+    assert seen >= 8
+
+
 def test_a_file_of_before_cannot_be_repeated():
     old = replace(certificates.load("regions"), shown=None, blocks=())
     with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):

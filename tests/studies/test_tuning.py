@@ -1,5 +1,7 @@
 import json
 import math
+import sqlite3
+import sqlite3.dbapi2
 
 import hypothesis.strategies as st
 import numpy as np
@@ -129,6 +131,23 @@ def test_a_database_holds_a_study_too(problem, tmp_path):
     first = TuningStudy(problem, Normal(), "normal", 0, url).run(3)
     longer = TuningStudy(problem, Normal(), "normal", 0, url).run(5)
     np.testing.assert_array_equal(longer.cost[:3], first.cost)
+
+
+def test_a_database_is_closed_at_the_end(problem, tmp_path, monkeypatch):
+    opened = []
+    connect = sqlite3.dbapi2.connect
+
+    def counted(*arguments, **options):
+        opened.append(connect(*arguments, **options))
+        return opened[-1]
+
+    for module in (sqlite3, sqlite3.dbapi2):
+        monkeypatch.setattr(module, "connect", counted)
+    TuningStudy(problem, Normal(), "normal", 0, f"sqlite:///{tmp_path / 'study.db'}").run(3)
+    assert opened
+    for one in opened:
+        with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+            one.execute("select 1")
 
 
 @pytest.mark.parametrize("kind", ["journal", "database"])

@@ -57,7 +57,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
             "expected one that this version of `hcbf certify` wrote"
         )
     family = families.from_dict(certificate.family)
-    differs = _derived(certificate, family)
+    differs = stated_otherwise(certificate, family) + _drawn_otherwise(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
     chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
     frozen = _frozen(certificate, family)
@@ -93,7 +93,7 @@ def _frozen(c: Certificate, family: Family) -> certify.Frozen:
     )  # fmt: skip
 
 
-def _derived(c: Certificate, family: Family) -> list[str]:
+def stated_otherwise(c: Certificate, family: Family) -> list[str]:
     """Return in what a file says other things than its family does, a phrase for each."""
     plant, declared = certify.plant_of(family)
     expected = {
@@ -113,13 +113,18 @@ def _derived(c: Certificate, family: Family) -> list[str]:
             for name, value in c.margins._asdict().items()
             if name not in (CALIBRATED if c.calibration else ()) and value != own[name]
         ]
+    return differs
+
+
+def _drawn_otherwise(c: Certificate, family: Family) -> list[str]:
+    """Return in what the strata are not those that the seeds draw, a phrase or none."""
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
         drawn[families.stratum_of(family.episode(seed))] += 1
     stated = {(s.policy, s.scene): s.episodes for s in c.strata}
-    if stated != dict(drawn):
-        differs.append(f"strata: {stated}, expected {dict(drawn)} as the seeds draw them")
-    return differs
+    if stated == dict(drawn):
+        return []
+    return [f"strata: {stated}, expected {dict(drawn)} as the seeds draw them"]
 
 
 def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[str]:

@@ -4,9 +4,10 @@ A generation is requested as a whole, evaluated as one batch and recorded as a w
 run had not recorded is requested again.
 """
 
+import contextlib
 import json
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, TPESampler
+from optuna.storages import RDBStorage
 from optuna.study import Study
 from optuna.trial import FrozenTrial, TrialState
 
@@ -120,14 +122,14 @@ class TuningStudy:
         """
         if samples < 1:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
-        study = self._open()
         extend = self._draw if SAMPLERS[self.sampler] is None else self._search
         size = DRAWS if extend == self._draw and self.problem.batched else GENERATION
-        while (done := len(_complete(study))) < samples:
-            on_done(done)
-            extend(study, done, min(size, samples - done), runs)
-        on_done(samples)
-        found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
+        with self._opened() as study:
+            while (done := len(_complete(study))) < samples:
+                on_done(done)
+                extend(study, done, min(size, samples - done), runs)
+            on_done(samples)
+            found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
         return Samples(*np.array(found, dtype=np.float64).T)
 
     def rejected(self, samples: int) -> int:
@@ -162,11 +164,24 @@ class TuningStudy:
         gamma0, delta_gamma = ([pair[name] for pair in pairs] for name in WINDOW)
         return in_order(self.problem.costs(gamma0, delta_gamma, runs))
 
-    def _open(self) -> Study:
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[Study]:
+        """Open the study; a database that this opens is closed at the end."""
+        if not isinstance(self.storage, str):
+            yield self._of(self.storage)
+            return
+        database = RDBStorage(self.storage)
+        try:
+            yield self._of(database)
+        finally:
+            database.remove_session()
+            database.engine.dispose()
+
+    def _of(self, storage: Any) -> Study:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             study = optuna.create_study(
-                storage=self.storage, study_name=self.sampler, load_if_exists=True
+                storage=storage, study_name=self.sampler, load_if_exists=True
             )
         settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
         if study.user_attrs.setdefault(_SETTINGS, settings) != settings:
