@@ -6,7 +6,7 @@ import operator
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from hcbf_gym.online.follower import Follower
 from hcbf_gym.online.odometry import Odometry
 from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
-from hcbf_gym.online.sample import frame_of, number, placed, sample_of
+from hcbf_gym.online.sample import Sample, frame_of, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.walker_margins import axle_of, braked, margins, warn_of_standing
 from hcbf_gym.robots.walker_response import assumed
@@ -51,6 +51,22 @@ LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
+
+
+class _Seen(NamedTuple):
+    """What is known of the robot at one present.
+
+    Attributes:
+        estimate: of it.
+        heading: of its body [rad].
+        turning: its rate [rad/s].
+        is_believed: whether all is finite, and young enough.
+    """
+
+    estimate: Estimate
+    heading: float
+    turning: float
+    is_believed: bool
 
 
 class VelocityFilter:
@@ -348,22 +364,59 @@ class VelocityFilter:
             InvalidInputError: if the command is not made of finite numbers; then nothing has
                 happened.
         """
-        follower, odometry = self._follower, self._odometry
+        follower = self._follower
         wanted = finite_array("command", command, (len(follower.limits),))
         given = sample_of(pose, twist, time)
-        sample = given if now is None else odometry.newest(given, number(now))
+        sample = given if now is None else self._odometry.newest(given, number(now))
         present = given.stamp if now is None else number(now)
+        self._go_on(present)
+        age = 0.0 if now is None else present - sample.stamp
+        seen = self._look(sample, frame_of(frame), present, age, is_new=sample is given)
+        barriers = self._taken(self._scene(), seen, present)
+        estimate = seen.estimate
+        if self._time is not None and present > self._time:
+            estimate = estimate._replace(elapsed=present - self._time)
+        heading, velocity = seen.heading, estimate.x[2:]
+        asked = follower.asked(wanted, heading, velocity)
+        u, report = self._core.step(asked, barriers, estimate)
+        if report["status"] == FilterStatus.BACKUP:
+            self._time, told = None, np.zeros(len(follower.limits))
+        else:
+            self._time = present
+            follower.follow(velocity, u, heading, present)
+            told = follower.command(wanted, heading, seen.turning)
+        self._odometry.tell(told, present)
+        self._good_from = present
+        self._good_until = present + self._period if math.isfinite(present) else -math.inf
+        report["valid_until"] = np.float64(self._good_until)
+        return told.copy(), report
+
+    def _go_on(self, present: float) -> None:
+        """Let the clocks go on to the present [s], and note where samples are missing."""
         self._look_back(present)
         later = self._clock.look(present)
         if later != 0.0:
             self._core.shift_clock(later)
-        age = 0.0 if now is None else present - sample.stamp
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
-        motion, correction = sample.motion, frame_of(frame)
+
+    def _look(
+        self, sample: Sample, correction: Array, present: float, age: float, *, is_new: bool
+    ) -> "_Seen":
+        """Return what is known of the robot at present.
+
+        Args:
+            sample: the newest of the odometry.
+            correction: (3,) of its frame in the barriers' [m, rad].
+            present: [s].
+            age: of the sample [s].
+            is_new: whether it has just come.
+        """
+        follower, odometry = self._follower, self._odometry
+        motion = sample.motion
         place = self._from.place(placed(correction, sample.place))
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
-        if sound and sample is given:
+        if sound and is_new:
             odometry.watch(sample)
         if sound:
             follower.turn(correction[2])
@@ -384,15 +437,18 @@ class VelocityFilter:
             age=math.inf if stale else max(0.0, age),
             fault=odometry.fault or None,
         )
-        barriers = self._scene()
-        if not self._begun and sound and not stale:
+        return _Seen(estimate, float(place[2]), float(motion[2]), sound and not stale)
+
+    def _taken(self, barriers: object, seen: "_Seen", present: float) -> object:
+        """Let the core look at barriers where it must; None where no filter can begin with them."""
+        if not self._begun and seen.is_believed:
             self._core.cover(Coverage.OUTSIDE)
             try:
-                self._begin(barriers, estimate, present)
+                self._begin(barriers, seen.estimate, present)
                 self._begun = True
-            except InvalidInputError as error:  # no filter can begin with these barriers
+            except InvalidInputError as error:
                 warn_caller(f"velocity filter: {error}", SafetyWarning)
-                barriers = None
+                return None
         elif (
             self._unseen
             and self._clock.is_sound
@@ -401,22 +457,8 @@ class VelocityFilter:
         ):
             self._core.look_again()
             with contextlib.suppress(InvalidInputError):  # no way: it leads as before
-                self._begin(barriers, estimate, present)
-        if self._time is not None and present > self._time:
-            estimate = estimate._replace(elapsed=present - self._time)
-        asked = follower.asked(wanted, place[2], velocity)
-        u, report = self._core.step(asked, barriers, estimate)
-        if report["status"] == FilterStatus.BACKUP:
-            self._time, told = None, np.zeros(len(follower.limits))
-        else:
-            self._time = present
-            follower.follow(velocity, u, place[2], present)
-            told = follower.command(wanted, place[2], motion[2])
-        odometry.tell(told, present)
-        self._good_from = present
-        self._good_until = present + self._period if math.isfinite(present) else -math.inf
-        report["valid_until"] = np.float64(self._good_until)
-        return told.copy(), report
+                self._begin(barriers, seen.estimate, present)
+        return barriers
 
     def _begin(self, barriers: object, estimate: Estimate, present: float) -> None:
         """Let the core look at barriers and goal.

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import certificates, models
+from hcbf_gym import VelocityFilter, certificates, models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import (
     BLOCK,
@@ -195,6 +195,19 @@ def test_a_bent_entry_of_a_file_is_refused_in_words(where, value, message):
     entry[where[-1]] = value
     with pytest.raises(InvalidInputError, match=message):
         Certificate.from_dict(data)
+
+
+@pytest.mark.parametrize("bad", [1, 0.5, True, [], np.zeros(2), object])
+def test_what_is_no_certificate_is_refused_in_words_by_every_way_in(bad):
+    env = gym.make("HCBF-Regions-v0")
+    ways = (
+        lambda: certificates.load(bad),
+        lambda: SafetyFilter(env, certificate=bad),
+        lambda: VelocityFilter("cart", [], certificate=bad),
+    )
+    for way in ways:
+        with pytest.raises(InvalidInputError, match=r"certificate: got .* expected a Certificate"):
+            way()
 
 
 def test_a_plant_is_the_certified_one_where_all_that_it_declares_is():
