@@ -67,16 +67,16 @@ def requested(settings: RowSettings, fastest: float = np.inf) -> float:
     return float(rows.max())
 
 
-def share(settings: RowSettings, input_set: InputSet) -> float:
-    """Return the greatest c in [0, 1] with which U can brake what c·α₁ requests.
+def share(settings: RowSettings, brakes: float) -> float:
+    """Return the greatest c in [0, 1] with which the robot can brake what c·α₁ requests.
 
     It is 1 where α₁ requests more the faster the robot is: what that is, only a scene can say.
 
     Args:
         settings: α₁, α₂ and the hold.
-        input_set: U.
+        brakes: with how much it stops [m/s²], of which `RESERVE` is left.
     """
-    able = (1.0 - RESERVE) * weakest(input_set)
+    able = (1.0 - RESERVE) * brakes
     if np.isinf(settings.alpha1.hardest_speed) or requested(settings) <= able:
         return 1.0
     low, high = 0.0, 1.0

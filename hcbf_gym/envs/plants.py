@@ -45,6 +45,7 @@ class PlantModel(NamedTuple):
         declared: the arguments, as certificates compare them.
         nearest: the shipped certificate that fits them best.
         axle: what limits a differential drive; None for all others.
+        braking: with how much its body stops [m/s²]; None for what U can do.
     """
 
     input_set: InputSet
@@ -53,6 +54,7 @@ class PlantModel(NamedTuple):
     declared: dict[str, Any]
     nearest: NearestCertificate
     axle: Axle | None = None
+    braking: float | None = None
 
 
 def plant_of(
@@ -60,6 +62,7 @@ def plant_of(
     uncertainty: Uncertainty = EXACT,
     on_alarm: str = "warn",
     axle: Axle | None = None,
+    braking: float | None = None,
 ) -> Plant:
     """Return the plant of one of this package's environments, single or native vector.
 
@@ -68,6 +71,7 @@ def plant_of(
         uncertainty: how far the plant may be from its model.
         on_alarm: what an alarm leads to, "warn" or "brake".
         axle: what limits a differential drive; None for all others.
+        braking: with how much the body stops [m/s²]; None for what U can do.
     """
     return Plant(
         model=DoubleIntegrator(),
@@ -79,6 +83,7 @@ def plant_of(
         uncertainty=uncertainty,
         on_alarm=on_alarm,
         axle=axle,
+        braking=braking,
         covered=_JUDGED,
         declared=_DECLARED,
     )

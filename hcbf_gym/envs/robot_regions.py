@@ -81,7 +81,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
     def plant(self) -> Plant:
         """What a safety filter must know."""
         known = self._known
-        return plant_of(known.input_set, known.uncertainty, on_alarm="brake", axle=known.axle)
+        return plant_of(known.input_set, known.uncertainty, "brake", known.axle, known.braking)
 
     @property
     def simulation(self) -> Simulation:

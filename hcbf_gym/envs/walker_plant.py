@@ -9,7 +9,14 @@ from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins, speed_row, warn_of_standing
+from hcbf_gym.robots.walker_margins import (
+    axle_of,
+    braked,
+    margins,
+    speed_row,
+    stops,
+    warn_of_standing,
+)
 from hcbf_gym.robots.walker_response import assumed
 
 OFF_NOMINAL = 0.02
@@ -96,4 +103,5 @@ def plant_model(
         warn_of_standing(row, known, response)
     axle = axle_of(walker.command, response, input_set, declared.v_max)
     known, able = known._replace(body=body), braked(input_set, response)
-    return PlantModel(able, row, known, said, found, axle)
+    stopping = None if axle else stops(response, declared.v_max, able)
+    return PlantModel(able, row, known, said, found, axle, stopping)

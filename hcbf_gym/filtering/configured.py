@@ -223,7 +223,7 @@ class Configured:
         return [plants.part_of(self._constants, self._program, part) for part in self._parts]
 
     def _fit_alpha1(self) -> float:
-        """Scale α₁ down to what U can brake, and return the factor, which reports repeat.
+        """Scale α₁ down to what the robot can brake, and return the factor, which reports repeat.
 
         Raises:
             InvalidInputError: if U cannot brake in some direction at all.
@@ -239,7 +239,8 @@ class Configured:
         period = self.plant.period if self.settings.rows == "held" else None
         steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
         held = period is not None and steepest * period <= 1.0
-        factor = braking.share(self._row_settings(held), self.input_set)
+        brakes = able if self.plant.braking is None else min(able, self.plant.braking)
+        factor = braking.share(self._row_settings(held), brakes)
         if factor < 1.0:
             self.alpha1 = self.alpha1.scaled(factor)
         if self.plant.axle is not None:

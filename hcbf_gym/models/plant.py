@@ -193,6 +193,8 @@ class Plant:
         covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either.
         axle: what limits a differential drive, whose x is that of the point before its axle, at
             ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
+        braking: deceleration with which the body stops from its greatest speed, by how much later
+            it follows than its model counted in [m/s²]; None takes what U can do.
         declared: a mapping, or a reader of it, that tells this plant from others of its kind;
             certificates compare it. None compares what every plant has.
 
@@ -218,6 +220,7 @@ class Plant:
     on_alarm: str = "warn"
     covered: object = Coverage.OUTSIDE
     axle: Axle | None = None
+    braking: float | None = None
     declared: Mapping[str, object] | Reader | None = None
 
     def __post_init__(self) -> None:
@@ -233,6 +236,8 @@ class Plant:
             finite_float("plant: period", self.period, minimum=0.0, exclusive=True)
         if self.max_age is not None:
             finite_float("plant: max_age", self.max_age, minimum=0.0)
+        if self.braking is not None:
+            finite_float("plant: braking", self.braking, minimum=0.0, exclusive=True)
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
         choose("on_alarm", self.on_alarm, ON_ALARM)

@@ -35,7 +35,7 @@ from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
 from hcbf_gym.online.sample import Sample, frame_of, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins, warn_of_standing
+from hcbf_gym.robots.walker_margins import axle_of, braked, margins, stops, warn_of_standing
 from hcbf_gym.robots.walker_response import assumed
 
 if TYPE_CHECKING:
@@ -171,6 +171,7 @@ class VelocityFilter:
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
             uncertainty=reserved, axle=axle,
+            braking=None if axle else stops(response, known.command.fastest, input_set),
         )  # fmt: skip
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
@@ -380,7 +381,7 @@ class VelocityFilter:
         asked = follower.asked(wanted, heading, velocity)
         u, report = self._core.step(asked, barriers, estimate)
         if report["status"] == FilterStatus.BACKUP:
-            self._time, told = None, np.zeros(len(follower.limits))
+            self._time, told = None, follower.stop()
         else:
             self._time = present
             follower.follow(velocity, u, heading, present)
@@ -499,6 +500,7 @@ class VelocityFilter:
         last = None if self._time is None else self._clock.since(self._time)
         old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._scene(), old)
+        self._follower.stop()
         self._time = None
 
     def _scene(self) -> object:

@@ -145,6 +145,28 @@ def braked(input_set: InputSet, response: Response) -> InputSet:
     return input_set if share >= 1.0 else input_set.scaled(share)
 
 
+def stops(response: Response, speed: float, input_set: InputSet) -> float | None:
+    """Return the deceleration with which a body stops that follows τ + δ later [m/s²].
+
+    It is None where its margin has room for what it goes on meanwhile.
+
+    Its margin grows by c a (τ + δ) once the model brakes with a, and where U has no more by then,
+    the body is too near. What a robot of the speed v goes on meanwhile beyond what its margin
+    reserves, ``x = (τ + δ) max(0, v − c a)``, is therefore taken from the braking, twice, as the
+    margin is known no sooner than the lag: ``v² / (2 a) + 2 x = v² / (2 stops)``.
+
+    Args:
+        response: of the robot.
+        speed: v, the greatest that it is told [m/s].
+        input_set: U, which brakes with a.
+    """
+    able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
+    beyond = response.follows * max(0.0, speed - SETTLES * able)
+    if beyond == 0.0:
+        return None
+    return 1.0 / (1.0 / able + 4.0 * beyond / speed**2) / (1.0 - braking.RESERVE)
+
+
 def axle_of(command: Command, response: Response, input_set: InputSet, v_max: float) -> Axle | None:
     """Return what limits a differential drive; None of a robot that moves in every direction.
 

@@ -56,7 +56,7 @@ def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negati
 )
 def test_a_weak_u_can_brake_what_the_scaled_function_asks_for(input_set):
     settings = RowSettings(period=PERIOD, u_max=input_set.radius)
-    factor = braking.share(settings, input_set)
+    factor = braking.share(settings, braking.weakest(input_set))
     scaled = RowSettings(LogClassK().scaled(factor), period=PERIOD, u_max=input_set.radius)
     assert 0.0 < factor < 1.0
     able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
@@ -64,7 +64,7 @@ def test_a_weak_u_can_brake_what_the_scaled_function_asks_for(input_set):
 
 
 def test_a_strong_u_leaves_the_function_as_it_is():
-    assert braking.share(held(LogClassK(), 5.0), Box.symmetric(5.0)) == 1.0
+    assert braking.share(held(LogClassK(), 5.0), 5.0) == 1.0
 
 
 def test_straight_braking_stops_before_a_wedge_where_the_scene_is_not_warned_of():

@@ -17,8 +17,9 @@ WALL = HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-2.0)
 class Lagged:
     """A robot that follows velocities in its own axes by a delay and a first-order lag."""
 
-    def __init__(self, pose, lag, delay):
+    def __init__(self, pose, lag, delay, hardest=math.inf):
         self.pose, self.velocity = np.array(pose), np.zeros(3)
+        self._most = TICK * hardest  # change of its velocity in the plane
         self._share = 1.0 if lag == 0.0 else 1.0 - math.exp(-TICK / lag)
         self._told = deque([np.zeros(3)] * (round(delay / TICK) + 1))
 
@@ -27,7 +28,9 @@ class Lagged:
         told = np.array([command[0], 0.0, command[1]]) if len(command) == 2 else command
         for _ in range(round(seconds / TICK)):
             self._told.append(told)
-            self.velocity = self.velocity + self._share * (self._told.popleft() - self.velocity)
+            change = self._share * (self._told.popleft() - self.velocity)
+            change[:2] *= min(1.0, self._most / max(float(np.hypot(*change[:2])), 1e-12))
+            self.velocity = self.velocity + change
             cos, sin = np.cos(self.pose[2]), np.sin(self.pose[2])
             ahead, aside, turn = self.velocity
             step = cos * ahead - sin * aside, sin * ahead + cos * aside, turn
