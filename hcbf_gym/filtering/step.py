@@ -478,6 +478,11 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
         unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h_body, c.body, True)
     else:
         unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)
+    if not c.made:
+        for k in range(m):
+            limit = p.parameters[i, k, layout.V_MAX]
+            fast = verdict.speeds(p.kind[i, k], limit, h[k], plant.x, plant.lag)
+            unsafe |= fast and p.priority[i, k] == 1
     moved = furthest > NOMINAL * (1.0 + c.radius)
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(change2)

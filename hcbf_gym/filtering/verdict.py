@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask, Record
-from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers import class_k, layout
+from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.constants import ASKING, STANDING
 from hcbf_gym.programs.result import FilterStatus
@@ -172,6 +173,28 @@ def is_unsafe(
         if priority[k] == 1 and h[k] < reach:
             return True
     return False
+
+
+@kernel(inline="always")
+def speeds(kind: int, limit: float, h: float, x: Array, lag: Array) -> bool:
+    """Return whether a body is faster than a speed limit, or than that of a zone in which it is.
+
+    Rows read the model's velocity, and reserve what the body may differ while it follows. What it
+    does when the limit comes, or when nobody knows what it was told, only its own velocity shows.
+
+    Args:
+        kind: of the condition.
+        limit: L, of a condition on the speed [m/s].
+        h: of the condition, at the model's velocity.
+        x: (4,) of the model.
+        lag: (4,) the body's state minus the model's.
+    """
+    if kind != layout.SPEED_LIMIT and kind != layout.ZONES and kind != layout.ZONE:
+        return False
+    model2 = x[2] * x[2] + x[3] * x[3]
+    away = 2.0 * limit * h - limit * limit + model2  # of a zone, times what brakes before it
+    vx, vy = x[2] + lag[2], x[3] + lag[3]
+    return away < TINY and vx * vx + vy * vy > (limit + SHORT) ** 2
 
 
 @kernel(inline="always")

@@ -19,7 +19,7 @@ FINE = 0.005
 """By how much a surface may bend before it becomes two pieces [m]."""
 
 REACH = 6.0
-"""Beyond that from the sensor nothing is taken [m]: no robot here gets so far before the next."""
+"""Beyond that from the sensor nothing is taken [m], if not told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,8 @@ class Scan(Several):
         noise: by how much a range is wrong at most [m]; of normal errors, three deviations.
         depth: how far what is seen reaches behind its surface [m]. From where the sensor stood it
             changes no distance; who has been pushed in is led out by the nearer side.
+        reach: how far away from the sensor something is taken, ahead and aside [m]; what a robot
+            must see is `VelocityFilter.horizon`.
 
     Raises:
         InvalidInputError: if a number is not finite or out of range, or the points are no (k, 2).
@@ -65,12 +67,13 @@ class Scan(Several):
     margin: float = 0.0
     noise: float = 0.0
     depth: float = 0.05
+    reach: float = REACH
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         x, y, yaw = finite_array(f"{self.name}: pose", self.pose, (3,), largest=ON_EARTH).tolist()
         object.__setattr__(self, "pose", (x, y, yaw))
-        for name in ("period", "speed", "margin", "noise", "depth"):
+        for name in ("period", "speed", "margin", "noise", "depth", "reach"):
             least = EDGE if name == "depth" else 0.0
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=least)
             object.__setattr__(self, name, number)
@@ -99,7 +102,7 @@ class Scan(Several):
             raise InvalidInputError(
                 f"{self.name}: points: got shape {given.shape}, expected (k, 2)"
             )
-        near = given[(np.abs(given) < REACH).all(axis=1)]
+        near = given[(np.abs(given) < self.reach).all(axis=1)]
         x, y, yaw = self.pose
         cos, sin = np.cos(yaw), np.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])

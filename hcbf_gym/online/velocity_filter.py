@@ -25,6 +25,7 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.maps.scan import Scan
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -49,6 +50,8 @@ LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
+UNKNOWN = np.full(3, np.nan)
+"""A frame that nobody knows."""
 LED_FOR = 0.5
 """Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
 
@@ -152,6 +155,7 @@ class VelocityFilter:
         self._barriers: object = None
         self._looked_at: object = None  # as they were when guidance was told to look
         self._unseen = True  # whether guidance has not looked at the barriers
+        self._begun = False
         self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         reach = known.reach if radius is None else radius
@@ -178,6 +182,7 @@ class VelocityFilter:
         )
         self._input_set = input_set
         self._core = self._core_of(self._settings)
+        self._warn_of_sight(barriers)
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self.goal = goal
         self.reset()
@@ -213,6 +218,8 @@ class VelocityFilter:
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
         self._barriers, self._looked_at = barriers, listed
+        if self._begun:
+            self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Entry]) -> None:
         """Refuse barriers that a step would only brake for, before they are handed over.
@@ -276,6 +283,24 @@ class VelocityFilter:
         return self._follower.fastest
 
     @property
+    def horizon(self) -> float:
+        """How far from its centre a robot must see a region, at its greatest speed [m]."""
+        kept, passed = self._reserved, self._hardest * self._period
+        fastest = self.robot.command.fastest + passed
+        away = self._core.alpha1.inverse(fastest) + fastest * self._period
+        return away + kept.distance + kept.cap + kept.body
+
+    def _warn_of_sight(self, barriers: object) -> None:
+        """Warn of a scan that ends where the robot must see farther."""
+        for one in barriers if isinstance(barriers, Sequence) else ():
+            if isinstance(one, Scan) and one.reach < self.horizon:
+                warn_caller(
+                    f"velocity filter: the scan {one.name!r} ends {one.reach:g} m away, where this "
+                    f"robot must see {self.horizon:.2g} m, expected Scan(reach=…) or a lower speed",
+                    SafetyWarning,
+                )
+
+    @property
     def program(self) -> Any:
         """Name of the program."""
         return self._settings.program
@@ -313,7 +338,7 @@ class VelocityFilter:
         self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._time: float | None = None  # of the last sample, while none is missing [s]
-        self._begun = False
+        self._begun = self._is_framed = False
         self._follower.forget()
         self._odometry.forget()
         self._good_from = self._good_until = -math.inf
@@ -332,6 +357,7 @@ class VelocityFilter:
         self._odometry.go_on_from(other._odometry)
         self._good_from, self._good_until = other._good_from, other._good_until
         self._time, self._last, self._leapt_from = other._time, other._last, other._leapt_from
+        self._is_framed = other._is_framed
 
     def step(
         self,
@@ -354,7 +380,8 @@ class VelocityFilter:
             time: at which pose and twist were measured [s].
             now: the present on the same clock, from which their age counts [s]; None is `time`.
             frame: (x, y, θ) of the pose's frame in the barriers' [m, rad], as tf has ``map`` →
-                ``odom``; it may jump where a localization corrects it. None where they are one.
+                ``odom``; it may jump where a localization corrects it. None where they are one;
+                where one was given since the reset, None is not known, and the robot stands.
 
         Returns:
             The command in the robot's axes, and a dict as ``info["safety_filter"]`` has it, with
@@ -372,7 +399,9 @@ class VelocityFilter:
         present = given.stamp if now is None else number(now)
         self._go_on(present)
         age = 0.0 if now is None else present - sample.stamp
-        seen = self._look(sample, frame_of(frame), present, age, is_new=sample is given)
+        self._is_framed = self._is_framed or frame is not None
+        correction = frame_of(frame) if frame is not None or not self._is_framed else UNKNOWN
+        seen = self._look(sample, correction, present, age, is_new=sample is given)
         barriers = self._taken(self._scene(), seen, present)
         estimate = seen.estimate
         if self._time is not None and present > self._time:

@@ -17,6 +17,7 @@ from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError, finite_array, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.maps.scan import REACH
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
 from hcbf_gym.online.sample import placed
@@ -25,7 +26,7 @@ from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
 from hcbf_gym.ros.filters import Led
 from hcbf_gym.ros.localization import Localization
-from hcbf_gym.ros.parameters import Settings, SourceSettings
+from hcbf_gym.ros.parameters import Settings, SourceSettings, by_name
 from hcbf_gym.ros.sources import Beams, Entries
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
@@ -141,8 +142,8 @@ class NodeCore:
             frame: of the message.
         """
         source = self.sources[name]
-        if source.settings.type != "scan" and stamp == source.watch.stamp:
-            source.watch.forget()  # whoever repeats a stamp may still say something else
+        if source.settings.type != "scan" and stamp <= source.watch.stamp:
+            source.watch.forget()  # what came last counts: stamps may be fixed, or another's
         if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
             return False
         before, source.entries = source.entries, entries
@@ -154,6 +155,24 @@ class NodeCore:
     def refuse_source(self, name: str, says: str) -> None:
         """Note that a source's newest message is faulty."""
         self.sources[name].watch.refuse(says)
+
+    def change(self, given: Mapping[str, Any]) -> None:
+        """Take parameters that may change while the node runs: all of them, or none.
+
+        Args:
+            given: name → value; names that are not the node's are passed over.
+
+        Raises:
+            InvalidInputError: if one does not fit, or may not change now.
+        """
+        known = by_name(list(self.sources))
+        values = {name: known[name].live_value(one, name) for name, one in given.items()
+                  if name in known}  # fmt: skip
+        if "v_max" in values:  # the only one that may still be refused
+            self.set_v_max(values.pop("v_max"))
+        self.enabled = values.pop("enabled", self.enabled)
+        for name, enabled in values.items():
+            self.enable_source(name.split(".")[0], enabled)
 
     def enable_source(self, name: str, enabled: bool) -> None:
         """Let a source count, or not."""
@@ -198,7 +217,7 @@ class NodeCore:
         if pose is None:
             return None
         x, y, yaw = placed(pose, np.asarray(settings.mount if mount is None else mount)).tolist()
-        return sources.of_scan(settings, beams, (x, y, yaw))
+        return sources.of_scan(settings, beams, (x, y, yaw), max(REACH, self._filter.horizon))
 
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None

@@ -85,7 +85,13 @@ class Intake:
         mount = None
         if self._transforms is not None and frame != core.settings.base_frame_id:
             found = self._transforms.newest(core.settings.base_frame_id, frame)
-            mount = None if found is None else messages.transform_of(found.transform)
+            if found is not None:
+                mount = messages.transform_of(found.transform)
+            elif not any(core.sources[name].settings.mount):
+                raise InvalidInputError(
+                    f"tf has no transform from {core.settings.base_frame_id!r} to {frame!r}, and "
+                    f"{name}.mount is not set"
+                )
         stamp = messages.seconds(message.header.stamp)
         return core.of_scan(name, messages.beams_of(message), stamp, mount)
 

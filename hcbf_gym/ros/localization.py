@@ -108,8 +108,13 @@ class Localization:
         elif place is None or motion is None:
             watch.refuse(f"got {shown([pose, twist])}, {EXPECTED}")
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
-            self._local.append(Odometry(stamp, place, motion))
-            self._look_still(self._local[-1])
+            newest = Odometry(stamp, place, motion)
+            if settings.pose_source == "topic" and self._local and self._leaps(newest):
+                self._local.clear()  # nothing ties it to the poses of before
+                self._correction = None
+                self._pose.refuse("odometry has jumped, expected a pose of after that")
+            self._local.append(newest)
+            self._look_still(newest)
             placing = self._correction
             if placing is not None:
                 there = placed(placing, place)
@@ -164,9 +169,7 @@ class Localization:
         """Remember a pose; if it has jumped, forget the others and return True."""
         jumped = False
         if self._track and newest.stamp - self._track[-1].stamp < 1.0:
-            expected = _advanced(self._track[-1], newest.stamp, newest.twist)
-            away = float(np.hypot(*(newest.pose - expected)[:2]))
-            turned = abs(math.remainder(newest.pose[2] - expected[2], math.tau))
+            away, turned = _off(self._track[-1], newest)
             jumped = away > self._settings.pose_jump or turned > TURN_JUMP
             if jumped:
                 says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
@@ -177,6 +180,12 @@ class Localization:
         while newest.stamp - self._track[0].stamp > REMEMBERED:
             self._track.popleft()
         return jumped
+
+    def _leaps(self, newest: Odometry) -> bool:
+        """Return whether odometry itself has jumped."""
+        away, turned = _off(self._local[-1], newest)
+        near = newest.stamp - self._local[-1].stamp < 1.0
+        return near and (away > self._settings.pose_jump or turned > TURN_JUMP)
 
     def _look_still(self, newest: Odometry) -> None:
         """Note how far the twist would have moved the robot while odometry's pose stands."""
@@ -215,6 +224,13 @@ def _advanced(one: Odometry | Located, stamp: float, twist: Array) -> Array:
     middle = np.array([*one.pose[:2], one.pose[2] + 0.5 * seconds * motion[2]])
     moved = placed(middle, np.array([*(seconds * motion[:2]), 0.0]))
     return np.array([*moved[:2], one.pose[2] + seconds * motion[2]])
+
+
+def _off(before: Odometry | Located, newest: Odometry | Located) -> tuple[float, float]:
+    """Return by how much a pose is off what the twists make of the one before [m, rad]."""
+    expected = _advanced(before, newest.stamp, newest.twist)
+    away = float(np.hypot(*(newest.pose - expected)[:2]))
+    return away, abs(math.remainder(newest.pose[2] - expected[2], math.tau))
 
 
 def _at(track: deque[Odometry] | deque[Located], stamp: float) -> Array | None:

@@ -86,34 +86,12 @@ class FilterNode(LifecycleNode):
         """Take what may change while the node runs, and refuse what does not fit."""
         if self._core is None:
             return SetParametersResult(successful=True)  # `configure` reads them all
-        known = by_name(list(self._core.sources))
         try:
-            for one in changed:
-                if one.name in known:
-                    self._set(self._core, known[one.name], one.name, one.value)
+            with self._lock, self._logged():
+                self._core.change({one.name: one.value for one in changed})
         except InvalidInputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _set(self, core: NodeCore, parameter: Parameter, name: str, given: Any) -> None:
-        """Set one parameter.
-
-        Raises:
-            InvalidInputError: if it does not fit, or may not change now.
-        """
-        value = parameter.read(given, name)
-        if not parameter.live:
-            raise InvalidInputError(
-                f"parameter {name}: got {given!r} while the node is configured, expected it before"
-            )
-        with self._lock:
-            if name == "enabled":
-                core.enabled = value
-            elif name == "v_max":
-                with self._logged():
-                    core.set_v_max(value)
-            else:
-                core.enable_source(name.split(".")[0], value)
 
     @contextlib.contextmanager
     def _logged(self) -> Iterator[None]:

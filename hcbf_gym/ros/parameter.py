@@ -61,6 +61,19 @@ class Parameter(NamedTuple):
             return value
         return self._text(value, label) if self.kind is str else self._number(value, label)
 
+    def live_value(self, value: Any, label: str) -> Any:
+        """Return the value of a parameter that is set while the node runs.
+
+        Raises:
+            InvalidInputError: if it does not fit, or may not change now.
+        """
+        if not self.live:
+            raise InvalidInputError(
+                f"parameter {label}: got {shown(value)} while the node is configured, expected it "
+                "before"
+            )
+        return self.read(value, label)
+
     def _text(self, value: Any, label: str) -> str:
         if not isinstance(value, str):
             raise InvalidInputError(f"parameter {label}: got {shown(value)}, expected text")

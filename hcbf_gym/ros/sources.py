@@ -103,23 +103,34 @@ class Beams(NamedTuple):
     most: float
 
 
-def of_scan(source: SourceSettings, beams: Beams, pose: tuple[float, float, float]) -> Entries:
+def of_scan(
+    source: SourceSettings, beams: Beams, pose: tuple[float, float, float], reach: float
+) -> Entries:
     """Return what a scan shows; a beam that failed, or is out of range, saw nothing.
 
     Args:
         source: the scan's settings.
         beams: the scan.
         pose: of the sensor in the world, when it measured [m, rad].
+        reach: of what is taken [m].
 
     Raises:
-        InvalidInputError: if there is no beam, half of them failed, or a number is not finite.
+        InvalidInputError: if its limits are none, there is no beam, half of them failed, are
+            negative or nearer than can be measured, or a number is not finite.
     """
+    if not 0.0 <= beams.least < beams.most:
+        raise InvalidInputError(
+            f"range_min and range_max: got {beams.least} and {beams.most}, expected "
+            "0 ≤ range_min < range_max"
+        )
     far = as_array(source.name, beams.ranges).astype(np.float64)
     angles = beams.first + beams.step * np.arange(far.size)
-    failed = float(np.isnan(far).mean()) if far.size else 1.0
+    measures_nothing = np.isnan(far) | (np.isfinite(far) & (far < beams.least) & (far != 0.0))
+    failed = float(measures_nothing.mean()) if far.size else 1.0
     if failed >= FAILED:
         raise InvalidInputError(
-            f"{100.0 * failed:.0f} % of {far.size} beams failed, expected less than half"
+            f"{100.0 * failed:.0f} % of {far.size} beams failed or saw something nearer than "
+            f"{beams.least:g} m, expected less than half"
         )
     with np.errstate(invalid="ignore"):
         outside = ~(far <= beams.most) | ((far < beams.least) & np.isfinite(far))
@@ -133,6 +144,7 @@ def of_scan(source: SourceSettings, beams: Beams, pose: tuple[float, float, floa
         source.priority,
         source.margin,
         source.range_noise,
+        reach=reach,
     )
     return (seen,)
 

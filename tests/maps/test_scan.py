@@ -1,8 +1,11 @@
 """What a scan shows: straight surfaces in the world, whatever pose and beams they were seen by."""
 
+import warnings
+
 import numpy as np
 import pytest
 
+from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import MapClass, Scan, paying, points_of
@@ -201,3 +204,19 @@ def test_a_map_beside_new_scans_stays_where_it_stands():
         last = made
     assert len({id(one) for one in arrays}) < 20
     assert max(one.size for one in arrays) < 2 * arrays[0].size
+
+
+@pytest.mark.parametrize(("speed", "warned"), [(0.5, False), (3.0, True)])
+def test_a_robot_that_must_see_farther_than_a_scan_reaches_says_so(speed, warned):
+    response = Response(time_constant=0.1, delay=0.02, braking=0.8, residual=(0.01, 0.02, 0.05))
+    robot = Robot(Command(speed, 1.0, sideways=speed), response, reach=0.2)
+    seen = Scan("laser", np.array([[5.9, 0.0], [5.9, 0.1]]), (0.0, 0.0, 0.0))
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        safe = VelocityFilter(robot, [seen], period=0.05)
+        safe.step((0.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0)
+        said = [str(one.message) for one in raised if "must see" in str(one.message)]
+        safe.barriers = [Scan("farther", seen.points, seen.pose, reach=safe.horizon)]
+    assert bool(said) == warned
+    assert (safe.horizon > 6.0) == warned
+    assert len([one for one in raised if "must see" in str(one.message)]) == len(said)

@@ -1,6 +1,7 @@
 """A localization may correct the pose's frame: no alarm, and barriers stay where they are."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -103,3 +104,25 @@ def test_a_frame_that_is_none_is_not_believed(frame):
         told, report = door.step((0.5, 0.0), np.zeros(3), np.zeros(3), k * PERIOD, frame=given)
         assert (report["status"] == FilterStatus.BACKUP) == (k == 5)
         assert told.any() == (k != 5)
+
+
+def test_a_frame_that_is_not_known_any_more_is_not_taken_for_none():
+    wall = [HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-4.0)]
+    robot = Robot(Command(forward=0.5, turn=1.0, look_ahead=0.2), reach=0.2)
+    safe = VelocityFilter(robot, wall, period=0.05)
+    here, still = np.zeros(3), np.zeros(3)
+    statuses = []
+    for k, frame in enumerate([(3.0, 0.0, 0.0)] * 3 + [None] * 3 + [(3.0, 0.0, 0.0)] * 2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            told, report = safe.step((0.5, 0.0), here, still, 0.05 * k, frame=frame)
+        statuses.append(report["status"])
+        if frame is None:
+            assert report["reason"] == Reason.STATE
+            assert np.abs(told).max() == 0.0
+        else:
+            assert report["h"][0] == pytest.approx(1.0, abs=0.3)
+    assert statuses[3:6] == [FilterStatus.BACKUP] * 3
+    assert FilterStatus.BACKUP not in statuses[6:]
+    safe.reset()
+    assert safe.step((0.5, 0.0), here, still, 9.0)[1]["status"] <= FilterStatus.SAFE

@@ -1,5 +1,7 @@
 """The node's core: zero in time and why, silence, ranks of its own, both clocks."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -346,3 +348,68 @@ def test_a_plan_that_is_taken_goes_on_from_what_the_robot_was_told():
     besides = ASIDE * HELD * d.core.settings.period  # guidance keeps off the zone's edge
     assert told[0] > 0.1
     assert told[1] <= told[0] + besides + 0.01
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"enabled": False, "v_max": 0.001},
+        {"v_max": 0.001, "scan.enabled": False},
+        {"scan.enabled": False, "enabled": "no"},
+        {"enabled": False, "robot": "cart"},
+    ],
+)
+def test_parameters_that_are_set_together_are_all_taken_or_none(given):
+    d = Drive(SCAN).run(0.5)
+    with pytest.raises(InvalidInputError, match=r"v_max|enabled|robot"):
+        d.core.change(given)
+    assert d.core.enabled
+    assert d.core.sources["scan"].enabled
+    assert d.core.settings.v_max == 0.0
+    d.core.change({"enabled": False, "v_max": 0.6, "scan.enabled": False, "use_sim_time": True})
+    assert not d.core.enabled
+    assert not d.core.sources["scan"].enabled
+    assert d.core.settings.v_max == 0.6
+
+
+LIMITS = [(0.0, 0.0), (0.1, math.nan), (math.nan, 9.0), (0.1, -1.0), (5.0, 1.0), (math.inf, 9.0)]
+
+
+@pytest.mark.parametrize(("least", "most"), LIMITS)
+def test_a_scan_with_limits_that_are_none_is_not_free_space(least, most):
+    d = Drive(SCAN).run(0.5)
+    with pytest.raises(InvalidInputError, match="range_min and range_max: got"):
+        d.core.of_scan("scan", Beams([1.0, 2.0, 3.0], 0.0, 0.1, least, most), d.now.ros)
+
+
+@pytest.mark.parametrize("ranges", [[-1.0, -2.0, 3.0], [0.05, 0.05, 3.0], [math.nan, -1.0, 0.02]])
+def test_a_scan_that_measures_next_to_nothing_is_not_free_space(ranges):
+    d = Drive(SCAN).run(0.5)
+    with pytest.raises(InvalidInputError, match="beams failed or saw something nearer"):
+        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0), d.now.ros)
+
+
+def test_a_zone_counts_that_came_last_whatever_its_stamp():
+    d = Drive(ZONE, wanted=(0.5, 0.0, 0.0)).run(0.2)
+    show(d, "zone", [(9.0, -2.0), (9.5, -2.0), (9.5, 2.0), (9.0, 2.0)])
+    d.run(0.5)
+    settings, now = d.core.sources["zone"].settings, d.now
+    near = sources.of_polygon(settings, [(2.0, -2.0), (3.0, -2.0), (3.0, 2.0), (2.0, 2.0)])
+    assert d.core.hear_source("zone", near, now.ros - 1.0, now, "odom")
+    d.run(20.0)
+    assert d.pose[0] < 2.0
+
+
+def test_a_pose_of_before_odometry_began_anew_places_nothing():
+    d = Drive({"pose_source": "topic", "global_frame_id": "map"}).run(0.5)
+    d.core.localization.hear_pose(d.pose, d.now.ros, d.now, "map")
+    d.run(2.0)
+    assert d.last.says in ("NOMINAL", "SAFE")
+    away = d.pose.copy()
+    d.pose = d.pose - [3.0, 1.0, 0.0]  # the driver begins anew
+    d.run(2.0)
+    assert "odometry has jumped" in d.last.says
+    assert np.abs(d.last.command).max() == 0.0 if d.last.command is not None else True
+    d.core.localization.hear_pose(away, d.now.ros, d.now, "map")
+    d.run(2.0)
+    assert d.last.says in ("NOMINAL", "SAFE")
