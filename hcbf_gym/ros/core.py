@@ -115,6 +115,10 @@ class NodeCore:
             self._wanted = given[[0, 2]] if self._size == 2 else given
         return heard
 
+    def drop_command(self) -> None:
+        """Let the velocity that was wanted last count no more: the node begins to publish."""
+        self._command.forget()
+
     def hear_odometry(
         self,
         pose: ArrayLike,

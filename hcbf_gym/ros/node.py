@@ -153,6 +153,8 @@ class FilterNode(LifecycleNode):
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Begin to publish."""
         done = super().on_activate(state)
+        with self._lock:
+            self._configured.drop_command()
         self.is_active = True
         if self._configured.settings.use_bond == "auto":
             self._bond = optional.bond(self, self.get_name())

@@ -45,6 +45,17 @@ def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, s
     assert trial.again, trial.says
 
 
+def test_a_velocity_of_before_it_was_activated_moves_nothing():
+    d = Drive().run(1.0)
+    assert d.last.command[0] > 0.1
+    d.core.drop_command()
+    d.run(0.15, command=False)
+    assert "command: nothing received" in d.last.says
+    assert (d.last.command == 0.0).all()
+    d.run(1.0)
+    assert d.last.command[0] > 0.1
+
+
 def test_before_the_first_command_nothing_is_published():
     d = Drive().run(0.5, command=False)
     assert d.decisions
