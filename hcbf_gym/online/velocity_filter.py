@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
+from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.set import BarrierSet, Entry
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -50,6 +51,8 @@ LATE = 1.1
 """Periods after the last sample from which on one is missing, and the robot was told zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
+USUAL = 1.5
+"""Of the greatest speed, up to which the filter's own α₁ is used [m/s]."""
 UNKNOWN = np.full(3, np.nan)
 """A frame that nobody knows."""
 LED_FOR = 0.5
@@ -177,6 +180,7 @@ class VelocityFilter:
             uncertainty=reserved, axle=axle,
             braking=None if axle else stops(response, known.command.fastest, input_set),
         )  # fmt: skip
+        options = {"alpha1": _alpha_of(known.command.fastest)} | options
         self._settings = FilterSettings(
             program, "held", guidance, margin, None, on_alarm, False, options
         )
@@ -553,6 +557,20 @@ class VelocityFilter:
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
             raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
         return (*barriers, *self._limit)
+
+
+def _alpha_of(fastest: float) -> LogClassK:
+    """Return α₁ for a robot: the filter's own, but for one that is faster than `USUAL`.
+
+    With φ₁ as it is, α₁⁻¹ grows by the exponential of the speed, and with it how far the robot must
+    see. The slope at 0 stays.
+
+    Args:
+        fastest: the greatest speed that the robot is told [m/s].
+    """
+    usual = LogClassK()
+    grown = max(1.0, fastest / USUAL)
+    return LogClassK(grown * usual.phi1, usual.phi2 / grown, usual.phi3)
 
 
 def _same(one: object, other: object) -> bool:

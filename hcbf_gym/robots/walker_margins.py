@@ -25,6 +25,8 @@ FARTHER = 1.25
 """Of τ + δ + T that the body is taken to go on with a velocity error."""
 MOST = 0.25
 """What the tracking error may add to a row [m]."""
+SOONER = 4.0
+"""How often what a late body goes on, beyond its margin, is added to the way in which it stops."""
 OVERSHOOT = 0.3
 """Share of the velocity error that a speed limit reserves."""
 
@@ -150,21 +152,21 @@ def stops(response: Response, speed: float, input_set: InputSet) -> float | None
 
     It is None where its margin has room for what it goes on meanwhile.
 
-    Its margin grows by c a (τ + δ) once the model brakes with a, and where U has no more by then,
-    the body is too near. What a robot of the speed v goes on meanwhile beyond what its margin
-    reserves, ``x = (τ + δ) max(0, v − c a)``, is therefore taken from the braking, twice, as the
-    margin is known no sooner than the lag: ``v² / (2 a) + 2 x = v² / (2 stops)``.
+    Until a body of the speed v slows down it goes on by v (τ + δ). Its margin grows by c a (τ + δ),
+    and by `cap` at most, as the model brakes with a: no sooner than the lag itself, when U has no
+    more. So what lies beyond that, ``x = (τ + δ) v − min(cap, c a (τ + δ))``, is taken from the
+    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``.
 
     Args:
         response: of the robot.
         speed: v, the greatest that it is told [m/s].
         input_set: U, which brakes with a.
     """
-    able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
-    beyond = response.follows * max(0.0, speed - SETTLES * able)
+    able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
+    beyond = max(0.0, follows * speed - min(MOST, SETTLES * able * follows))
     if beyond == 0.0:
         return None
-    return 1.0 / (1.0 / able + 4.0 * beyond / speed**2) / (1.0 - braking.RESERVE)
+    return 1.0 / (1.0 / able + 2.0 * SOONER * beyond / speed**2) / (1.0 - braking.RESERVE)
 
 
 def axle_of(command: Command, response: Response, input_set: InputSet, v_max: float) -> Axle | None:

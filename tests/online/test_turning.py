@@ -52,3 +52,19 @@ def test_it_may_turn_as_fast_as_it_can_where_it_follows_soon():
         told, _ = safe.step((0.0, 0.0, 2.0), driven.pose, driven.velocity, 0.05 * k)
         list(driven.drive(told, 0.05))
     assert told[2] == 2.0
+
+
+@pytest.mark.parametrize("braking", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize(("lag", "delay"), [(0.1, 0.02), (0.2, 0.1), (0.3, 0.1)])
+@pytest.mark.parametrize("speed", [0.8, 1.5, 3.0])
+@pytest.mark.filterwarnings("ignore:safety filter", "ignore:velocity filter")
+def test_who_drives_straight_at_a_wall_stops_before_it(speed, lag, delay, braking):
+    response = replace(EXACT, time_constant=lag, delay=delay, braking=braking)
+    robot = Robot(Command(speed, 1.0, sideways=speed), response, reach=0.2)
+    for period in (0.05, 0.1):
+        safe = VelocityFilter(robot, [WALL], period=period)
+        driven = Lagged((1.8 - safe.horizon - speed, 0.0, 0.0), lag, delay, braking)
+        for k in range(round((20.0 + safe.horizon / speed) / period)):
+            told, report = safe.step((speed, 0.0, 0.0), driven.pose, driven.velocity, period * k)
+            assert report["reason"] == Reason.NONE
+            assert max(x for x, _ in driven.drive(told, period)) < 1.8, (period, k)
