@@ -2,8 +2,10 @@
 
 import contextlib
 import copy
+import functools
 import resource
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -79,13 +81,16 @@ def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
 def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str, int]) -> float:
     """Run one episode under a random policy, with bad input on the way; return its time [s]."""
     inner: Any = env.unwrapped
+    seen["refused"] += _refused(lambda: env.reset(options={"no such option": 1}))
     env.reset(seed=int(rng.integers(2**31)))
     ended, u, info = False, np.zeros(2), {}
     while not ended and inner.time < left:
         if rng.random() < 0.05:
             u = rng.uniform(-5.0, 5.0, 2)
         if rng.random() < 0.01:
-            seen["refused"] += _refused(env, BAD_ACTIONS[rng.integers(len(BAD_ACTIONS))])
+            action = BAD_ACTIONS[rng.integers(len(BAD_ACTIONS))]
+            bad = functools.partial(env.step, action), functools.partial(copy.deepcopy, inner)
+            seen["refused"] += sum(map(_refused, bad))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the monitor's, of the fault inside
             _, _, terminated, truncated, info = env.step(u)
@@ -97,19 +102,12 @@ def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str
     return float(inner.time)
 
 
-def _refused(env: gym.Env, action: Any) -> int:
-    """Return how many of three pieces of bad input were refused: an action, an option, a copy."""
-    refused = 0
-    for attempt in (
-        lambda: env.step(action),
-        lambda: env.reset(options={"no such option": 1}),
-        lambda: copy.deepcopy(env.unwrapped),
-    ):
-        with contextlib.suppress(HcbfError):
-            attempt()
-            continue
-        refused += 1
-    return refused
+def _refused(attempt: Callable[[], object]) -> int:
+    """Return 1 where bad input was refused: an action, an option, a copy; else 0."""
+    with contextlib.suppress(HcbfError):
+        attempt()
+        return 0
+    return 1
 
 
 def native(seconds: float) -> tuple[list[float], dict[str, int]]:
