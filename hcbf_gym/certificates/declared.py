@@ -23,8 +23,9 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
     """Return what tells a plant from another one, in JSON's terms.
 
     A plant that declares nothing by itself is known by its environment's class, its model, U, its
-    period, its readers, its barriers where they are no reader, and a hash of the files in which
-    environment and readers are written, with those of the user's own that they import.
+    axle and braking where it has them, its period, its readers, its barriers where they are no
+    reader, and a hash of the files in which environment and readers are written, with those of the
+    user's own that they import.
 
     Args:
         plant: that a filter has.
@@ -58,6 +59,10 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
         "readers": [_named(plant.state), _named(plant.barriers)],
         "files": files_hash(files),
     }
+    if plant.axle is not None:
+        said["axle"] = plant.axle._asdict()
+    if plant.braking is not None:
+        said["braking"] = plant.braking
     if is_dataclass(plant.model):
         said["parameters of the model"] = _named(plant.model)
     if input_set is None:

@@ -13,6 +13,12 @@ from hcbf_gym.errors import CoverageWarning, warn_caller
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
+_OWN = (
+    "model", "input_set", "period", "state", "barriers", "to_action", "from_action", "brake",
+    "max_age", "axle", "braking",
+)  # fmt: skip
+"""What of a plant a filter must not change, where an environment has one of its own."""
+
 
 class Earned(NamedTuple):
     """`covered` of a plant whose own episodes showed it, so that no sufficient condition is needed.
@@ -112,7 +118,7 @@ def differs(plant: Plant, own: Plant) -> list[str]:
     """Return in what a filter's plant is not its environment's own, a phrase for each."""
     said = [
         f"another {name.replace('_', ' ')} than the environment's"
-        for name in ("model", "input_set", "period", "state", "barriers", "to_action")
+        for name in _OWN
         if records.plain(getattr(plant, name)) != records.plain(getattr(own, name))
     ]
     reserved = zip(plant.uncertainty, own.uncertainty, strict=True)

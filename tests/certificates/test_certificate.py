@@ -27,6 +27,7 @@ from hcbf_gym.certificates import (
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
 from hcbf_gym.evaluation.certification.mixture import SCENES
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
@@ -357,6 +358,9 @@ def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space(
     heavy = replace(exact, model=models.DoubleIntegrator(drag=0.5))
     assert not differs(one, exact, env)
     assert "drag=0.5" in differs(one, heavy, env)[0]
+    assert "braking 2.0" in differs(one, replace(exact, braking=2.0), env)[0]
+    drives = replace(exact, axle=Axle(0.2, 1.0, 1.0, 2.0), period=0.05)
+    assert any("axle" in phrase for phrase in differs(one, drives, env))
     env.action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
     assert "action space" in differs(one, exact, env)[0]
 
@@ -366,6 +370,9 @@ OTHER = {
     "another period": {"period": None},
     "another state": {"state": lambda env, observation, info: np.zeros(4)},
     "another barriers": {"barriers": [Disc("disc", 1, (3.0, 0.0), 0.5)]},
+    "another brake": {"brake": (0.0, 0.0)},
+    "another max age": {"max_age": 1.0},
+    "another braking": {"braking": 9.0},
     "another to action": {"to_action": lambda u: 0.5 * u, "from_action": lambda a: 2.0 * a},
 }
 
@@ -378,6 +385,17 @@ def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certifica
     plant = replace(env.unwrapped.plant, **OTHER[what])
     with pytest.warns(CoverageWarning, match=what):
         filtered = SafetyFilter(env, plant=plant, certificate=certificate)
+    assert covered(filtered) == Coverage.OUTSIDE
+
+
+@pytest.mark.parametrize("other", [{"turn": 9.0}, {"look_ahead": 0.6}, {"forward": 2.0}])
+def test_another_axle_than_the_carts_own_is_not_covered(other, fresh):
+    env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
+    own = env.unwrapped.plant
+    assert covered(SafetyFilter(env, plant=own)) == Coverage.COVERED
+    plant = replace(own, axle=own.axle._replace(**other))
+    with pytest.warns(CoverageWarning, match="another axle"):
+        filtered = SafetyFilter(env, plant=plant)
     assert covered(filtered) == Coverage.OUTSIDE
 
 
