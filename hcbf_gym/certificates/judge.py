@@ -25,8 +25,8 @@ from hcbf_gym.arrays import Integers
 from hcbf_gym.models.plant import Coverage, CoveredBy
 
 _TOLD = {"unit", "words"}
-DERIVED = "_derived"
-"""How the name of a value ends that follows from others that are declared; ranges end at it."""
+DERIVED = {"friction_derived"}
+"""Names of values that follow from others that are declared; ranges end at them."""
 
 
 class Judged(NamedTuple):
@@ -72,11 +72,11 @@ def judge(
         for name, expected in (dict(ranges) | single).items()
         if name != "scene" and not _lies(name, expected, declared)
     ]
-    known = {"scene", *ranges, *single}
+    known = {"scene", *DERIVED, *ranges, *single}
     said += [
         f"{name} {value!r} (nothing is tested of it)"
         for name, value in declared.items()
-        if name not in known and not name.endswith(DERIVED)
+        if name not in known
     ]
     left = [n for n in single if n in ranges and not _lies(n, ranges[n], declared)]
     if alone is not None and left:

@@ -80,11 +80,14 @@ class Scan(Several):
         points = np.array(_numbers(f"{self.name}: points", self.points, 2))
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
-        errors = self.noise + self.period * self.speed
-        seen = SeenRegion(
-            self.name, self.rank, pieces=self._pieces(errors), margin=self.margin + FINE + errors
-        )
+        pieces = self._pieces(self.noise + self.period * self.speed)
+        seen = SeenRegion(self.name, self.rank, pieces=pieces, margin=self.reserved)
         object.__setattr__(self, "_seen", seen)
+
+    @property
+    def reserved(self) -> float:
+        """What is reserved around its pieces, m + n + b + v T [m]."""
+        return reserved(self.noise, self.period, self.speed, self.margin)
 
     @property
     def conditions(self) -> tuple[Barrier, ...]:
@@ -108,6 +111,18 @@ class Scan(Several):
         turn = np.array([[cos, sin], [-sin, cos]])
         corners = surfaces.pieces(near, self.noise + FINE, self.depth) @ turn + (x, y)
         return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
+
+
+def reserved(noise: float, period: float, speed: float, margin: float) -> float:
+    """Return m + n + b + v T, what a scan reserves around its pieces [m].
+
+    Args:
+        noise: n, by how much a range is wrong at most [m].
+        period: T, how old the scan becomes [s].
+        speed: v, of the fastest thing around [m/s].
+        margin: m, in any case [m].
+    """
+    return margin + FINE + (noise + period * speed)
 
 
 def points_of(ranges: ArrayLike, angles: ArrayLike, name: str = "scan") -> Array:

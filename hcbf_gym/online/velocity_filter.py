@@ -158,8 +158,6 @@ class VelocityFilter:
         self._barriers: object = None
         self._looked_at: object = None  # as they were when guidance was told to look
         self._unseen = True  # whether guidance has not looked at the barriers
-        self._begun = False
-        self.barriers = barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         reach = known.reach if radius is None else radius
         reserved = margins(response, self._period, known.known_as)
@@ -186,7 +184,7 @@ class VelocityFilter:
         )
         self._input_set = input_set
         self._core = self._core_of(self._settings)
-        self._warn_of_sight(barriers)
+        self.barriers = barriers
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self.goal = goal
         self.reset()
@@ -222,8 +220,7 @@ class VelocityFilter:
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
         self._barriers, self._looked_at = barriers, listed
-        if self._begun:
-            self._warn_of_sight(listed)
+        self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Entry]) -> None:
         """Refuse barriers that a step would only brake for, before they are handed over.
@@ -288,19 +285,18 @@ class VelocityFilter:
 
     @property
     def horizon(self) -> float:
-        """How far from its centre a robot must see a region, at its greatest speed [m]."""
-        kept, passed = self._reserved, self._hardest * self._period
-        fastest = self.robot.command.fastest + passed
+        """How far from its centre a robot must see a region, at the speed `fastest` [m]."""
+        kept, fastest = self._reserved, self.fastest + self._hardest * self._period
         away = self._core.alpha1.inverse(fastest) + fastest * self._period
         return away + kept.distance + kept.cap + kept.body
 
     def _warn_of_sight(self, barriers: object) -> None:
         """Warn of a scan that ends where the robot must see farther."""
         for one in barriers if isinstance(barriers, Sequence) else ():
-            if isinstance(one, Scan) and one.reach < self.horizon:
+            if isinstance(one, Scan) and one.reach < (needed := self.horizon + one.reserved):
                 warn_caller(
                     f"velocity filter: the scan {one.name!r} ends {one.reach:g} m away, where this "
-                    f"robot must see {self.horizon:.2g} m, expected Scan(reach=…) or a lower speed",
+                    f"robot must see {needed:.2g} m, expected Scan(reach=…) or a lower speed",
                     SafetyWarning,
                 )
 

@@ -17,7 +17,6 @@ from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError, finite_array, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.maps.scan import REACH
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
 from hcbf_gym.online.sample import placed
@@ -220,8 +219,10 @@ class NodeCore:
         pose = self.localization.at(stamp)
         if pose is None:
             return None
-        x, y, yaw = placed(pose, np.asarray(settings.mount if mount is None else mount)).tolist()
-        return sources.of_scan(settings, beams, (x, y, yaw), max(REACH, self._filter.horizon))
+        sensor = np.asarray(settings.mount if mount is None else mount)
+        x, y, yaw = placed(pose, sensor).tolist()
+        horizon = self._filter.horizon + float(np.hypot(*sensor[:2]))
+        return sources.of_scan(settings, beams, (x, y, yaw), horizon)
 
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.maps.scan import REACH
 from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 from hcbf_gym.online.robot import known_of
 from hcbf_gym.ros import sources
@@ -80,7 +79,7 @@ def warmed(settings: Settings) -> VelocityFilter:
             shown = sources.of_grid(one, Raster(grid, again), 100.0, before)
         elif one.type == "scan":
             beams = Beams([1.5, math.inf], 0.0, 0.1, 0.0, 10.0)
-            shown = sources.of_scan(one, beams, (0.0, 0.0, 0.0), REACH)
+            shown = sources.of_scan(one, beams, (0.0, 0.0, 0.0), 1.0)
         elif one.type == "circle":
             shown = sources.of_circle(one, (1.5, 1.5), 0.1)
         else:

@@ -182,10 +182,9 @@ class Localization:
         return jumped
 
     def _leaps(self, newest: Odometry) -> bool:
-        """Return whether odometry itself has jumped."""
+        """Return whether odometry itself has jumped, however long it was silent before."""
         away, turned = _off(self._local[-1], newest)
-        near = newest.stamp - self._local[-1].stamp < 1.0
-        return near and (away > self._settings.pose_jump or turned > TURN_JUMP)
+        return away > self._settings.pose_jump or turned > TURN_JUMP
 
     def _look_still(self, newest: Odometry) -> None:
         """Note how far the twist would have moved the robot while odometry's pose stands."""

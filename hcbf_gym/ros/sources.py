@@ -17,6 +17,7 @@ from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, points_of, reading
 from hcbf_gym.maps.nav2 import Raster
+from hcbf_gym.maps.scan import REACH, reserved
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.ros.parameter import naming
 from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
@@ -104,7 +105,7 @@ class Beams(NamedTuple):
 
 
 def of_scan(
-    source: SourceSettings, beams: Beams, pose: tuple[float, float, float], reach: float
+    source: SourceSettings, beams: Beams, pose: tuple[float, float, float], horizon: float
 ) -> Entries:
     """Return what a scan shows; a beam that failed, or is out of range, saw nothing.
 
@@ -112,7 +113,7 @@ def of_scan(
         source: the scan's settings.
         beams: the scan.
         pose: of the sensor in the world, when it measured [m, rad].
-        reach: of what is taken [m].
+        horizon: how far away from the sensor a robot must see a region [m].
 
     Raises:
         InvalidInputError: if its limits are none, there is no beam, half of them failed, are
@@ -127,6 +128,8 @@ def of_scan(
     angles = beams.first + beams.step * np.arange(far.size)
     measures_nothing = np.isnan(far) | (np.isfinite(far) & (far < beams.least) & (far != 0.0))
     failed = float(measures_nothing.mean()) if far.size else 1.0
+    if (measures_nothing | (far == 0.0)).all():  # a driver's zero is a beam that saw nothing
+        raise InvalidInputError(f"none of {far.size} beams says anything, expected ranges or +inf")
     if failed >= FAILED:
         raise InvalidInputError(
             f"{100.0 * failed:.0f} % of {far.size} beams failed or saw something nearer than "
@@ -135,6 +138,7 @@ def of_scan(
     with np.errstate(invalid="ignore"):
         outside = ~(far <= beams.most) | ((far < beams.least) & np.isfinite(far))
     far = np.where(outside, np.inf, far)
+    errors = source.range_noise, source.scan_period, source.obstacle_speed
     seen = Scan(
         source.name,
         points_of(far, angles, source.name),
@@ -144,7 +148,7 @@ def of_scan(
         source.priority,
         source.margin,
         source.range_noise,
-        reach=reach,
+        reach=max(REACH, horizon + reserved(*errors, source.margin)),
     )
     return (seen,)
 

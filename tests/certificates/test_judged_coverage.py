@@ -105,9 +105,10 @@ def test_each_value_outside_of_its_range_is_named_by_itself_and_all_inside_are_c
             missing = {k: v for k, v in declared.items() if k != argument}
             assert judge(missing, ranges).covered == Coverage.OUTSIDE
         for value in (0.0, None, "as ever"):  # nobody tested what no range tells of
-            judged = judge(declared | {"payload of tomorrow": value}, ranges)
-            assert judged.covered == Coverage.OUTSIDE
-            assert judged.says == (f"payload of tomorrow {value!r} (nothing is tested of it)",)
+            for tomorrow in ("payload of tomorrow", "payload_derived"):
+                judged = judge(declared | {tomorrow: value}, ranges)
+                assert judged.covered == Coverage.OUTSIDE
+                assert judged.says == (f"{tomorrow} {value!r} (nothing is tested of it)",)
 
 
 def test_one_argument_alone_may_be_left_for_its_wider_range():

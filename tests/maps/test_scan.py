@@ -213,10 +213,22 @@ def test_a_robot_that_must_see_farther_than_a_scan_reaches_says_so(speed, warned
     seen = Scan("laser", np.array([[5.9, 0.0], [5.9, 0.1]]), (0.0, 0.0, 0.0))
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
-        safe = VelocityFilter(robot, [seen], period=0.05)
-        safe.step((0.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0)
-        said = [str(one.message) for one in raised if "must see" in str(one.message)]
-        safe.barriers = [Scan("farther", seen.points, seen.pose, reach=safe.horizon)]
-    assert bool(said) == warned
-    assert (safe.horizon > 6.0) == warned
-    assert len([one for one in raised if "must see" in str(one.message)]) == len(said)
+        safe = VelocityFilter(robot, [], period=0.05)
+        ways = (
+            lambda: VelocityFilter(robot, [seen], period=0.05),
+            lambda: setattr(safe, "barriers", [seen]),  # before its first step
+            lambda: safe.step((0.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0),
+            lambda: safe.set_barriers((seen,), 0.0),
+        )
+        for hand_over, warns in zip(ways, (True, True, False, True), strict=True):
+            raised.clear()
+            hand_over()
+            said = [one for one in raised if "must see" in str(one.message)]
+            assert len(said) == (warned and warns)
+        raised.clear()
+        reach = safe.horizon + seen.reserved
+        safe.barriers = [Scan("farther", seen.points, seen.pose, reach=reach)]
+        safe.v_max = 0.8 if warned else None  # strict: so fast it never is
+        safe.barriers = [seen]
+    assert not [one for one in raised if "must see" in str(one.message)]
+    assert (reach > 6.0) == warned

@@ -393,11 +393,20 @@ def test_a_scan_with_limits_that_are_none_is_not_free_space(least, most):
         d.core.of_scan("scan", Beams([1.0, 2.0, 3.0], 0.0, 0.1, least, most), d.now.ros)
 
 
-@pytest.mark.parametrize("ranges", [[-1.0, -2.0, 3.0], [0.05, 0.05, 3.0], [math.nan, -1.0, 0.02]])
+@pytest.mark.parametrize("ranges", [[-1.0, -2.0, 3.0], [0.05, 0.05, 3.0], [math.nan, -1.0, 2.0]])
 def test_a_scan_that_measures_next_to_nothing_is_not_free_space(ranges):
     d = Drive(SCAN).run(0.5)
     with pytest.raises(InvalidInputError, match="beams failed or saw something nearer"):
         d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0), d.now.ros)
+
+
+@pytest.mark.parametrize("ranges", [[0.0] * 3, [0.0, math.nan, -1.0], []])
+def test_a_scan_of_which_no_beam_says_anything_is_not_free_space(ranges):
+    d = Drive(SCAN).run(0.5)
+    with pytest.raises(InvalidInputError, match=r"none of \d beams says anything"):
+        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0), d.now.ros)
+    (seen,) = d.core.of_scan("scan", Beams([0.0, 0.0, math.inf], 0.0, 0.1, 0.1, 9.0), d.now.ros)
+    assert len(seen.points) == 0
 
 
 def test_a_zone_counts_that_came_last_whatever_its_stamp():
@@ -411,12 +420,14 @@ def test_a_zone_counts_that_came_last_whatever_its_stamp():
     assert d.pose[0] < 2.0
 
 
-def test_a_pose_of_before_odometry_began_anew_places_nothing():
+@pytest.mark.parametrize("silent", [0.0, 3.0])
+def test_a_pose_of_before_odometry_began_anew_places_nothing(silent):
     d = Drive({"pose_source": "topic", "global_frame_id": "map"}).run(0.5)
     d.core.localization.hear_pose(d.pose, d.now.ros, d.now, "map")
     d.run(2.0)
     assert d.last.says in ("NOMINAL", "SAFE")
     away = d.pose.copy()
+    d.run(silent, odometry=False)
     d.pose = d.pose - [3.0, 1.0, 0.0]  # the driver begins anew
     d.run(2.0)
     assert "odometry has jumped" in d.last.says
