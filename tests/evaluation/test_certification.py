@@ -31,6 +31,7 @@ from hcbf_gym.policies import learned
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.wrappers import SafetyFilter
 from tests.needs import needs
+from tests.robots import walkers
 
 BOAT = f"{Path(__file__).parents[2] / 'examples' / 'boat.py'}:certify"
 
@@ -232,16 +233,17 @@ FILES = sorted(
     )
     for file in folder.glob("*.json")
 )
-NEEDED = {"go1": "onnxruntime", "berkeley_humanoid": "onnxruntime", "unicycle": "jax"}
+NEEDED = {
+    "go1": walkers.needed("go1"),
+    "berkeley_humanoid": walkers.needed("berkeley_humanoid"),
+    "unicycle": (needs("jax"),),
+}
 """What plants need that the extra `test` does not bring."""
 
 
 @pytest.mark.parametrize(
     "file",
-    [
-        pytest.param(file, id=file.stem, marks=needs(*filter(None, [NEEDED.get(file.stem)])))
-        for file in FILES
-    ],
+    [pytest.param(file, id=file.stem, marks=NEEDED.get(file.stem, ())) for file in FILES],
 )
 @pytest.mark.filterwarnings("ignore::hcbf_gym.errors.LoweredWarning")
 def test_every_file_says_of_plant_words_and_family_what_is_derived_today(file):

@@ -17,15 +17,19 @@ _WITHOUT_RUNTIME = (
 )
 
 
-def learned(name):
-    """Return a contract of a learned walker as a parameter, skipped where it cannot run."""
+def needed(name):
+    """Return the marks that skip a test of a learned walker where it cannot run."""
     there = (Path(DATA) / "walkers" / name).is_dir() if DATA else False
     runs = importlib.util.find_spec("onnxruntime") is not None
-    marks = [
+    return (
         pytest.mark.skipif(not there, reason=_WITHOUT_DATA),
         pytest.mark.skipif(not runs, reason=_WITHOUT_RUNTIME),
-    ]
-    return pytest.param(str(CONTRACTS / f"{name}.json"), marks=marks, id=name)
+    )
+
+
+def learned(name):
+    """Return a contract of a learned walker as a parameter, skipped where it cannot run."""
+    return pytest.param(str(CONTRACTS / f"{name}.json"), marks=needed(name), id=name)
 
 
 def go2(folder):
