@@ -1,6 +1,7 @@
 """How a walker follows, and how fast it runs: its bare loop, and the environment under a filter."""
 
 import functools
+import math
 import os
 import time
 import warnings
@@ -140,7 +141,7 @@ class _Bare:
     def __init__(self, contract: str):
         walker = Walker.load(contract)
         self._physics = WalkerPhysics(walker)
-        adapter = Adapter(walker.command, walker.response)
+        adapter = Adapter(walker.command, walker.response, math.inf, walker.period)
         self._drive = WalkerDrive(self._physics, adapter, None)
         self._drive.reset(np.zeros(2), 0.0, BarrierSet([()]), np.random.default_rng(0))
         self._ticks = round(walker.period / self._physics.model.opt.timestep)

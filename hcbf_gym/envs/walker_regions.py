@@ -65,8 +65,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
       a `Scenario`.
     * `heading`: "velocity" turns the robot along its velocity, "fixed" keeps its heading, "free"
-      turns it at `env.unwrapped.drive.adapter.turn` [rad/s]; None takes the contract's rule. A
-      differential drive turns as it must.
+      turns it at `env.unwrapped.drive.adapter.turn` [rad/s], each no faster than its velocity can
+      follow; None takes the contract's rule. A differential drive turns as it must.
     * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else what the robot's
       own motors do: the greatest forward speed of the contract, and its overshoot.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
@@ -111,7 +111,6 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
             disturbances=disturbances,
         )
         footprint = footprint_of(body, simulation)
-        adapter = Adapter(walker.command, walker.response, heading)
         reach = 0.0
         if footprint is not None:
             reach = walker.body.reach or footprint.radius(simulation.home_joints)
@@ -120,6 +119,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
             heading, terrain, randomization, disturbances, len(own.obstacles), body, cap
         )
         known = plant_model(walker, declared, own.input_set, reach, is_own)
+        able = braking.weakest(known.input_set)
+        adapter = Adapter(walker.command, walker.response, able, walker.period, heading)
         drive = WalkerDrive(simulation, adapter, footprint, widened(declared))
         super().__init__(drive, known, scenes, terrain, render_mode)
 

@@ -14,13 +14,6 @@ from hcbf_gym.robots.walker_adapter import Adapter
 PAUSE = 1.5
 """Periods without an input after which the model begins anew, unless the robot follows slower."""
 
-TURNED = 0.25
-"""By how much a robot of 1 m/s that moves in any direction may turn in the time in which a command
-shows, and is held [rad]; a faster one by less. Its velocity is off by as much where it begins to
-turn, or to turn back: so its rate changes no faster than to that in the same time."""
-ROUND = 0.5
-"""Share of the robot's braking that a velocity may need which turns with its body."""
-
 
 class Follower:
     """The reduced-order model of a robot that is told velocities, from one command to the next.
@@ -45,13 +38,7 @@ class Follower:
     def __init__(self, robot: Robot, axle: Axle | None, follows: float, able: float, period: float):
         self.limits: Array = robot.command.limits
         self.fastest = self.begins_at = robot.command.fastest
-        self._adapter = Adapter(robot.command, robot.response, "free")
-        if robot.response is None and axle is None:  # it shows at once, or as late as is assumed
-            self._adapter.follows = 0.5 * follows
-        shows = self._adapter.follows + period
-        turns = TURNED / max(1.0, self.fastest) / shows
-        self._turns_at_most = min(turns, ROUND * able / self.fastest)
-        self._turns_sooner = turns / shows * period
+        self._adapter = Adapter(robot.command, robot.response, able, period, "free")
         self._axle, self._follows, self._able, self._period = axle, follows, able, period
         self.forget()
 
@@ -65,12 +52,13 @@ class Follower:
     def pause(self) -> None:
         """Let the model begin with the velocity that is measured next."""
         self._moved = -math.inf  # when the model's velocity was last known [s]
-        self._turn = 0.0  # that the robot was told last [rad/s]
+        self._adapter.rest()
 
     def go_on_from(self, other: "Follower") -> None:
         """Take over what another model of the same robot did."""
         self.velocity, self._input, self._moved = other.velocity, other._input, other._moved
-        self._frame_yaw, self._turn = other._frame_yaw, other._turn
+        self._frame_yaw = other._frame_yaw
+        self._adapter.rest(other._adapter.turns)
 
     def turn(self, yaw: float) -> None:
         """Let the model's velocity turn with the pose's frame, of which this is the yaw [rad]."""
@@ -159,15 +147,12 @@ class Follower:
         soon = self.velocity + self._period * self._input
         if self._axle is not None:
             return self._adapter.within(soon / np.array([1.0, self._adapter.look_ahead]))
-        most, sooner = self._turns_at_most, self._turns_sooner
-        turn = min(max(float(wanted[-1]), -most), most)
-        self._turn += min(max(turn - self._turn, -sooner), sooner)
-        self._adapter.turn = self._turn
+        self._adapter.turn = float(wanted[-1])
         return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
 
     def stop(self) -> Array:
         """Return what to tell the robot where nothing is known: zero."""
-        self._turn = 0.0
+        self._adapter.rest()
         return np.zeros(len(self.limits))
 
     def _axes(self, yaw: float) -> Array:

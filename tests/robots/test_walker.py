@@ -104,7 +104,8 @@ def written(folder, contract):
 def driven(walker, steps=50):
     """Return a walker's drive after so many control steps forward."""
     nothing = BarrierSet([()])
-    drive = WalkerDrive(WalkerPhysics(walker), Adapter(walker.command, walker.response), None)
+    adapter = Adapter(walker.command, walker.response, 1.0, walker.period)
+    drive = WalkerDrive(WalkerPhysics(walker), adapter, None)
     drive.reset(np.zeros(2), 0.3, nothing, np.random.default_rng(0))
     for k in range(steps):
         drive.follow(np.array([0.2, 0.1]), nothing, 0.02 * k)
@@ -340,7 +341,7 @@ def test_commands_stay_within_the_limits_and_keep_the_direction(vx, vy, yaw):
         Command(forward=1.0, sideways=0.5, turn=1.0),
         Command(forward=1.0, turn=3.0, look_ahead=0.25),
     ):
-        told = np.array(Adapter(command, None).command(vx, vy, yaw, 0.0))
+        told = np.array(Adapter(command, None, 1.0, 0.02).command(vx, vy, yaw, 0.0))
         assert (np.abs(told) <= command.limits + 1e-12).all()
         ahead, aside = command.in_plane(told)
         back = np.array(

@@ -118,7 +118,7 @@ class _Direct(Adapter):
     """Hands on what it is commanded, in the robot's own axes."""
 
     def __init__(self, walker: Walker):
-        super().__init__(walker.command, None)
+        super().__init__(walker.command, None, math.inf, walker.period)
         self.commanded: tuple[float, ...] = (0.0,) * len(walker.command.limits)
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
