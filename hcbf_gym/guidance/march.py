@@ -232,8 +232,8 @@ def _relax(
         highest = max(highest, here)
         for side in (-1, 1, -nx, nx):
             near = cell + side
-            if field[near] <= here or not is_open(rank[near], level):
-                continue
+            if field[near] <= here or not cost[near] < np.inf or not is_open(rank[near], level):
+                continue  # on the border: what is behind it is no cell
             arrival, source = _arrive(field, nx, level, toll, cost[near], near)
             if np.float32(arrival) < field[near]:
                 field[near] = arrival
