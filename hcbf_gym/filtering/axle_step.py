@@ -29,6 +29,8 @@ MOVED = 1e-9
 ASIDE = 0.2
 """How hard one that is guided keeps off what it slides along [m/s²]: parallel to an edge, or not
 quite, it cannot drive yet, and would turn ever more slowly."""
+STEADY = 10.0
+"""How much more a turn counts than a change of speed, where it backs from an edge."""
 
 
 @kernel(inline="always")
@@ -218,12 +220,15 @@ def split_ranks(p: Plants, w: Work, i: int) -> None:
 
 
 @kernel()
-def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
+def slide(c: Record, settings: Settings, p: Plants, w: Work, i: int) -> None:
     """Answer once more where rows changed u, with what a robot free to move would do for u*.
 
-    One that is guided keeps off a single edge besides, and turns to a way that lies behind it.
+    One that is guided keeps off a single edge besides, and turns to a way that lies behind it. One
+    that backs from it turns as it would: a row has the turn times v, so that the turn was given
+    away, to and fro, for a hair of speed.
 
     Args:
+        c: `plants.CONSTANTS`.
         settings: of the program, with each plant's U.
         p: the plants, with their conditions.
         w: with the program's answer, written to.
@@ -254,15 +259,34 @@ def slide(settings: Settings, p: Plants, w: Work, i: int) -> None:
         asked[0, 0] += ASIDE * a[0, edge, 0]
         asked[0, 1] += ASIDE * a[0, edge, 1]
     a[:], b[:] = w.a[i : i + 1], w.rows[B, i : i + 1]
-    if held:  # guidance drives ahead, and turns along what stands and not back to its way
+    backs = edges == 1 and drives.speeds(axle_of(c), p.sensed[i].x, heading)[0] < 0.0
+    if backs:  # what was asked for has what guidance may have
+        a[0, m:], b[0, m:] = 0.0, -1.0
+    elif held:  # guidance drives ahead, and turns along what stands and not back to its way
         cos, sin = np.cos(heading), np.sin(heading)
         for k in range(m, a.shape[1]):
             ahead, aside = cos * a[0, k, 0] + sin * a[0, k, 1], cos * a[0, k, 1] - sin * a[0, k, 0]
             b[0, k] -= aside * (cos * asked[0, 1] - sin * asked[0, 0])
             ahead = max(0.0, ahead)  # backing to a way behind it, it would turn from it, too
             a[0, k, 0], a[0, k, 1] = ahead * cos, ahead * sin
-    rows = CbfRows(a, b, h, priority, psi)
-    filter_range(_with(settings, i, vertices), asked, rows, part, w.polygons, 0, 1)
+    corners, rows = vertices.copy(), CbfRows(a, b, h, priority, psi)
+    if backs:
+        _to_axes(a[0], heading, 1.0 / STEADY)
+        _to_axes(asked, heading, STEADY)
+        _to_axes(corners, heading, STEADY)
+    filter_range(_with(settings, i, corners), asked, rows, part, w.polygons, 0, 1)
+    if backs:
+        part.u[0, 1] /= STEADY
+        _turn(part.u[0], np.cos(heading), np.sin(heading))
+
+
+@kernel()
+def _to_axes(vectors: Array, heading: float, share: float) -> None:
+    """Turn vectors (n, 2) into the axes of the heading, and stretch what lies across."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    for k in range(vectors.shape[0]):
+        _turn(vectors[k], cos, -sin)
+        vectors[k, 1] *= share
 
 
 @kernel(inline="always")

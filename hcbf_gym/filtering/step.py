@@ -142,7 +142,7 @@ def _filter(c: Record, settings: Settings, drives: Drives, some: Plants, work: W
     if drives is not None:
         for i in range(count):
             if p.told[i].reason == 0:
-                axle_step.slide(settings, p, w, i)
+                axle_step.slide(c, settings, p, w, i)
     for i in range(count):
         _conclude(c, drives, p, w, i)
         asks |= p.told[i].reason != 0
