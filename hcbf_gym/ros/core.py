@@ -69,6 +69,7 @@ class NodeCore:
         self._zero_since: float | None = -math.inf  # silent until a velocity is wanted
         self._last: tuple[float, Decision] | None = None
         self._names: list[str] = []
+        self._frame: Array | None = None  # odometry's in the global one, by which scans lie
         self._show()
 
     @property
@@ -139,7 +140,7 @@ class NodeCore:
 
         Args:
             name: of the source.
-            entries: what its message became.
+            entries: what its message became; of a scan, in odometry's frame.
             stamp: of the message [s].
             now: the present.
             frame: of the message.
@@ -149,6 +150,12 @@ class NodeCore:
             source.watch.forget()  # what came last counts: stamps may be fixed, or another's
         if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
             return False
+        if source.settings.type == "scan":
+            source.measured = entries
+            self._frame, newest = None, self.localization.newest  # it lies nowhere yet
+            if newest is not None:
+                self._place_scans(newest.frame)
+            return True
         before, source.entries = source.entries, entries
         differs = list(map(id, before)) != list(map(id, entries))
         if differs:
@@ -201,7 +208,7 @@ class NodeCore:
     def of_scan(
         self, name: str, beams: Beams, stamp: float, mount: ArrayLike | None = None
     ) -> Entries | None:
-        """Return what a scan shows; None where nobody knows where the robot was.
+        """Return what a scan shows, in odometry's frame; None where nobody knows where it was.
 
         Args:
             name: of the source.
@@ -326,6 +333,7 @@ class NodeCore:
         last = self.localization.newest
         if last is None:  # the newest message has jumped
             return self._stopped([Fault("odometry", "nothing received")], now)
+        self._place_scans(last.frame)
         x = np.array([*last.pose[:2], 0.0, 0.0])
         for source in self.sources.values():
             stops = source.enabled and source.settings.when_inside == "stop"
@@ -412,6 +420,20 @@ class NodeCore:
                 source.watch.stand()
         self._last = None
         self._begin_anew()
+
+    def _place_scans(self, frame: Array) -> None:
+        """Let scans lie by odometry, wherever its frame (3,) is now [m, rad].
+
+        So what corrects the pose moves them, too: it is the robot's own place that was wrong, and
+        not how far away it saw something.
+        """
+        if self._frame is not None and np.array_equal(frame, self._frame):
+            return
+        self._frame, scans = frame, [one for one in self.sources.values() if one.measured]
+        for source in scans:
+            sources.place(source, frame)
+        if scans:
+            self._show()
 
     @property
     def _shown(self) -> list[Any]:

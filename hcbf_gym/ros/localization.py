@@ -77,15 +77,15 @@ class Localization:
         self._odometry = Watch("odometry", settings.odom_timeout, settings.transform_tolerance)
         self._pose = Watch("pose", 0.0, settings.transform_tolerance)
         self.newest: Located | None = None
-        self._track: deque[Located] = deque(maxlen=1024)
-        self._local: deque[Odometry] = deque(maxlen=1024)  # in odometry's own
+        self._local: deque[Odometry] = deque(maxlen=1024)
+        self._track: deque[Odometry] = deque(maxlen=1024)  # of these, what is believed
         self._needs_pose = settings.pose_source != "odom"
         self._correction: Array | None = None if self._needs_pose else np.zeros(3)
         self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
         self._still, self._still_path, self._seen_still = np.full(2, np.inf), 0.0, -math.inf
 
     def at(self, stamp: float) -> Array | None:
-        """Return (3,) where the robot was at a stamp [s]; None where nobody knows."""
+        """Return (3,) where odometry had the robot at a stamp [s]; None where nobody knows."""
         return _at(self._track.copy(), stamp)
 
     def hear_odometry(
@@ -167,16 +167,16 @@ class Localization:
 
     def _follow(self, newest: Located, now: Now) -> bool:
         """Remember a pose; if it has jumped, forget the others and return True."""
-        jumped = False
-        if self._track and newest.stamp - self._track[-1].stamp < 1.0:
-            away, turned = _off(self._track[-1], newest)
+        jumped, before = False, self.newest
+        if self._track and before is not None and newest.stamp - before.stamp < 1.0:
+            away, turned = _off(before, newest)
             jumped = away > self._settings.pose_jump or turned > TURN_JUMP
             if jumped:
                 says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
                 self._jump = now.steady + self._settings.settle_time, Fault("odometry", says)
                 self._track.clear()
         self.newest = newest
-        self._track.append(newest)
+        self._track.append(Odometry(newest.stamp, newest.local, newest.twist))
         while newest.stamp - self._track[0].stamp > REMEMBERED:
             self._track.popleft()
         return jumped
@@ -232,9 +232,9 @@ def _off(before: Odometry | Located, newest: Odometry | Located) -> tuple[float,
     return away, abs(math.remainder(newest.pose[2] - expected[2], math.tau))
 
 
-def _at(track: deque[Odometry] | deque[Located], stamp: float) -> Array | None:
+def _at(track: deque[Odometry], stamp: float) -> Array | None:
     """Return (3,) the pose at a stamp [s], None where the track does not reach so far."""
-    later: Odometry | Located | None = None
+    later: Odometry | None = None
     for one in reversed(track):
         if one.stamp <= stamp:
             if later is None:

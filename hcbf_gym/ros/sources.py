@@ -4,7 +4,7 @@ Nothing here knows ROS: the node hands over numbers.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, points_of, read
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.maps.scan import REACH, reserved
 from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.online.sample import placed
 from hcbf_gym.ros.parameter import naming
 from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
 from hcbf_gym.ros.watches import Watch
@@ -37,12 +38,14 @@ class Source:
     Attributes:
         settings: its parameters.
         watch: over its messages.
-        entries: what it has shown.
+        entries: what it has shown, in the global frame.
+        measured: likewise of a scan, in odometry's: what is corrected after it moves it, too.
     """
 
     settings: SourceSettings
     watch: Watch
     entries: Entries = ()
+    measured: Entries = ()
     enabled: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -112,7 +115,7 @@ def of_scan(
     Args:
         source: the scan's settings.
         beams: the scan.
-        pose: of the sensor in the world, when it measured [m, rad].
+        pose: of the sensor in odometry's frame, when it measured [m, rad].
         horizon: how far away from the sensor a robot must see a region [m].
 
     Raises:
@@ -151,6 +154,16 @@ def of_scan(
         reach=max(REACH, horizon + reserved(*errors, source.margin)),
     )
     return (seen,)
+
+
+def place(source: Source, frame: Array) -> None:
+    """Let a scan lie where odometry's frame (3,) is in the global one [m, rad]."""
+    made = []
+    for one in source.measured:
+        assert isinstance(one, Scan)
+        x, y, yaw = placed(frame, np.array(one.pose)).tolist()
+        made.append(replace(one, pose=(x, y, yaw)))
+    source.entries = tuple(made)
 
 
 def grid_of(resolution: float, origin: ArrayLike, rows: int, columns: int) -> Grid:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ros import faults
-from benchmarks.ros.drive import HARDEST, SCAN, Drive
+from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, Drive
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filtering.axle_step import ASIDE
 from hcbf_gym.guidance.geodesic import Geodesic
@@ -435,3 +435,62 @@ def test_a_pose_of_before_odometry_began_anew_places_nothing(silent):
     d.core.localization.hear_pose(away, d.now.ros, d.now, "map")
     d.run(2.0)
     assert d.last.says in ("NOMINAL", "SAFE")
+
+
+CORRECTED = {
+    **SCAN,
+    "scan.source_timeout": 1.0,
+    "pose_source": "tf",
+    "global_frame_id": "map",
+}
+
+
+def nearest(d):
+    """Return the least h at the last step [m]."""
+    return float(d.last.report["h"].min())
+
+
+def see_wall(d, wall):
+    """Let the scan see a wall at an x of odometry's frame [m]."""
+    toward = np.cos(ANGLES + d.pose[2])
+    with np.errstate(divide="ignore"):
+        d.ranges = np.where(toward > 0.05, (wall - d.pose[0]) / toward, np.inf)
+
+
+def test_a_scan_moves_with_what_is_corrected_of_the_pose():
+    d = Drive(CORRECTED, wanted=(0.0, 0.0, 0.0))
+    see_wall(d, 0.8)
+    d.core.localization.hear_correction((1.0, -2.0, 0.3))
+    before = nearest(d.run(0.5))
+    assert 0.4 < before < 0.8
+    d.core.localization.hear_correction((1.2, -2.1, 0.35))
+    assert nearest(d.run(0.05, scan=False)) == pytest.approx(before, abs=1e-9)
+
+
+def test_a_scan_from_before_a_correction_lies_where_it_was_seen():
+    d = Drive(CORRECTED, wanted=(0.0, 0.0, 0.0))
+    d.core.localization.hear_correction((0.0, 0.0, 0.0))
+    see_wall(d, 0.8)
+    before = nearest(d.run(0.55))
+    when = d.now.ros
+    d.core.localization.hear_correction((0.15, 0.0, 0.0))
+    d.run(0.1, scan=False)
+    d.say_scan(stamp=when)
+    assert nearest(d.run(0.05, scan=False)) == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [-0.5, 0.0, 0.5])
+@pytest.mark.parametrize("rate", [-1.3, -0.3, 0.3, 1.3])
+def test_who_is_corrected_all_the_time_stays_out_of_what_it_sees(rate, turns):
+    d = Drive(CORRECTED, wanted=(0.8, 0.0, 0.0))
+
+    def look(d):
+        passed = 0.01 * d.ticks
+        d.core.localization.hear_correction((rate * passed, 0.0, turns * passed))
+        if d.ticks % 40 == 0:
+            see_wall(d, 2.0)
+            d.say_scan()
+
+    d.run(12.0, each=look, scan=False)
+    assert 1.3 < d.pose[0] + 0.3 <= 2.0
+    assert d.last.report["reason"] == 0
