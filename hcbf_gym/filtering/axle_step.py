@@ -24,6 +24,8 @@ from hcbf_gym.programs.result import FilterResult
 
 FACING = -0.2
 """The cosine between heading and way below which guidance turns the robot first."""
+TURNING, SOON = 2.0, 0.1
+"""Gain with which it turns to its way where u* leads back from there [1/s], and how soon [s]."""
 MOVED = 1e-9
 """By how much an input must be changed before the robot slides along what stands [m/s²]."""
 ASIDE = 0.2
@@ -318,23 +320,41 @@ def _with(s: Settings, i: int, vertices: Array) -> Settings:
 
 
 @kernel()
-def face(plants: Records, gain: float) -> None:
+def face(plants: Records, u_nominal: Array, gain: float, ahead: float) -> None:
     """Let guidance turn robots that face away from their way, by the point before the axle.
+
+    Where u* leads back from the way, it would turn the robot from there, too, as far as the row of
+    guidance can be met by going on ahead: to and fro, for ever. There guidance alone turns it.
 
     Args:
         plants: (N,) `plants.PLANT`; the row (a, b) of guidance is written to.
+        u_nominal: (N, 2) u* [m/s²].
         gain: k of that row [1/s].
+        ahead: ℓ of the axles [m].
     """
     for i in range(plants.size):
-        plant = plants[i]
+        plant, u = plants[i], u_nominal[i]
         way, cos, sin = plant.way, np.cos(plant.heading), np.sin(plant.heading)
         along, across = cos * way[0] + sin * way[1], cos * way[1] - sin * way[0]
+        plant.turns = way[0] * u[0] + way[1] * u[1] < min(way[2], 0.0)
+        if plant.turns:
+            turning = cos * plant.x[3] - sin * plant.x[2]
+            plant.turn = (TURNING * ahead * np.arctan2(across, along) - turning) / SOON
         if not along < FACING:
             continue
         speed = way[2] / gain + way[0] * plant.x[2] + way[1] * plant.x[3]
         side = 1.0 if across >= 0.0 else -1.0
         way[0], way[1] = -side * sin, side * cos
         way[2] = gain * (speed - way[0] * plant.x[2] - way[1] * plant.x[3])
+
+
+@kernel()
+def turn_to_way(plant: Record, u: Array) -> None:
+    """Let u (2,) turn a plant to its way where u* leads back from there."""
+    if plant.turns:
+        cos, sin = np.cos(plant.heading), np.sin(plant.heading)
+        ahead = cos * u[0] + sin * u[1]
+        u[0], u[1] = ahead * cos - plant.turn * sin, ahead * sin + plant.turn * cos
 
 
 @kernel()

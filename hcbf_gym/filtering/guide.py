@@ -93,7 +93,7 @@ class Guide:
             ranks = plants["reachable"], plants["zone"]
             guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
             if self._ahead > 0.0:
-                axle_step.face(plants, guide.pull.gain)
+                axle_step.face(plants, u_nominal, guide.pull.gain, self._ahead)
 
     def _led(self, guide: Geodesic, samples: Samples) -> Array:
         """Return (N, 4) what is led: position [m] and the velocity of the reduced-order model.

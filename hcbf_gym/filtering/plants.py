@@ -82,6 +82,8 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         ("heading", "f8"),  # of a differential drive [rad]
         # where guidance leads
         ("way", "f8", 3),  # a_x, a_y and b of its row
+        ("turns", "i8"),  # whether a differential drive turns to it, against u*
+        ("turn", "f8"),  # by which acceleration across its heading then [m/s²]
         ("reachable", "f8"),  # through which rank
         ("zone", "f8"),  # the rank of the map's zone that it stands in, 0 for none
         # what is remembered from step to step

@@ -366,6 +366,8 @@ def _ask(c: Record, settings: Settings, drives: Drives, p: Plants, w: Work, i: i
         w.u[i, j] = told.u_nominal[j]
     if c.has_way:
         told.reachable = plant.reachable
+        if drives is not None:
+            axle_step.turn_to_way(plant, w.u[i])
         _guide(c, p, w, i)
     if drives is not None and c.by_level:
         axle_step.split_ranks(p, w, i)

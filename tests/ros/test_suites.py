@@ -20,6 +20,7 @@ def test_the_short_form_of_each_part_has_no_miss(part):
 @pytest.mark.parametrize(
     ("kind", "rank", "seed"),
     [
+        ("between obstacles", 1, 3),
         ("between obstacles", 1, 19),
         ("a zone appears", 2, 10),
         ("a zone appears", 2, 19),
