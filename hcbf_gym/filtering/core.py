@@ -65,7 +65,7 @@ class FilterCore(Configured, ABC):
         self._samples = Samples(plant, input_set.n_u, self.count, apart=not self._is_planar)
         self._buffer = ReportBuffer(batch, input_set.n_u)
         self._buffer.plants["alpha1_scale"] = self.alpha1_scale
-        self._m = 0
+        self._m = -1  # there was no scene yet
         self._scene = BarrierSet([()] * self.count)
         self._version, self._edits = self._scene.version.copy(), -1
         self._refused, self._needs_time = False, False

@@ -219,15 +219,19 @@ class Work(NamedTuple):
 
 
 @kernel(inline="always")
-def fits(p: Plants) -> bool:
+def fits(p: Plants, led: bool) -> bool:
     """Tell whether the scenes are of as many plants and rows as there is room for, in sound ranks.
 
     Nothing else here checks an index.
+
+    Args:
+        p: the plants.
+        led: whether guidance has a row of its own.
     """
     count, m = p.kind.shape
     if p.sensed.size != count or p.told.size != count or p.rows.shape[0] != count:
         return False
-    if p.rows.shape[1] < m or (p.own.size > 0 and p.own.shape[:2] != (count, m)):
+    if p.rows.shape[1] < m + led or (p.own.size > 0 and p.own.shape[:2] != (count, m)):
         return False
     if p.parameters.shape != (count, m, layout.WIDTH):
         return False

@@ -265,7 +265,7 @@ def _begin(c: Record, drives: Drives, plants: Plants) -> int:
         for j in range(u_nominal.size):
             if not np.isfinite(u_nominal[j]):
                 return NOT_FINITE
-    if not fits(plants):
+    if not fits(plants, c.guided and c.has_way):
         return MISSHAPED
     if plants.own.size == 0 and not c.made:
         for i in range(plants.told.size):
