@@ -131,6 +131,9 @@ class NodeCore:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
         if self.localization.hear_odometry(pose, twist, stamp, now, frame, child):
+            for source in self.sources.values():
+                if source.settings.type == "scan":  # where it lies nobody knows any more
+                    source.watch.forget()
             self._begin_anew()
 
     def hear_source(

@@ -91,7 +91,7 @@ class Localization:
     def hear_odometry(
         self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
     ) -> bool:
-        """Take the odometry; return whether the pose has jumped.
+        """Take the odometry; return whether it, or the pose, has jumped.
 
         Args:
             pose: (3,) x, y [m] and yaw [rad] in its own frame.
@@ -109,16 +109,20 @@ class Localization:
             watch.refuse(f"got {shown([pose, twist])}, {EXPECTED}")
         elif watch.hear(stamp, now, frame, settings.odom_frame_id):
             newest = Odometry(stamp, place, motion)
-            if settings.pose_source == "topic" and self._local and self._leaps(newest):
-                self._local.clear()  # nothing ties it to the poses of before
-                self._correction = None
-                self._pose.refuse("odometry has jumped, expected a pose of after that")
+            leaps = bool(self._local) and self._leaps(newest)
+            if leaps:  # nothing ties it to the poses of before
+                self._local.clear()
+                self._track.clear()
+                if settings.pose_source == "topic":
+                    self._correction = None
+                    self._pose.refuse("odometry has jumped, expected a pose of after that")
             self._local.append(newest)
             self._look_still(newest)
             placing = self._correction
             if placing is not None:
                 there = placed(placing, place)
-                return self._follow(Located(stamp, there, motion, place, placing), now)
+                return self._follow(Located(stamp, there, motion, place, placing), now) or leaps
+            return leaps
         return False
 
     def hear_pose(self, pose: ArrayLike, stamp: float, now: Now, frame: str) -> None:
@@ -168,7 +172,7 @@ class Localization:
     def _follow(self, newest: Located, now: Now) -> bool:
         """Remember a pose; if it has jumped, forget the others and return True."""
         jumped, before = False, self.newest
-        if self._track and before is not None and newest.stamp - before.stamp < 1.0:
+        if before is not None and newest.stamp - before.stamp < 1.0:
             away, turned = _off(before, newest)
             jumped = away > self._settings.pose_jump or turned > TURN_JUMP
             if jumped:

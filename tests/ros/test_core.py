@@ -494,3 +494,35 @@ def test_who_is_corrected_all_the_time_stays_out_of_what_it_sees(rate, turns):
     d.run(12.0, each=look, scan=False)
     assert 1.3 < d.pose[0] + 0.3 <= 2.0
     assert d.last.report["reason"] == 0
+
+
+@pytest.mark.parametrize("source", ["tf", "topic"])
+def test_a_scan_from_before_odometry_began_anew_is_nowhere(source):
+    d = Drive({**CORRECTED, "pose_source": source}, wanted=(0.6, 0.0, 0.0))
+    leap = np.array([3.0, 0.0, 0.0])
+
+    def place(x):
+        if source == "tf":
+            d.core.localization.hear_correction((x, 0.0, 0.0))
+        else:
+            at = d.pose + np.array([x, 0.0, 0.0])
+            d.core.localization.hear_pose(at, d.now.ros, d.now, "map")
+
+    d.run(0.1, scan=False, command=False)
+    place(0.0)
+    see_wall(d, 0.8)
+    d.run(0.5)
+    before = d.pose.copy()
+    d.pose = d.pose + leap  # the robot is where it was, and so is the wall
+    d.run(0.04, scan=False)
+    place(-3.0)
+    d.run(2.5, scan=False)
+    assert (d.last.command is None) or not np.any(d.last.command)
+    assert np.hypot(*(d.pose - leap - before)[:2]) < 0.05  # what it takes to stand
+    place(-3.0)
+    see_wall(d, 3.8)
+    d.say_scan()
+    place(-3.0)
+    d.run(0.3, scan=False)
+    assert d.last.report is not None
+    assert nearest(d) == pytest.approx(3.8 - d.pose[0], abs=0.05)
