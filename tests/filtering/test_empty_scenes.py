@@ -1,11 +1,14 @@
 """Guidance where nothing is around: its row is the only one, from the first step on."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import BatchFilter, VelocityFilter
+from hcbf_gym import BatchFilter, Plant, VelocityFilter, models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models.plant import Estimate
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 GOAL = (3.0, 1.0)
 ASIDE = [Disc("aside", 1, (-2.0, 2.0), 0.5)]
@@ -42,3 +45,40 @@ def test_many_points_are_led_through_nothing(program):
         x[:, :2] += 0.05 * x[:, 2:] + 0.5 * 0.05**2 * u
         x[:, 2:] += 0.05 * u
     assert (x[:, 0] > 0.5).all()
+
+
+class Point(gym.Env):
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
+    action_space = gym.spaces.Box(-3.0, 3.0, (2,), np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = np.zeros(4)
+        return self.x.copy(), {}
+
+    def step(self, action):
+        self.x = models.DoubleIntegrator().step(self.x, np.asarray(action), 0.05)
+        return self.x.copy(), 0.0, False, False, {}
+
+
+@pytest.mark.parametrize("count", [None, 2])
+@pytest.mark.filterwarnings("ignore::hcbf_gym.errors.CoverageWarning")
+def test_wrapped_environments_are_led_through_nothing(count):
+    plant = Plant(
+        models.DoubleIntegrator(),
+        [],
+        lambda env, observation, info: Estimate(np.array(observation)),
+        Box.symmetric(3.0),
+        period=0.05,
+        goal=GOAL,
+    )
+    if count is None:
+        env = SafetyFilter(Point(), plant=plant, guidance="geodesic")
+    else:
+        env = VectorSafetyFilter(
+            gym.vector.SyncVectorEnv([Point] * count), plant=plant, guidance="geodesic"
+        )
+    env.reset(seed=0)
+    for _ in range(40):
+        observation, *_ = env.step(np.zeros(env.action_space.shape))
+    assert (observation[..., 0] > 0.5).all()
