@@ -18,7 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 import tyro
 
-from benchmarks.wheels import LONGEST, MAX_AGE, Driven, Moving, Planner, boxes_of, hostile, loop
+from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, boxes_of, hostile, loop
+from benchmarks.wheels import MAX_AGE
 from hcbf_gym import VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier

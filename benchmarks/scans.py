@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 
-from benchmarks.wheels import CONTRACTS, LONGEST, Moving, hostile, loop, pursuit
+from benchmarks.own_loop import LONGEST, Moving, hostile, loop, pursuit
 from hcbf_gym import VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
@@ -28,7 +28,8 @@ PERIOD, RANGE = 0.1, 10.0
 SIDE = 4.0
 """From the middle of a room to its walls [m]."""
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": str(CONTRACTS / "go1.json")}
+GO1 = "tests/robots/contracts/go1.json"
+ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": GO1}
 NEAR = 0.35
 """Of the goal [m]."""
 PERSON, PACE, PEOPLE = 0.25, 0.5, 3

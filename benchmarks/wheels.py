@@ -5,246 +5,40 @@ and what is refused. ``python -m benchmarks.wheels --part doors`` prints one par
 little of each.
 """
 
-import dataclasses
-import json
 import math
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import tyro
 
+from benchmarks.bent_files import bent
+from benchmarks.own_loop import (
+    LONGEST,
+    PERIOD,
+    Body,
+    Driven,
+    Link,
+    Moving,
+    boxes_of,
+    gap,
+    hostile,
+    loop,
+    pursuit,
+)
 from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import ConvexPolygon, HalfPlane
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.models.plant import FIRST_ALARM
-from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker, carts, footprint, walker_parts
+from hcbf_gym.robots import Walker
 from hcbf_gym.studies.identification.identify import identify
 from hcbf_gym.studies.identification.log import identify_log
-from hcbf_gym.studies.identification.record import Runner
 from tests.studies import drives
-
-PERIOD = 0.05
-"""Of the commands [s]."""
-LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
-"""From one command to the next, as robots look for one at every control step [s]."""
-CONTRACTS = Path(__file__).parents[1] / "tests" / "robots" / "contracts"
-
-Planner = Callable[[Array], Array]
-"""Pose (3,) → command (k,)."""
-
-
-class Body(NamedTuple):
-    """A robot that follows commands by a lag of first order, on a floor without friction.
-
-    Attributes:
-        robot: what the filter knows of it.
-        lag: τ [s].
-    """
-
-    robot: Robot
-    lag: float
-
-
-class Moving:
-    """A simulated robot: one of `Body`, or a walker in MuJoCo.
-
-    Attributes:
-        pose: (3,) x, y and θ of its centre or axle [m, rad].
-        twist: (3,) in its own axes [m/s, rad/s].
-        fallen: whether it has fallen.
-    """
-
-    def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
-        self._runner = Runner(body, seed) if isinstance(body, Walker) else None
-        self._lag = 0.0 if isinstance(body, Walker) else body.lag
-        self.pose, self.twist = np.array(start, dtype=np.float64), np.zeros(3)
-        self.fallen = False
-        if self._runner is not None:
-            rng = np.random.default_rng(seed)
-            self._runner.drive.reset(self.pose[:2], float(start[2]), BarrierSet([()]), rng)
-            self._look()
-
-    def go(self, command: Array) -> None:
-        """Follow a command for one control step."""
-        if self._runner is not None:
-            self.fallen |= self._runner.tell(command, CONTROL_DT).falls > 0
-            self._look()
-            return
-        three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])
-        share = 1.0 - math.exp(-CONTROL_DT / self._lag) if self._lag > 0.0 else 1.0
-        for _ in range(4):
-            part = 0.25 * CONTROL_DT
-            self.twist = self.twist + 0.25 * share * (three - self.twist)
-            cos, sin = math.cos(self.pose[2]), math.sin(self.pose[2])
-            ahead, aside, turn = self.twist
-            self.pose = self.pose + part * np.array(
-                [cos * ahead - sin * aside, sin * ahead + cos * aside, turn]
-            )
-
-    def _look(self) -> None:
-        assert self._runner is not None
-        simulation = self._runner.drive.simulation
-        data, yaw = simulation.data, simulation.yaw
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        vx, vy = data.qvel[:2]
-        self.pose = np.array([*data.qpos[:2], yaw])
-        self.twist = np.array([cos * vx + sin * vy, cos * vy - sin * vx, data.qvel[5]])
-
-
-class Link(NamedTuple):
-    """What lies between a robot's odometry and the filter.
-
-    Attributes:
-        rate: of odometry [Hz].
-        late: how old it is when it comes [s].
-        jitter: share by which that varies.
-        lost: share that never comes.
-        burst: how many are lost together.
-    """
-
-    rate: float = 50.0
-    late: float = 0.0
-    jitter: float = 0.0
-    lost: float = 0.0
-    burst: int = 1
-
-
-PERFECT = Link()
-
-
-class Driven(NamedTuple):
-    """What a loop showed.
-
-    Attributes:
-        path: (k, 3) poses at every control step.
-        least: the least distance of the robot's circle from a strict region [m].
-        statuses: (6,) how often each was said.
-        alarms: reasons from the first alarm on.
-        longest: 99th percentile of a step [s].
-        fell: whether the robot fell, where the loop ends.
-        told: (k, n) commands.
-    """
-
-    path: Array
-    least: float
-    statuses: Array
-    alarms: set[int]
-    longest: float
-    fell: bool
-    told: Array
-
-    @property
-    def length(self) -> float:
-        """Of the path [m]."""
-        return float(np.linalg.norm(np.diff(self.path[:, :2], axis=0), axis=1).sum())
-
-
-def loop(
-    door: VelocityFilter,
-    robot: Moving,
-    planner: Planner,
-    reach: float,
-    seconds: float,
-    link: Link = PERFECT,
-    seed: int = 0,
-    until: Callable[[Array], bool] = lambda pose: False,
-    walls: Sequence[Barrier] | None = None,
-    sees: Callable[[float, Moving], None] = lambda now, robot: None,
-) -> Driven:
-    """Run a robot's own loop, as a node runs it: commands at 20 Hz, odometry as it comes.
-
-    Args:
-        door: the filter.
-        robot: the robot.
-        planner: what it shall do.
-        reach: radius of the circle that must stay outside [m].
-        seconds: how long at most.
-        link: of the odometry.
-        seed: of what is lost and late.
-        until: pose → whether it has arrived.
-        walls: what is there; None for what the filter knows.
-        sees: called in every control step, with the time [s], before what the filter is asked.
-    """
-    rng = np.random.default_rng(seed)
-    regions = BarrierSet([door.barriers if walls is None else walls])
-    strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
-    waiting: list[tuple[float, float, Array, Array]] = []
-    newest: tuple[float, Array, Array] | None = None
-    path, told, spent, alarms = [], [], [], set[int]()
-    statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
-    said, commanded = -np.inf, -np.inf
-    for k in range(round(seconds / CONTROL_DT)):
-        now = 100.0 + CONTROL_DT * k
-        sees(now, robot)
-        if now - said >= 1.0 / link.rate - 1e-9:
-            said = now
-            if dropped == 0 and rng.random() * link.burst < link.lost:
-                dropped = link.burst
-            if dropped:
-                dropped -= 1
-            else:
-                late = link.late * (1.0 + link.jitter * rng.uniform(-1.0, 1.0))
-                waiting.append((now + late, now, robot.pose, robot.twist))
-        for one in [one for one in waiting if one[0] <= now + 1e-9]:
-            waiting.remove(one)
-            newest = one[1:]  # the last to come, whatever its stamp
-        if newest is not None and now - commanded >= PERIOD - 1e-9:
-            commanded = now if now - commanded > 2.0 * PERIOD else commanded + PERIOD
-            began = time.perf_counter()
-            _, report = door.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
-            spent.append(time.perf_counter() - began)
-            statuses[int(report["status"])] += 1
-            if report["reason"] >= FIRST_ALARM:
-                alarms.add(int(report["reason"]))
-        robot.go(door.command_at(now))
-        path.append(robot.pose)
-        told.append(door.command_at(now))
-        x = np.array([[*robot.pose[:2], 0.0, 0.0]])
-        h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
-        least = min(least, float(h[strict].min(initial=np.inf)) - reach)
-        if robot.fallen or until(robot.pose):
-            break
-    longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    fell = robot.fallen
-    return Driven(np.array(path), least, statuses, alarms, longest, fell, np.array(told))
-
-
-def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
-    """Return a planner that turns to a goal and drives; the next one counts within .3 m.
-
-    It knows nothing of the filter.
-    """
-    left = [np.array(goal) for goal in goals]
-
-    def plan(pose: Array) -> Array:
-        if len(left) > 1 and np.linalg.norm(left[0] - pose[:2]) < 0.3:
-            left.pop(0)
-        d = left[0] - pose[:2]
-        error = math.remainder(math.atan2(d[1], d[0]) - pose[2], math.tau)
-        turn = float(np.clip(2.0 * error, -0.6 * command.turn, 0.6 * command.turn))
-        ahead = speed * max(0.0, math.cos(error)) ** 3
-        return np.array([ahead, turn] if command.sideways is None else [ahead, 0.0, turn])
-
-    return plan
-
-
-def gap(width: float, offset: float = 0.0) -> list[Barrier]:
-    """Return two walls 2 m ahead with a gap between them."""
-    low, high = offset - 0.5 * width, offset + 0.5 * width
-    return [
-        ConvexPolygon("left", 1, ((2.0, high), (2.15, high), (2.15, 4.0), (2.0, 4.0))),
-        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, low), (2.0, low))),
-    ]
 
 
 def _passes(body: Body | Walker, known: Any, width: float, speed: float, start: Array) -> Driven:
@@ -418,20 +212,6 @@ MAX_AGE = 0.4
 """That the loops believe [s]."""
 
 
-def boxes_of(rng: np.random.Generator) -> list[Barrier]:
-    """Return six boxes in a room of 8 m, none at the start."""
-    walls: list[Barrier] = [
-        HalfPlane(f"wall {k}", 1, normal, -4.0)
-        for k, normal in enumerate(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
-    ]
-    while len(walls) < 10:
-        (x, y), (w, h) = rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
-        if math.hypot(x, y) > 1.3:
-            corners = ((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h))
-            walls.append(ConvexPolygon(f"box {len(walls) - 4}", 1, corners))
-    return walls
-
-
 def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
     """Yield each row of loops, beside perfect data, with a planner that drives at what is near."""
     walker = Walker.load(robot)
@@ -456,39 +236,6 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
             f"{least:+.3f} m, alarms {alarms}, {sum(run.fell for run in runs)} fell, "
             f"path {np.mean(shares):.2f}, 99 % of steps {1e3 * longest:.2f} ms, statuses {statuses}"
         )
-
-
-def hostile(
-    barriers: Sequence[Barrier],
-    command: Command,
-    rng: np.random.Generator,
-    *,
-    wanders: bool = True,
-) -> Planner:
-    """Return a planner that drives at the nearest region, wanders, backs off and spins in turn.
-
-    One that does not wander drives at what is nearest alone.
-    """
-    state = {"mode": 0, "left": 0 if wanders else -1, "drawn": np.zeros(len(command.limits))}
-
-    def plan(pose: Array) -> Array:
-        if state["left"] == 0:
-            state.update(mode=int(rng.integers(4)), left=int(rng.integers(10, 50)))
-            state["drawn"] = command.limits * rng.uniform(-1.0, 1.0, len(command.limits))
-        state["left"] -= 1
-        if state["mode"] == 3:
-            return state["drawn"]
-        x = np.array([*pose[:2], 0.0, 0.0])
-        nearest = min(barriers, key=lambda b: b.h(x))
-        n = nearest.jet(x).gradient[:2]
-        error = math.remainder(math.atan2(-n[1], -n[0]) - pose[2], math.tau)
-        if state["mode"] == 2:  # away
-            error = math.remainder(error + math.pi, math.tau)
-        turn = float(np.clip(3.0 * error, -command.turn, command.turn))
-        ahead = command.forward * (math.cos(error) if state["mode"] else max(0.3, math.cos(error)))
-        return np.array([ahead, turn] if command.sideways is None else [ahead, 0.0, turn])
-
-    return plan
 
 
 def logs(quick: bool, count: int) -> Iterator[str]:
@@ -529,141 +276,6 @@ def logs(quick: bool, count: int) -> Iterator[str]:
                 least.append(loop(door, moving, planner, walker.reach, 20.0, seed=seed).least)
             yield f"  filtered by it: least {min(least):+.3f} m in {len(least)} hostile loops"
     yield f"{near} near, {refused} refused or complained of"
-
-
-def bent(quick: bool, count: int) -> Iterator[str]:
-    """Yield how many bent contracts, footprints and logs were refused in words."""
-    kinds = {"contract": _bent_contract, "footprint": _bent_footprint, "log": _bent_log}
-    for name, make in kinds.items():
-        refused = taken = 0
-        for k in range(8 if quick else count // len(kinds)):
-            with tempfile.TemporaryDirectory() as folder:
-                try:
-                    make(np.random.default_rng([9, k]), Path(folder))
-                    taken += 1
-                except HcbfError as error:
-                    refused += 1
-                    text = str(error)
-                    if not any(
-                        word in text for word in ("expected", "missing", "meet", "drive for")
-                    ):
-                        raise AssertionError(f"{name} {k}: {text}: what was expected?") from error
-        yield f"{name}: {refused} refused in words, {taken} taken"
-
-
-IN_WORDS = ("expected", "missing", "meet", "drive for")
-"""One of them stands in each sentence that refuses."""
-WRONG = (math.nan, math.inf, -1.0, 0.0, 1e300, "fast", None, [], {}, True, [1.0, 2.0])
-
-
-SECTIONS = {
-    "command": walker_parts.Command,
-    "action": walker_parts.Action,
-    "body": walker_parts.Body,
-    "fall": walker_parts.Fall,
-    "physics": walker_parts.Physics,
-}
-"""Of a contract."""
-
-
-def _bent_contract(rng: np.random.Generator, folder: Path) -> None:
-    data: Any = json.loads((carts.FOLDER / "cart.json").read_text(encoding="utf-8"))
-    data["mjcf"] = str(carts.FOLDER / data["mjcf"])
-    place, key, kind = data, str(rng.choice(list(data))), Walker
-    if isinstance(data[key], dict) and rng.random() < 0.7:
-        place, kind = data[key], SECTIONS[key]
-        key = str(rng.choice(list(place)))
-    how, wrong = rng.integers(3), WRONG[int(rng.integers(len(WRONG)))]
-    spare = place is data and not _needed(SECTIONS.get(key, Walker))  # a section
-    if (how == 0 and (spare or key not in _needed(kind))) or (how == 2 and spare and wrong == {}):
-        _bent_contract(rng, folder)  # that would be whole
-        return
-    if how == 0:
-        del place[key]
-    elif how == 1:
-        place[f"{key}_"] = place.pop(key)
-    else:
-        place[key] = wrong
-    file = folder / "robot.json"
-    file.write_text(json.dumps(data), encoding="utf-8")
-    VelocityFilter(file, [HalfPlane("wall", 1, (-1.0, 0.0), -3.0)])
-
-
-def _needed(kind: type) -> set[str]:
-    """Return the keys that a contract, or a section of it, must have."""
-    return {
-        one.name
-        for one in dataclasses.fields(kind)
-        if one.default is dataclasses.MISSING and one.default_factory is dataclasses.MISSING
-    }
-
-
-def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
-    angles = np.sort(rng.uniform(0.0, math.tau, 6))
-    corners: Any = (rng.uniform(0.2, 0.5, 6) * np.array([np.cos(angles), np.sin(angles)])).T
-    how = int(rng.integers(6))
-    if how == 0:
-        while not _crosses(corners):  # some other order is an outline, too
-            corners = corners[rng.permutation(6)]
-    elif how == 1:
-        corners = corners + rng.uniform(0.6, 2.0, 2)
-    elif how == 2:
-        corners = corners * (1.0, 0.0)
-    elif how == 3:
-        corners[int(rng.integers(6)), int(rng.integers(2))] = rng.choice([np.nan, np.inf, 1e4])
-    elif how == 4:
-        corners = str(corners.tolist())[: int(rng.integers(1, 60))]
-    else:
-        corners = corners[: int(rng.integers(0, 3))]
-    footprint.reach(corners)
-
-
-def _crosses(corners: Array) -> bool:
-    """Return whether two edges of an outline that are no neighbours cross."""
-    edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-
-    def apart(a: Array, b: Array, c: Array, d: Array) -> bool:
-        return bool(np.cross(b - a, c - a) * np.cross(b - a, d - a) < 0.0)
-
-    return any(
-        apart(*edges[i], *edges[j]) and apart(*edges[j], *edges[i])
-        for i in range(len(edges))
-        for j in range(i + 2, len(edges) - (i == 0))
-    )
-
-
-def _bent_log(rng: np.random.Generator, folder: Path) -> None:
-    rows = np.array(drives.recorded(_drive(), 0), dtype=np.float64)
-    how = int(rng.integers(7))
-    if how == 0:  # time goes back
-        rows[int(rng.integers(20, len(rows))), 0] -= rng.uniform(1.0, 9.0)
-    elif how == 1:
-        rows[:, 6] = np.degrees(rows[:, 6])
-    elif how == 2:
-        rows[:, 7] *= rng.uniform(0.2, 0.6)
-    elif how == 3:
-        rows[:, 3] = 0.5
-    elif how == 4:
-        rows = rows[: int(rng.integers(0, 200))]
-    elif how == 5:
-        named = [k for k, name in enumerate(drives.HEADER) if name != "cmd_vy"]
-        rows[int(rng.integers(len(rows))), int(rng.choice(named))] = np.inf
-    else:
-        shifted = np.isfinite(rows[:, 1])
-        rows[shifted, 0] += rng.uniform(20.0, 1e6)
-    lines = [[None if np.isnan(one) else one for one in row] for row in rows]
-    file = drives.write(folder / "drive.csv", lines, differential=True)
-    identify_log(file, ROBOTS["cart"].robot.command)
-
-
-_ROWS: list[Array] = []
-
-
-def _drive() -> Array:
-    """Return the rows of one drive of the shipped cart, driven once."""
-    if not _ROWS:
-        _ROWS.append(drives.drive(Walker.load("cart"), 0))
-    return _ROWS[0].copy()
 
 
 def main(part: str = "all", quick: bool = False, count: int = 40, robot: str = "cart") -> None:
