@@ -240,7 +240,7 @@ def loops(quick: bool, count: int, robot: str) -> Iterator[str]:
 
 def logs(quick: bool, count: int) -> Iterator[str]:
     """Yield how near logs come to what the model shows, and hostile loops behind what they show."""
-    near = refused = 0
+    near, refused, least = 0, 0, list[float]()
     for k in range(3 if quick else count):
         walker = Walker.load(("cart", "holonomic-cart")[k % 2])
         known, rng = identify(walker, 20.0, 7).response, np.random.default_rng([5, k])
@@ -265,17 +265,24 @@ def logs(quick: bool, count: int) -> Iterator[str]:
             f"log {k}: gains off by {off:.3f}, τ + δ {found.follows:.3f} for "
             f"{known.follows:.3f} s, complaints {found.complaints}"
         )
-        if differential and k < 2:
-            robot, least = Robot(walker.command, found, walker.reach), []
-            for seed in range(2 if quick else 10):
-                draw = np.random.default_rng([6, seed])
-                boxes = boxes_of(draw)
-                door = VelocityFilter(robot, boxes, period=PERIOD)
-                planner = hostile(boxes, walker.command, draw)
-                moving = Moving(walker, np.zeros(3), seed)
-                least.append(loop(door, moving, planner, walker.reach, 20.0, seed=seed).least)
-            yield f"  filtered by it: least {min(least):+.3f} m in {len(least)} hostile loops"
+        robot = Robot(walker.command, found, walker.reach)
+        least += [_behind_a_log(walker, robot, k, seed) for seed in range(2 if quick else 50)]
+    entered = sum(one < 0.0 for one in least)
+    yield (
+        f"{entered} of {len(least)} hostile loops of carts filtered by their logs entered, "
+        f"least {min(least):+.3f} m"
+    )
     yield f"{near} near, {refused} refused or complained of"
+
+
+def _behind_a_log(walker: Walker, robot: Robot, log: int, seed: int) -> float:
+    """Return the least distance from a region of a hostile loop that knows what a log shows [m]."""
+    rng = np.random.default_rng([6, log, seed])
+    boxes = boxes_of(rng)
+    door = VelocityFilter(robot, boxes, period=LONGEST)
+    planner = hostile(boxes, walker.command, rng)
+    start = Moving(walker, np.zeros(3), seed)
+    return loop(door, start, planner, walker.reach, 20.0, seed=seed).least
 
 
 def main(part: str = "all", quick: bool = False, count: int = 40, robot: str = "cart") -> None:
