@@ -144,12 +144,11 @@ class Drive:
         far = self.ranges if ranges is None else ranges
         beams = Beams(far, -math.pi, math.tau / np.size(far), 0.05, 10.0)
         try:
-            shown = self.core.of_scan("scan", beams, when)
+            shown = self.core.of_scan("scan", beams)
         except InvalidInputError as error:
             self.core.refuse_source("scan", str(error))
             return
-        if shown is not None:
-            self.core.hear_source("scan", shown, when, self.now, frame)
+        self.core.hear_source("scan", shown, when, self.now, frame)
 
     @property
     def twist(self) -> ArrayLike:

@@ -19,14 +19,13 @@ from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.online import VelocityFilter
-from hcbf_gym.online.sample import placed
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.ros import filters, sources
 from hcbf_gym.ros.decisions import Action, Decision, Level
 from hcbf_gym.ros.filters import Led
 from hcbf_gym.ros.localization import Localization
 from hcbf_gym.ros.parameters import Settings, SourceSettings, by_name
-from hcbf_gym.ros.sources import Beams, Entries
+from hcbf_gym.ros.sources import Beams, Entries, Measured, Source
 from hcbf_gym.ros.watches import ClockWatch, Fault, Now, Watch
 
 INSIDE = "the robot is inside"
@@ -141,29 +140,45 @@ class NodeCore:
     ) -> bool:
         """Take what a source shows from now on; return whether it differs from before.
 
+        A scan counts only where odometry, as it is now, says where the robot was.
+
         Args:
             name: of the source.
-            entries: what its message became; of a scan, in odometry's frame.
+            entries: what its message became; of a scan, in the robot's axes.
             stamp: of the message [s].
             now: the present.
             frame: of the message.
         """
         source = self.sources[name]
-        if source.settings.type != "scan" and stamp <= source.watch.stamp:
+        if source.settings.type == "scan":
+            return self._hear_scan(source, entries, stamp, now, frame)
+        if stamp <= source.watch.stamp:
             source.watch.forget()  # what came last counts: stamps may be fixed, or another's
         if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
             return False
-        if source.settings.type == "scan":
-            source.measured = entries
-            self._frame, newest = None, self.localization.newest  # it lies nowhere yet
-            if newest is not None:
-                self._place_scans(newest.frame)
-            return True
         before, source.entries = source.entries, entries
         differs = list(map(id, before)) != list(map(id, entries))
         if differs:
             self._show()
         return differs
+
+    def _hear_scan(
+        self, source: Source, entries: Entries, stamp: float, now: Now, frame: str
+    ) -> bool:
+        """Take a scan (see `hear_source`); return whether it is believed."""
+        newest = self.localization.newest
+        if newest is not None and not self.settings.base_shift_correction:
+            pose = newest.local
+        else:
+            pose = self.localization.at(stamp)
+        expected = self.frame_of(source.settings)
+        if pose is None or not source.watch.hear(stamp, now, frame, expected):
+            return False
+        source.measured = Measured(entries, pose)
+        self._frame = None  # it lies nowhere yet
+        if newest is not None:
+            self._place_scans(newest.frame)
+        return True
 
     def refuse_source(self, name: str, says: str) -> None:
         """Note that a source's newest message is faulty."""
@@ -208,30 +223,20 @@ class NodeCore:
 
     # -- what is prepared beside ------------------------------------------------------------------
 
-    def of_scan(
-        self, name: str, beams: Beams, stamp: float, mount: ArrayLike | None = None
-    ) -> Entries | None:
-        """Return what a scan shows, in odometry's frame; None where nobody knows where it was.
+    def of_scan(self, name: str, beams: Beams, mount: ArrayLike | None = None) -> Entries:
+        """Return what a scan shows in the robot's axes.
 
         Args:
             name: of the source.
             beams: the scan.
-            stamp: when it was measured [s].
             mount: (3,) of the sensor on the robot; None takes the parameter.
 
         Raises:
             InvalidInputError: if it cannot be believed.
         """
         settings = self.sources[name].settings
-        newest = self.localization.newest
-        if not self.settings.base_shift_correction and newest is not None:
-            stamp = newest.stamp
-        pose = self.localization.at(stamp)
-        if pose is None:
-            return None
-        sensor = np.asarray(settings.mount if mount is None else mount)
-        x, y, yaw = placed(pose, sensor).tolist()
-        horizon = self._filter.horizon + float(np.hypot(*sensor[:2]))
+        x, y, yaw = np.asarray(settings.mount if mount is None else mount).tolist()
+        horizon = self._filter.horizon + math.hypot(x, y)
         return sources.of_scan(settings, beams, (x, y, yaw), horizon)
 
     def of_grid(
@@ -432,7 +437,10 @@ class NodeCore:
         """
         if self._frame is not None and np.array_equal(frame, self._frame):
             return
-        self._frame, scans = frame, [one for one in self.sources.values() if one.measured]
+        self._frame, scans = (
+            frame,
+            [one for one in self.sources.values() if one.measured is not None],
+        )
         for source in scans:
             sources.place(source, frame)
         if scans:

@@ -80,7 +80,7 @@ class Intake:
     def _on_scan(self, name: str, message: Any) -> None:
         self._prepare(name, message.header, lambda: self._scan(name, message))
 
-    def _scan(self, name: str, message: Any) -> Entries | None:
+    def _scan(self, name: str, message: Any) -> Entries:
         core, frame = self._core, message.header.frame_id
         mount = None
         if self._transforms is not None and frame != core.settings.base_frame_id:
@@ -92,8 +92,9 @@ class Intake:
                     f"tf has no transform from {core.settings.base_frame_id!r} to {frame!r}, and "
                     f"{name}.mount is not set"
                 )
-        stamp = messages.seconds(message.header.stamp)
-        return core.of_scan(name, messages.beams_of(message), stamp, mount)
+        if not messages.seconds(message.header.stamp):
+            raise InvalidInputError("header.stamp: got 0, expected when the scan was measured")
+        return core.of_scan(name, messages.beams_of(message), mount)
 
     def _on_grid(self, name: str, message: Any) -> None:
         def shown() -> Entries:
@@ -130,14 +131,12 @@ class Intake:
         shown = functools.partial(sources.of_circle, settings, (at.x, at.y), at.z)
         self._prepare(name, message.header, shown)
 
-    def _prepare(self, name: str, header: Any, shown: Callable[[], Entries | None]) -> None:
+    def _prepare(self, name: str, header: Any, shown: Callable[[], Entries]) -> None:
         """Let the other thread make what a message shows, and hand it over."""
         stamp, frame = messages.seconds(header.stamp), header.frame_id
 
         def job() -> None:
             core, made = self._core, shown()
-            if made is None:
-                return
             now = self._now()
             with self._lock:
                 differs = core.hear_source(name, made, stamp or now.ros, now, frame)

@@ -31,6 +31,18 @@ FAILED = 0.5
 """Share of a scan's beams that may be NaN; from there on the sensor is taken for broken."""
 
 
+class Measured(NamedTuple):
+    """What a scan shows, wherever the robot was.
+
+    Attributes:
+        entries: in the robot's axes.
+        pose: (3,) of the robot in odometry's frame, when it was measured [m, rad].
+    """
+
+    entries: Entries
+    pose: Array
+
+
 @dataclass
 class Source:
     """What is known of one source.
@@ -39,13 +51,13 @@ class Source:
         settings: its parameters.
         watch: over its messages.
         entries: what it has shown, in the global frame.
-        measured: likewise of a scan, in odometry's: what is corrected after it moves it, too.
+        measured: likewise of a scan, by odometry: what is corrected after it moves it, too.
     """
 
     settings: SourceSettings
     watch: Watch
     entries: Entries = ()
-    measured: Entries = ()
+    measured: Measured | None = None
     enabled: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -108,14 +120,16 @@ class Beams(NamedTuple):
 
 
 def of_scan(
-    source: SourceSettings, beams: Beams, pose: tuple[float, float, float], horizon: float
+    source: SourceSettings, beams: Beams, mount: tuple[float, float, float], horizon: float
 ) -> Entries:
-    """Return what a scan shows; a beam that failed, or is out of range, saw nothing.
+    """Return what a scan shows in the robot's axes.
+
+    A beam that failed, or is out of range, saw nothing.
 
     Args:
         source: the scan's settings.
         beams: the scan.
-        pose: of the sensor in odometry's frame, when it measured [m, rad].
+        mount: of the sensor on the robot [m, rad].
         horizon: how far away from the sensor a robot must see a region [m].
 
     Raises:
@@ -145,7 +159,7 @@ def of_scan(
     seen = Scan(
         source.name,
         points_of(far, angles, source.name),
-        pose,
+        mount,
         source.scan_period,
         source.obstacle_speed,
         source.priority,
@@ -158,10 +172,11 @@ def of_scan(
 
 def place(source: Source, frame: Array) -> None:
     """Let a scan lie where odometry's frame (3,) is in the global one [m, rad]."""
-    made = []
-    for one in source.measured:
+    assert source.measured is not None
+    robot, made = placed(frame, source.measured.pose), []
+    for one in source.measured.entries:
         assert isinstance(one, Scan)
-        x, y, yaw = placed(frame, np.array(one.pose)).tolist()
+        x, y, yaw = placed(robot, np.array(one.pose)).tolist()
         made.append(replace(one, pose=(x, y, yaw)))
     source.entries = tuple(made)
 

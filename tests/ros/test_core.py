@@ -158,9 +158,19 @@ def test_a_jump_forgets_the_path_and_a_scan_of_then_has_no_place():
     before = d.now.ros - 0.2
     d.pose = d.pose + np.array([2.0, 0.0, 0.0])
     d.run(0.05)
-    shown = d.core.of_scan("scan", _beams(d), before)
-    assert shown is None
+    shown = d.core.of_scan("scan", _beams(d))
+    assert not d.core.hear_source("scan", shown, before, d.now, "base_footprint")
     assert "jumped" in d.last.says
+
+
+def test_a_scan_that_was_being_prepared_when_odometry_began_anew_has_no_place():
+    """It waits for the other thread while the frame changes in which its pose was known."""
+    d = Drive(SCAN).run(1.0)
+    prepared, stamp = d.core.of_scan("scan", _beams(d)), d.now.ros - 0.2
+    d.pose = d.pose + np.array([2.0, 0.0, 0.0])
+    d.run(0.02, scan=False)
+    assert not d.core.hear_source("scan", prepared, stamp, d.now, "base_footprint")
+    assert d.core.sources["scan"].watch.fault(d.now) is not None
 
 
 def _beams(d):
@@ -168,10 +178,16 @@ def _beams(d):
 
 
 def test_a_scan_is_placed_by_the_pose_at_its_stamp():
-    d = Drive({**SCAN, "scan.mount": [0.1, 0.0, np.pi / 2]}, wanted=(0.8, 0.0, 0.0)).run(1.0)
+    d = (
+        Drive({**SCAN, "scan.mount": [0.1, 0.0, np.pi / 2]}, wanted=(0.8, 0.0, 0.0))
+        .run(1.0)
+        .run(0.2, scan=False)
+    )
     d.ranges = np.array([1.0, np.nan, 0.01, 99.0])
     stamp = d.now.ros - 0.1
-    scan = d.core.of_scan("scan", _beams(d), stamp)[0]
+    shown = d.core.of_scan("scan", _beams(d))
+    assert d.core.hear_source("scan", shown, stamp, d.now, "base_footprint")
+    (scan,) = d.core.sources["scan"].entries
     corner = np.array([d.pose[0] - 0.08 + 0.1, 1.0])  # one beam, ahead of a sensor that looks left
     assert abs(scan.conditions[0].nearest(np.array([*corner, 0.0, 0.0]))[0]) < 0.1
 
@@ -390,22 +406,22 @@ LIMITS = [(0.0, 0.0), (0.1, math.nan), (math.nan, 9.0), (0.1, -1.0), (5.0, 1.0),
 def test_a_scan_with_limits_that_are_none_is_not_free_space(least, most):
     d = Drive(SCAN).run(0.5)
     with pytest.raises(InvalidInputError, match="range_min and range_max: got"):
-        d.core.of_scan("scan", Beams([1.0, 2.0, 3.0], 0.0, 0.1, least, most), d.now.ros)
+        d.core.of_scan("scan", Beams([1.0, 2.0, 3.0], 0.0, 0.1, least, most))
 
 
 @pytest.mark.parametrize("ranges", [[-1.0, -2.0, 3.0], [0.05, 0.05, 3.0], [math.nan, -1.0, 2.0]])
 def test_a_scan_that_measures_next_to_nothing_is_not_free_space(ranges):
     d = Drive(SCAN).run(0.5)
     with pytest.raises(InvalidInputError, match="beams failed or saw something nearer"):
-        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0), d.now.ros)
+        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0))
 
 
 @pytest.mark.parametrize("ranges", [[0.0] * 3, [0.0, math.nan, -1.0], []])
 def test_a_scan_of_which_no_beam_says_anything_is_not_free_space(ranges):
     d = Drive(SCAN).run(0.5)
     with pytest.raises(InvalidInputError, match=r"none of \d beams says anything"):
-        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0), d.now.ros)
-    (seen,) = d.core.of_scan("scan", Beams([0.0, 0.0, math.inf], 0.0, 0.1, 0.1, 9.0), d.now.ros)
+        d.core.of_scan("scan", Beams(ranges, 0.0, 0.1, 0.1, 9.0))
+    (seen,) = d.core.of_scan("scan", Beams([0.0, 0.0, math.inf], 0.0, 0.1, 0.1, 9.0))
     assert len(seen.points) == 0
 
 
