@@ -101,8 +101,11 @@ SUITES = {
     "learned-policies": Suite(
         "suites.learned_policies",
         "success and safety of policies under every program",
-        20,
-        (*ROM, *A1, *BASELINES),
+        5,
+        (*ROM, *BASELINES),
+    ),
+    "policies-on-a1": Suite(
+        "suites.policies_on_a1", "the same policies on the A1", 85, (*A1, *BASELINES)
     ),
     "locomotion": Suite("suites.locomotion", "quality, robustness and speed of the walk", 15, A1),
     "guidance": Suite(
