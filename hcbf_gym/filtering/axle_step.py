@@ -54,11 +54,16 @@ def moves(kind: int, parameters: Array) -> bool:
 def place(c: Record, plant: Record) -> Known:
     """Return what is known of the axle."""
     axle, heading = axle_of(c), plant.heading
-    x, model, body = np.empty(4), np.empty(4), np.empty(4)
+    of_axle = np.empty((3, 4))
+    x, model, lag = of_axle[0], of_axle[1], of_axle[2]
+    for k in range(4):
+        lag[k] = plant.model[k] + plant.lag[k]  # the body
     drives.place(axle, plant.x, heading, x)
     drives.place(axle, plant.model, heading, model)
-    drives.place(axle, plant.model + plant.lag, heading, body)
-    return Known(x, plant.time, model, body - model, plant.covariance, plant.growth)
+    drives.place(axle, lag, heading, lag)
+    for k in range(4):
+        lag[k] -= model[k]
+    return Known(x, plant.time, model, lag, plant.covariance, plant.growth)
 
 
 @kernel()

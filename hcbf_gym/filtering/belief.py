@@ -55,7 +55,7 @@ def look(plant: Record, state: State) -> int:
     if plant.has_model == 0:
         put(state.model, state.x)
     reason = plant.fault if plant.fault < ALARM else 0
-    if reason == 0 and not _is_sound(state):
+    if reason == 0 and not (_is_sound(state) and abs(plant.heading) <= FARTHEST):
         reason = STATE
     if reason == 0 and not np.isfinite(time):
         reason = CLOCK

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
 from hcbf_gym.filtering.plants import plant_dtype
-from hcbf_gym.models.constants import FARTHEST, LONGEST
+from hcbf_gym.models.constants import LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
@@ -116,7 +116,6 @@ class Samples:
             sound &= self._take_parts(estimate)
         if self._drives:
             sound &= self._note(self._headings, estimate.heading)
-            self.blame_where(~(np.abs(self.plants["heading"]) <= FARTHEST))
         if not sound:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
