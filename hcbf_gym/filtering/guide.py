@@ -7,7 +7,13 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import check_options, choose
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    check_options,
+    choose,
+    warn_caller,
+)
 from hcbf_gym.filtering import axle_step
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.guidance import row as guidance_row
@@ -27,6 +33,8 @@ class Guide:
 
     Attributes:
         guides: whether anything does.
+        follows: whether it takes up maps that change, which may last longer than a step; else it
+            leads by what it knew when its scene began.
         through: the highest rank that gives way to guidance, 0 for none.
 
     Raises:
@@ -43,7 +51,7 @@ class Guide:
     ):
         self._ahead = ahead
         self._guidance: Geodesic | Local | None = None
-        self.guides = choice is not None
+        self.guides, self.follows = choice is not None, True
         self.through = 0
         if choice is not None:
             options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
@@ -86,7 +94,8 @@ class Guide:
             guide.barriers = scenes
             guide.write_rows(samples.x, samples.time, u_nominal, plants["way"])
         elif guide is not None:
-            guide.follow(scenes, samples.time)
+            if self.follows:
+                self._follow(guide, scenes, samples)
             guide.update(samples.time)
             x, place = self._led(guide, samples), guide.geometry
             guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
@@ -94,6 +103,13 @@ class Guide:
             guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
             if self._ahead > 0.0:
                 axle_step.face(plants, u_nominal, guide.pull.gain, self._ahead)
+
+    def _follow(self, guide: Geodesic, scenes: BarrierSet, samples: Samples) -> None:
+        """Take up maps that have changed; of one on another grid guidance knows nothing."""
+        try:
+            guide.follow(scenes, samples.time)
+        except InvalidInputError as error:
+            warn_caller(f"{error}; it leads as before", SafetyWarning)
 
     def _led(self, guide: Geodesic, samples: Samples) -> Array:
         """Return (N, 4) what is led: position [m] and the velocity of the reduced-order model.

@@ -61,6 +61,10 @@ class PlanarCore(FilterCore):
         """Whether guidance leads the plants, so that they need a goal."""
         return self._guide.guides
 
+    def follow_maps(self, follows: bool) -> None:
+        """Let guidance take up maps that change, or lead by what it knew when the scene began."""
+        self._guide.follows = follows
+
     def _make_room(self, m: int) -> None:
         """Make room for m rows, and for one of guidance under a program that has a last rank."""
         self._buffer.widen(m, m + self._guides_by_row)

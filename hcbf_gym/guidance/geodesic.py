@@ -89,7 +89,8 @@ class Geodesic:
         self._next = np.full(count, np.inf)
         self._moving = False
         self._set: BarrierSet | None = None
-        self._clearance = np.zeros((count, 0))
+        self._asked: ArrayLike = 0.0  # what edges reserve [m]
+        self._clearance = np.zeros((count, 0))  # of the scenes whose fields were computed last
 
     def reset(
         self,
@@ -133,12 +134,12 @@ class Geodesic:
         starts = validation.points("start", start, count)
         grounds = self._grounds_of(chosen, scenes, clearance)
         geometry = self._geometry(chosen, scenes, goals, starts, extent, grounds)
-        kept = self._clearances(scenes, clearance)
+        self._clearances(scenes, clearance)  # fit
         validation.check_extent(chosen, goals, starts, geometry)
         validation.check_on_maps(chosen, grounds, goals)
         validation.check_goal(chosen, scenes, goals)
 
-        self._set, self._clearance, self._grounds = scenes, kept, grounds
+        self._set, self._grounds, self._asked = scenes, grounds, clearance
         self._held = dict(scenes.atlas.held)
         self.goal[chosen], self.geometry[chosen] = goals[chosen], geometry[chosen]
         self._reserve(int((geometry[chosen, 3] * geometry[chosen, 4]).max(initial=0.0)))
@@ -169,23 +170,25 @@ class Geodesic:
             t: (N,) [s].
 
         Raises:
-            InvalidInputError: if a map has another grid.
+            InvalidInputError: if a map has another grid; the fields stay as they were.
         """
         held = scenes.atlas.held
         if held == self._held:
             return
-        self._set, self._held = scenes, dict(held)
+        self._held = dict(held)
+        grounds = list(self._grounds)
         changed = np.zeros(len(self.goal), dtype=np.bool_)
         followed: dict[tuple[int, ...], MapGround] = {}
         for n, regions in _regions_of(scenes).items():
-            ground = self._grounds[n]
+            ground = grounds[n]
             if ground is None or ground.regions == regions:
                 continue
             key = id(ground), *map(id, regions)
             if key not in followed:
                 followed[key] = ground.with_regions(regions)
-            self._grounds[n] = followed[key]
+            grounds[n] = followed[key]
             changed[n] = True
+        self._set, self._grounds = scenes, grounds
         self._solve(changed, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
 
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
@@ -288,6 +291,7 @@ class Geodesic:
         """Compute the masked scenes' fields at the times t (N,), none of them twice."""
         scenes = self._set
         assert scenes is not None
+        self._clearance = self._clearances(scenes, self._asked)  # there may be others than before
         parts = (
             scenes.kind, scenes.parameters, scenes.priority, self._clearance, t, self.goal,
             self.geometry,

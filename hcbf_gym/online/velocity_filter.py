@@ -157,6 +157,7 @@ class VelocityFilter:
         self._from, self._clock = Origin(), BarrierClock(self._max_age)
         self._barriers: object = None
         self._looked_at: object = None  # as they were when guidance was told to look
+        self._looks = True  # whether guidance takes up barriers that are handed over
         self._unseen = True  # whether guidance has not looked at the barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         reach = known.reach if radius is None else radius
@@ -219,7 +220,8 @@ class VelocityFilter:
         self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
-        self._barriers, self._looked_at = barriers, listed
+        self._barriers, self._looked_at, self._looks = barriers, listed, look
+        self._core.follow_maps(look)
         self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Entry]) -> None:
@@ -316,6 +318,7 @@ class VelocityFilter:
         """Return the core; what is measured is compared here, at its own time."""
         core = PlanarCore(self._plant, self._input_set, settings)
         core.leave_monitor()
+        core.follow_maps(self._looks)
         return core
 
     def _compile(self) -> None:

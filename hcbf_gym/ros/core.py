@@ -114,9 +114,12 @@ class NodeCore:
             self._wanted = given[[0, 2]] if self._size == 2 else given
         return heard
 
-    def drop_command(self) -> None:
-        """Let the velocity that was wanted last count no more: the node begins to publish."""
+    def activate(self) -> None:
+        """Begin to publish: what was wanted, and where guidance led, counts no more."""
         self._command.forget()
+        if self.goal is not None:
+            self._led.drop_goal(self.settings.v_max)
+            self._show()
 
     def hear_odometry(
         self,
@@ -152,12 +155,13 @@ class NodeCore:
         source = self.sources[name]
         if source.settings.type == "scan":
             return self._hear_scan(source, entries, stamp, now, frame)
+        stamp = min(stamp, now.ros)  # what came last counts: stamps may be fixed, or another's
         if stamp <= source.watch.stamp:
-            source.watch.forget()  # what came last counts: stamps may be fixed, or another's
+            source.watch.forget()
         if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
             return False
         before, source.entries = source.entries, entries
-        differs = list(map(id, before)) != list(map(id, entries))
+        differs = not sources.are_same(before, entries)
         if differs:
             self._show()
         return differs
@@ -204,8 +208,11 @@ class NodeCore:
 
     def enable_source(self, name: str, enabled: bool) -> None:
         """Let a source count, or not."""
-        self.sources[name].enabled = enabled
-        self._show()
+        source = self.sources[name]
+        if enabled != source.enabled:
+            source.enabled = enabled
+            self._led.ask()
+            self._show()
 
     def frame_of(self, source: SourceSettings) -> str:
         """Return the frame that a source's messages must have."""

@@ -137,7 +137,17 @@ class Led:
         """Ask for a field to a goal (2,) [m] later: nobody knows yet where it has to begin."""
         self._lost, self._asks = goal, True
 
+    def ask(self) -> None:
+        """Ask for the field again: what it goes through is something else."""
+        self._asks = self.goal is not None
+
+    def drop_goal(self, v_max: float) -> None:
+        """Go on without guidance, under the cap [m/s], 0 for none."""
+        if self.filter.goal is not None:
+            self.take(self._plain, v_max)
+        self._lost, self._asks = None, False
+
     def goal_to_plan(self) -> Array | None:
         """Return the goal for which a filter has to be planned, once; None where none has."""
         asks, self._asks = self._asks, False
-        return self._lost if asks else None
+        return self.goal if asks else None

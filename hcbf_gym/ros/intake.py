@@ -4,7 +4,7 @@
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PointStamped, PolygonStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid
@@ -21,6 +21,18 @@ from hcbf_gym.ros.worker import Worker
 
 OFTEN = 1.0
 """A warning that comes again and again is logged so often [s]."""
+
+
+class Shown(NamedTuple):
+    """What a message shows.
+
+    Attributes:
+        entries: barriers.
+        frame: in which they are.
+    """
+
+    entries: Entries
+    frame: str
 
 
 class Intake:
@@ -50,11 +62,11 @@ class Intake:
         self._masks: dict[str, str] = {}
         self._goal: Any = None  # (2,) that was asked for last [m], until no way leads there
         self._planned: Any = None  # whose field was computed last, or is at this moment
-        self._worker, self._planner = Worker(self._failed), Worker(self._no_way)
         for one in core.settings.sources:
             self._subscribe(one)
         if core.settings.guidance:
             hear(PoseStamped, core.settings.goal_topic, self._on_goal, RELIABLE)
+        self._worker, self._planner = Worker(self._failed), Worker(self._no_way)
 
     def _subscribe(self, source: SourceSettings) -> None:
         kinds: dict[str, Any] = {
@@ -80,13 +92,16 @@ class Intake:
     def _on_scan(self, name: str, message: Any) -> None:
         self._prepare(name, message.header, lambda: self._scan(name, message))
 
-    def _scan(self, name: str, message: Any) -> Entries:
+    def _scan(self, name: str, message: Any) -> Shown:
         core, frame = self._core, message.header.frame_id
-        mount = None
+        beams, mount = messages.beams_of(message), None
         if self._transforms is not None and frame != core.settings.base_frame_id:
             found = self._transforms.newest(core.settings.base_frame_id, frame)
             if found is not None:
-                mount = messages.transform_of(found.transform)
+                mount, hangs = messages.mount_of(found.transform)
+                if hangs:
+                    beams = beams._replace(first=-beams.first, step=-beams.step)
+                frame = core.frame_of(core.sources[name].settings)  # as good as there
             elif not any(core.sources[name].settings.mount):
                 raise InvalidInputError(
                     f"tf has no transform from {core.settings.base_frame_id!r} to {frame!r}, and "
@@ -94,11 +109,12 @@ class Intake:
                 )
         if not messages.seconds(message.header.stamp):
             raise InvalidInputError("header.stamp: got 0, expected when the scan was measured")
-        return core.of_scan(name, messages.beams_of(message), mount)
+        return Shown(core.of_scan(name, beams, mount), frame)
 
     def _on_grid(self, name: str, message: Any) -> None:
-        def shown() -> Entries:
-            return self._core.of_grid(name, messages.raster_of(message), self._limits.get(name))
+        def shown() -> Shown:
+            made = self._core.of_grid(name, messages.raster_of(message), self._limits.get(name))
+            return Shown(made, message.header.frame_id)
 
         self._prepare(name, message.header, shown)
 
@@ -123,20 +139,27 @@ class Intake:
     def _on_polygon(self, name: str, message: Any) -> None:
         settings = self._core.sources[name].settings
         corners = messages.corners_of(message.polygon)
-        self._prepare(name, message.header, lambda: sources.of_polygon(settings, corners))
+        frame = message.header.frame_id
+        self._prepare(
+            name, message.header, lambda: Shown(sources.of_polygon(settings, corners), frame)
+        )
 
     def _on_circle(self, name: str, message: Any) -> None:
         """Take x and y of a point as the centre and z as the radius; 0 takes it away."""
         settings, at = self._core.sources[name].settings, message.point
-        shown = functools.partial(sources.of_circle, settings, (at.x, at.y), at.z)
-        self._prepare(name, message.header, shown)
+        frame = message.header.frame_id
+        self._prepare(
+            name,
+            message.header,
+            lambda: Shown(sources.of_circle(settings, (at.x, at.y), at.z), frame),
+        )
 
-    def _prepare(self, name: str, header: Any, shown: Callable[[], Entries]) -> None:
+    def _prepare(self, name: str, header: Any, shown: Callable[[], Shown]) -> None:
         """Let the other thread make what a message shows, and hand it over."""
-        stamp, frame = messages.seconds(header.stamp), header.frame_id
+        stamp = messages.seconds(header.stamp)
 
         def job() -> None:
-            core, made = self._core, shown()
+            core, (made, frame) = self._core, shown()
             now = self._now()
             with self._lock:
                 differs = core.hear_source(name, made, stamp or now.ros, now, frame)
@@ -175,7 +198,12 @@ class Intake:
             return
         planned = self._core.planned(goal)
         with self._lock:
-            self._core.take(planned)
+            if goal is self._goal:  # else another is asked for, or none any more
+                self._core.take(planned)
+
+    def drop_goal(self) -> None:
+        """Let nothing lead any more."""
+        self._goal = None
 
     def _no_way(self, name: str, error: Exception) -> None:
         """Go on without guidance: the goal cannot be reached; another may be asked for already."""

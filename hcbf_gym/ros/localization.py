@@ -26,6 +26,7 @@ EXTRAPOLATED, LOOKED_BACK = 0.3, 0.1
 """By which a stamp may be after the newest pose, or before the oldest [s]."""
 TURN_JUMP = 0.5
 """By which a yaw may differ from what the twist says [rad]."""
+JUMPED = "odometry has jumped, expected a pose of after that"
 FROZEN_PATH, FROZEN_WITHIN = 0.05, 1e-3
 """A pose is frozen that stays within a millimetre while the twist makes 5 cm in about a second."""
 
@@ -81,6 +82,7 @@ class Localization:
         self._track: deque[Odometry] = deque(maxlen=1024)  # of these, what is believed
         self._needs_pose = settings.pose_source != "odom"
         self._correction: Array | None = None if self._needs_pose else np.zeros(3)
+        self._corrected = self._needed = -math.inf  # stamps of tf's: the newest, and what is old
         self._jump: tuple[float, Fault] | None = None  # until when it settles [steady s]
         self._still, self._still_path, self._seen_still = np.full(2, np.inf), 0.0, -math.inf
 
@@ -113,9 +115,10 @@ class Localization:
             if leaps:  # nothing ties it to the poses of before
                 self._local.clear()
                 self._track.clear()
-                if settings.pose_source == "topic":
+                self._needed = max(stamp, self._corrected)
+                if self._needs_pose:
                     self._correction = None
-                    self._pose.refuse("odometry has jumped, expected a pose of after that")
+                    self._pose.refuse(JUMPED)
             self._local.append(newest)
             self._look_still(newest)
             placing = self._correction
@@ -137,15 +140,24 @@ class Localization:
             elif self._correction is None:  # else the one before is as good as it was
                 self._pose.refuse("there is no odometry of that time")
 
-    def hear_correction(self, correction: ArrayLike | None) -> None:
-        """Take the odometry's frame in the global one, (x, y, yaw), as tf has it; None: unknown."""
+    def hear_correction(self, correction: ArrayLike | None, stamp: float) -> None:
+        """Take the odometry's frame in the global one as tf has it.
+
+        Args:
+            correction: (3,) x, y [m] and yaw [rad]; None where tf has none.
+            stamp: of it; 0 of one that never changes [s].
+        """
         given = _plausible(correction)
+        if given is not None and stamp > 0.0 and stamp <= self._needed:
+            given, says = None, JUMPED
+        else:
+            says = "tf has no transform to the odometry's frame"
+            self._corrected = stamp
+        self._correction = given
         if given is not None:
-            self._correction = given
             self._pose.stand()
         else:
-            self._correction = None
-            self._pose.refuse("tf has no transform to the odometry's frame")
+            self._pose.refuse(says)
 
     def faults(self, now: Now) -> list[Fault | None]:
         """Return what is wrong now."""
@@ -164,7 +176,7 @@ class Localization:
             watch.forget()
         if self._needs_pose:
             self._correction = None
-        self.newest = None
+        self.newest, self._corrected, self._needed = None, -math.inf, -math.inf
         self._track.clear()
         self._local.clear()
         self._still = np.full(2, np.inf)
@@ -172,8 +184,8 @@ class Localization:
     def _follow(self, newest: Located, now: Now) -> bool:
         """Remember a pose; if it has jumped, forget the others and return True."""
         jumped, before = False, self.newest
-        if before is not None and newest.stamp - before.stamp < 1.0:
-            away, turned = _off(before, newest)
+        if before is not None:
+            away, turned = _off(before, newest, self._settings.odom_timeout)
             jumped = away > self._settings.pose_jump or turned > TURN_JUMP
             if jumped:
                 says = f"the pose has jumped by {away:.2f} m and {turned:.2f} rad"
@@ -187,7 +199,7 @@ class Localization:
 
     def _leaps(self, newest: Odometry) -> bool:
         """Return whether odometry itself has jumped, however long it was silent before."""
-        away, turned = _off(self._local[-1], newest)
+        away, turned = _off(self._local[-1], newest, self._settings.odom_timeout)
         return away > self._settings.pose_jump or turned > TURN_JUMP
 
     def _look_still(self, newest: Odometry) -> None:
@@ -229,11 +241,23 @@ def _advanced(one: Odometry | Located, stamp: float, twist: Array) -> Array:
     return np.array([*moved[:2], one.pose[2] + seconds * motion[2]])
 
 
-def _off(before: Odometry | Located, newest: Odometry | Located) -> tuple[float, float]:
-    """Return by how much a pose is off what the twists make of the one before [m, rad]."""
-    expected = _advanced(before, newest.stamp, newest.twist)
-    away = float(np.hypot(*(newest.pose - expected)[:2]))
-    return away, abs(math.remainder(newest.pose[2] - expected[2], math.tau))
+def _off(
+    before: Odometry | Located, newest: Odometry | Located, timeout: float
+) -> tuple[float, float]:
+    """Return by how much a pose is off what the twists make of the one before [m, rad].
+
+    A robot of which nothing was heard for longer than the time-out [s] was told zero: it may be
+    anywhere on the way to there.
+    """
+    made = _advanced(before, newest.stamp, newest.twist) - before.pose
+    moved, way, least = newest.pose - before.pose, made[:2], 1.0
+    low = high = made[2]
+    if newest.stamp - before.stamp > timeout:
+        least, low, high = 0.0, min(0.0, made[2]), max(0.0, made[2])
+    share = np.clip(moved[:2] @ way / max(way @ way, 1e-12), least, 1.0)
+    turns = math.remainder(moved[2], math.tau) + math.tau * np.arange(-1, 2)
+    away = float(np.hypot(*(moved[:2] - share * way)))
+    return away, float(np.abs(turns - np.clip(turns, low, high)).min())
 
 
 def _at(track: deque[Odometry], stamp: float) -> Array | None:

@@ -6,8 +6,12 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros.sources import Beams, grid_of
+
+LEANS = 0.1
+"""By how much a scan's plane may lean [rad]."""
 
 
 def seconds(stamp: Any) -> float:
@@ -44,9 +48,38 @@ def write_twist(command: Array, twist: Any) -> None:
         twist.linear.y = float(command[1])
 
 
+def mount_of(transform: Any) -> tuple[Array, bool]:
+    """Return (3,) where a scanner sits [m, rad], and whether it hangs upside down.
+
+    Its plane is the floor's: what leans sees the floor, or over what stands there.
+
+    Raises:
+        InvalidInputError: if it leans by more than `LEANS`.
+    """
+    turned = transform.rotation
+    up = 1.0 - 2.0 * (turned.x**2 + turned.y**2)  # of the third axis
+    if not abs(up) >= math.cos(LEANS):
+        raise InvalidInputError(
+            f"tf: the scan's plane leans by {math.acos(min(1.0, abs(up))):.2f} rad, expected at "
+            f"most {LEANS:g}: only what lies flat, either way up, is taken"
+        )
+    return transform_of(transform), up < 0.0
+
+
 def beams_of(scan: Any) -> Beams:
-    """Return the beams of a `sensor_msgs/LaserScan`."""
+    """Return the beams of a `sensor_msgs/LaserScan`.
+
+    Raises:
+        InvalidInputError: if there are not as many as its angles say, give or take one.
+    """
     ranges = np.array(scan.ranges, dtype=np.float64)
+    angles = scan.angle_max - scan.angle_min, scan.angle_increment
+    expected = 1.0 + angles[0] / angles[1] if angles[1] else float(ranges.size)
+    if not abs(ranges.size - expected) <= 1.5:
+        raise InvalidInputError(
+            f"got {ranges.size} ranges, expected {expected:.0f}: from angle_min {scan.angle_min:g} "
+            f"to angle_max {scan.angle_max:g} by angle_increment {scan.angle_increment:g}"
+        )
     return Beams(ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
 
 

@@ -111,15 +111,26 @@ class FilterNode(LifecycleNode):
             _check_imports(settings)
             self._check_velocities(settings)
             with self._logged():
-                self._core = core = NodeCore(settings)
-        except HcbfError as error:
-            self.get_logger().error(f"configure: {error}")
+                self._core = NodeCore(settings)
+            self._connect(self._core, settings)
+        except Exception as error:  # what ROS refuses, such as a topic's name, has many kinds
+            says = str(error) if isinstance(error, HcbfError) else repr(error)
+            self.get_logger().error(f"configure: {says}")
+            self._clean()
             return REFUSED
+        gc.collect()
+        gc.freeze()  # compiled code's objects stay: no collection shall look at them all again
+        return super().on_configure(state)
+
+    def _connect(self, core: NodeCore, settings: Settings) -> None:
+        """Make publishers, subscriptions, timers and what prepares beside."""
         self._stamped = settings.enable_stamped_cmd_vel
         kind = TwistStamped if self._stamped else Twist
         self._velocity = self._publisher(kind, settings.cmd_vel_out_topic)
         self._reporter = Reporter(core, self.get_name(), self._publisher)
         self._transforms = optional.Transforms(self) if optional.Transforms.can_be() else None
+        if self._transforms is not None:
+            self._undo.append((optional.Transforms.close, self._transforms))
         self._hear(kind, settings.cmd_vel_in_topic, self._on_command, RELIABLE)
         self._hear(Odometry, settings.odom_topic, self._on_odometry, SENSOR)
         if settings.pose_source == "topic":
@@ -132,9 +143,6 @@ class FilterNode(LifecycleNode):
         self._timer = self.create_timer(settings.period, self._on_period, clock=steady)
         slow = self.create_timer(1.0, self._on_second, clock=steady)
         self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
-        gc.collect()
-        gc.freeze()  # compiled code's objects stay: no collection shall look at them all again
-        return super().on_configure(state)
 
     def _check_velocities(self, settings: Settings) -> None:
         """Refuse to hear the own velocities, after namespaces and remapping.
@@ -154,7 +162,9 @@ class FilterNode(LifecycleNode):
         """Begin to publish."""
         done = super().on_activate(state)
         with self._lock:
-            self._configured.drop_command()
+            self._configured.activate()
+            if self._intake is not None:
+                self._intake.drop_goal()
         self.is_active = True
         if self._configured.settings.use_bond == "auto":
             self._bond = optional.bond(self, self.get_name())
@@ -266,8 +276,12 @@ class FilterNode(LifecycleNode):
             if self._transforms is not None and core.settings.pose_source == "tf":
                 frames = core.settings.global_frame_id, core.settings.odom_frame_id
                 found = self._transforms.newest(*frames)
-                placed = None if found is None else messages.transform_of(found.transform)
-                core.localization.hear_correction(placed)
+                if found is None:
+                    core.localization.hear_correction(None, 0.0)
+                else:
+                    placed = messages.transform_of(found.transform)
+                    stamp = messages.seconds(found.header.stamp)
+                    core.localization.hear_correction(placed, stamp)
             core.hear_odometry(
                 messages.pose_of(message.pose.pose),
                 messages.twist_of(message.twist.twist),

@@ -45,6 +45,10 @@ class Transforms:
         self._failed: Any = (tf2_ros.TransformException, LookupError)
         self._listener = tf2_ros.TransformListener(self._buffer, node)
 
+    def close(self) -> None:
+        """Listen no more."""
+        self._listener.unregister()
+
     @staticmethod
     def can_be() -> bool:
         """Return whether tf2 can be imported."""

@@ -222,6 +222,10 @@ def _checked_source(one: SourceSettings) -> SourceSettings:
         InvalidInputError: if they do not go together; the message names the parameter.
     """
     label = f"parameter {one.name}."
+    if -1.0 < one.source_timeout < 0.0:
+        raise InvalidInputError(
+            f"{label}source_timeout: got {one.source_timeout:g}, expected −1 or a number ≥ 0"
+        )
     defaults = {parameter.name: parameter.default for parameter in OF_SOURCE}
     for name, types in _BELONGS.items():
         if getattr(one, name) != defaults[name] and one.type not in types:
@@ -294,6 +298,12 @@ def _checked(settings: Settings) -> Settings:
             f"parameter global_frame_id: got {settings.global_frame_id!r} with pose_source 'odom', "
             f"expected odom_frame_id, {settings.odom_frame_id!r}, or pose_source 'topic' or 'tf'"
         )
+    for one in settings.sources:
+        if one.type != "scan" and one.frame_id not in ("", settings.global_frame_id):
+            raise InvalidInputError(
+                f"parameter {one.name}.frame_id: got {one.frame_id!r} for a {one.type}, expected "
+                f"global_frame_id, {settings.global_frame_id!r}: nothing moves maps and zones there"
+            )
     described = (
         "max_forward", "max_turn", "max_sideways", "look_ahead", "reach", "footprint",
         "response_file",

@@ -14,6 +14,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.set import each
+from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, points_of, reading
 from hcbf_gym.maps.nav2 import Raster
@@ -133,8 +134,8 @@ def of_scan(
         horizon: how far away from the sensor a robot must see a region [m].
 
     Raises:
-        InvalidInputError: if its limits are none, there is no beam, half of them failed, are
-            negative or nearer than can be measured, or a number is not finite.
+        InvalidInputError: if its limits or its angles are none, there is no beam, half of them
+            failed, are negative or nearer than can be measured, or a number is not finite.
     """
     if not 0.0 <= beams.least < beams.most:
         raise InvalidInputError(
@@ -142,6 +143,10 @@ def of_scan(
             "0 ≤ range_min < range_max"
         )
     far = as_array(source.name, beams.ranges).astype(np.float64)
+    if beams.step == 0.0 and far.size > 1:
+        raise InvalidInputError(
+            f"angle_increment: got 0 with {far.size} ranges, expected the angle between two beams"
+        )
     angles = beams.first + beams.step * np.arange(far.size)
     measures_nothing = np.isnan(far) | (np.isfinite(far) & (far < beams.least) & (far != 0.0))
     failed = float(measures_nothing.mean()) if far.size else 1.0
@@ -304,6 +309,13 @@ def of_circle(source: SourceSettings, center: ArrayLike, radius: float) -> Entri
         return ()
     x, y = finite_array("center", center, (2,), largest=FARTHEST).tolist()
     return (Disc(source.name, source.priority, (x, y), radius + source.margin),)
+
+
+def are_same(before: Entries, now: Entries) -> bool:
+    """Return whether a source shows what it has shown before."""
+    return len(before) == len(now) and all(
+        a is b or (isinstance(a, Shape) and a == b) for a, b in zip(before, now, strict=True)
+    )
 
 
 def inside(entries: Entries, x: Array, reach: float) -> bool:

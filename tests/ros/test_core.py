@@ -48,7 +48,7 @@ def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, s
 def test_a_velocity_of_before_it_was_activated_moves_nothing():
     d = Drive().run(1.0)
     assert d.last.command[0] > 0.1
-    d.core.drop_command()
+    d.core.activate()
     d.run(0.15, command=False)
     assert "command: nothing received" in d.last.says
     assert (d.last.command == 0.0).all()
@@ -476,20 +476,20 @@ def see_wall(d, wall):
 def test_a_scan_moves_with_what_is_corrected_of_the_pose():
     d = Drive(CORRECTED, wanted=(0.0, 0.0, 0.0))
     see_wall(d, 0.8)
-    d.core.localization.hear_correction((1.0, -2.0, 0.3))
+    d.core.localization.hear_correction((1.0, -2.0, 0.3), d.now.ros)
     before = nearest(d.run(0.5))
     assert 0.4 < before < 0.8
-    d.core.localization.hear_correction((1.2, -2.1, 0.35))
+    d.core.localization.hear_correction((1.2, -2.1, 0.35), d.now.ros)
     assert nearest(d.run(0.05, scan=False)) == pytest.approx(before, abs=1e-9)
 
 
 def test_a_scan_from_before_a_correction_lies_where_it_was_seen():
     d = Drive(CORRECTED, wanted=(0.0, 0.0, 0.0))
-    d.core.localization.hear_correction((0.0, 0.0, 0.0))
+    d.core.localization.hear_correction((0.0, 0.0, 0.0), d.now.ros)
     see_wall(d, 0.8)
     before = nearest(d.run(0.55))
     when = d.now.ros
-    d.core.localization.hear_correction((0.15, 0.0, 0.0))
+    d.core.localization.hear_correction((0.15, 0.0, 0.0), d.now.ros)
     d.run(0.1, scan=False)
     d.say_scan(stamp=when)
     assert nearest(d.run(0.05, scan=False)) == pytest.approx(before, abs=1e-9)
@@ -502,7 +502,7 @@ def test_who_is_corrected_all_the_time_stays_out_of_what_it_sees(rate, turns):
 
     def look(d):
         passed = 0.01 * d.ticks
-        d.core.localization.hear_correction((rate * passed, 0.0, turns * passed))
+        d.core.localization.hear_correction((rate * passed, 0.0, turns * passed), d.now.ros)
         if d.ticks % 40 == 0:
             see_wall(d, 2.0)
             d.say_scan()
@@ -519,7 +519,7 @@ def test_a_scan_from_before_odometry_began_anew_is_nowhere(source):
 
     def place(x):
         if source == "tf":
-            d.core.localization.hear_correction((x, 0.0, 0.0))
+            d.core.localization.hear_correction((x, 0.0, 0.0), d.now.ros)
         else:
             at = d.pose + np.array([x, 0.0, 0.0])
             d.core.localization.hear_pose(at, d.now.ros, d.now, "map")
