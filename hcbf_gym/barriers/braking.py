@@ -129,7 +129,8 @@ class _Demands(NamedTuple):
     """What N scenes demand of a robot.
 
     Attributes:
-        left: (N,) the speed that the strict speed limits leave [m/s]; infinite without one.
+        left: (N,) the speed that the strict speed limits, or the robot's motors, leave [m/s];
+            infinite where nothing limits it.
         margin: (N,) what those reserve [m/s].
         moves: (N,) the speed of the fastest strict region [m/s].
         narrows: (N,) whether strict regions can close in on the robot: there are two, or a
@@ -145,7 +146,11 @@ class _Demands(NamedTuple):
 
 
 def shortcomings(
-    scenes: BarrierSet, alpha1: ClassK, input_set: InputSet, speed_margin: float
+    scenes: BarrierSet,
+    alpha1: ClassK,
+    input_set: InputSet,
+    speed_margin: float,
+    fastest: float = np.inf,
 ) -> list[Shortcoming]:
     """Return what cannot be satisfied in N scenes; an empty list where everything can.
 
@@ -154,8 +159,9 @@ def shortcomings(
         alpha1: α₁.
         input_set: U.
         speed_margin: what the row of a speed limit reserves besides its own margin [m/s].
+        fastest: the greatest speed where no limit stands [m/s].
     """
-    scene = _look(scenes, speed_margin)
+    scene = _look(scenes, speed_margin, fastest)
     able = (1.0 - RESERVE) * weakest(input_set)
     steep = alpha1.derivative(0.0)
     stopped = stoppable(alpha1, input_set)
@@ -166,7 +172,7 @@ def shortcomings(
     return [one for one in found if one.scenes.any()]
 
 
-def _look(scenes: BarrierSet, speed_margin: float) -> _Demands:
+def _look(scenes: BarrierSet, speed_margin: float, fastest: float) -> _Demands:
     strict = scenes.priority == 1
     caps = strict & (scenes.kind == layout.SPEED_LIMIT)
     maps = strict & (scenes.kind == layout.MAPPED)
@@ -176,7 +182,7 @@ def _look(scenes: BarrierSet, speed_margin: float) -> _Demands:
     left = np.where(caps, speed_left(v_max, kept), np.inf)
     w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
     return _Demands(
-        left=left.min(axis=1, initial=np.inf),
+        left=left.min(axis=1, initial=fastest),
         margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
         moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
         narrows=(regions.sum(axis=1) > 1) | maps.any(axis=1),
@@ -190,9 +196,9 @@ def _cannot_flee(scene: _Demands) -> Shortcoming:
         "flight",
         where,
         False,
-        f"a strict region moves at {_most(scene.moves, where):.3g} m/s, and the speed limit leaves "
-        f"the robot {_least(scene.left, where):.3g} m/s after its margin; expected a higher v_max, "
-        "so that the robot can step aside",
+        f"a strict region moves at {_most(scene.moves, where):.3g} m/s, and the robot has "
+        f"{_least(scene.left, where):.3g} m/s after the margin of its speed limit; expected a "
+        "higher v_max, so that it can step aside",
     )
 
 
@@ -214,7 +220,7 @@ def _cannot_stop(scene: _Demands, stopped: float, able: float) -> Shortcoming:
         where,
         False,
         f"where strict regions close in, {able * _most(scene.left, where) / stopped:.3g} m/s² stop "
-        f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a speed limit "
+        f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a v_max "
         f"that leaves at most {stopped:.3g} m/s, or a flatter alpha1",
     )
 

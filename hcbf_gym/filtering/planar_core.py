@@ -121,10 +121,10 @@ class PlanarCore(FilterCore):
             InvalidInputError: if the margin leaves nothing of a speed limit, or a held input can
                 pass it from rest within one period.
         """
-        margin = self.plant.uncertainty.speed
+        margin, fastest = self.plant.uncertainty.speed, self.plant.fastest or np.inf
         self.check_limits(scenes)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin):
+        for one in braking.shortcomings(scenes, self.alpha1, self.input_set, margin, fastest):
             if not one.promised:
                 covered[one.scenes] = Coverage.OUTSIDE
             if one.what not in self._said:

@@ -62,9 +62,7 @@ def read(
     found = of_map(raster, rank, unknown, margin)
     records.check_mapping("map: masks", masks)
     for name, entry in masks.items():
-        found += _of_mask_file(
-            Path(file).parent / name, name, entry, raster.grid, outside_is_free=unknown is None
-        )
+        found += _of_mask_file(Path(file).parent / name, name, entry, raster.grid, unknown)
     strict = np.zeros(raster.grid.shape, dtype=np.bool_)
     for one in found:
         strict |= one.cells & one.is_strict
@@ -87,18 +85,18 @@ def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> lis
 
 
 def _of_mask_file(
-    path: Path, name: str, entry: object, grid: Grid, *, outside_is_free: bool
+    path: Path, name: str, entry: object, grid: Grid, unknown: int | None
 ) -> list[MapClass]:
     """Return the classes of a mask's file, on the map's cells.
 
-    Warns of cells beyond the map where that is free, as the classes cannot hold them.
+    Warns of cells beyond the map where that counts less than they do: classes cannot hold them.
 
     Args:
         path: of the mask.
         name: what messages call it.
         entry: its rank or its fields.
         grid: of the map, on which the mask is looked up by position.
-        outside_is_free: whether a robot may be outside the map.
+        unknown: rank of what is outside the map; None of none.
 
     Raises:
         InvalidInputError: if a field is not right.
@@ -113,10 +111,12 @@ def _of_mask_file(
     for one in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
         cells, beyond = onto(grid, one.cells, raster.grid)
         classes.append(replace(one, cells=cells))
-        if beyond and outside_is_free:
+        if beyond and (unknown is None or unknown > one.rank):
             warn_caller(
-                f"{label}: some of its cells lie beyond the map, where with unknown=None all is "
-                "free: they are left out",
+                f"{label}: some of its cells, of rank {one.rank}, lie beyond the map, where with "
+                f"unknown={unknown} all is "
+                f"{'free' if unknown is None else f'of rank {unknown}'}: they are left out; "
+                f"expected a larger map, or unknown={one.rank}",
             )
     return classes
 

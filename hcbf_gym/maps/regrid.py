@@ -28,14 +28,22 @@ def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:
         return cells, False
     found = _whose_centres_lie_in(grid, cells, of)
     outside = False
-    per_side = math.ceil(2.0 * of.resolution / grid.resolution) + 1
-    steps = np.linspace(INSET, 1.0 - INSET, per_side)
-    within = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    half = (0.5 - INSET) * of.resolution / grid.resolution
+    turn = of.origin[2] - grid.origin[2]
+    cos, sin = math.cos(turn), math.sin(turn)
+    spread = abs(cos) + abs(sin)
+    around = np.arange(-math.ceil(0.5 + half * spread), math.ceil(0.5 + half * spread) + 1)
+    near = np.stack(np.meshgrid(around, around), axis=-1).reshape(-1, 2)
     places = np.argwhere(cells)[:, ::-1]
-    chunk = max(1, MOST_POINTS // len(within))
+    chunk = max(1, MOST_POINTS // len(near))
     for first in range(0, len(places), chunk):
-        points = (places[first : first + chunk, None] + within).reshape(-1, 2)
-        column, row = _cells_at(grid, of.to_world(points))
+        middles = grid.to_cells(of.to_world(places[first : first + chunk] + 0.5))
+        met = np.floor(middles).astype(np.int64)[:, None] + near
+        apart = met + 0.5 - middles[:, None]  # two squares meet unless one of four axes parts them
+        turned = apart @ np.array([[cos, -sin], [sin, cos]])
+        meets = (np.abs(apart) < 0.5 + half * spread).all(axis=-1)
+        meets &= (np.abs(turned) < half + 0.5 * spread).all(axis=-1)
+        column, row = met[meets].T
         inside = _are_in(grid, column, row)
         found[row[inside], column[inside]] = True
         outside |= not inside.all()

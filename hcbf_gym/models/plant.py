@@ -195,6 +195,8 @@ class Plant:
             ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
         braking: deceleration with which the body stops from its greatest speed, by how much later
             it follows than its model counted in [m/s²]; None takes what U can do.
+        fastest: the greatest speed that anything brings it to, where no speed limit stands [m/s];
+            None where none is known.
         declared: a mapping, or a reader of it, that tells this plant from others of its kind;
             certificates compare it. None compares what every plant has.
 
@@ -221,6 +223,7 @@ class Plant:
     covered: object = Coverage.OUTSIDE
     axle: Axle | None = None
     braking: float | None = None
+    fastest: float | None = None
     declared: Mapping[str, object] | Reader | None = None
 
     def __post_init__(self) -> None:
@@ -238,6 +241,8 @@ class Plant:
             finite_float("plant: max_age", self.max_age, minimum=0.0)
         if self.braking is not None:
             finite_float("plant: braking", self.braking, minimum=0.0, exclusive=True)
+        if self.fastest is not None:
+            finite_float("plant: fastest", self.fastest, minimum=0.0, exclusive=True)
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
         choose("on_alarm", self.on_alarm, ON_ALARM)

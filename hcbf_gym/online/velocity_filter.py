@@ -37,7 +37,14 @@ from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
 from hcbf_gym.online.sample import Sample, frame_of, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots.walker_margins import axle_of, braked, margins, stops, warn_of_standing
+from hcbf_gym.robots.walker_margins import (
+    axle_of,
+    braked,
+    margins,
+    stops,
+    warn_of_lateness,
+    warn_of_standing,
+)
 from hcbf_gym.robots.walker_response import assumed
 
 if TYPE_CHECKING:
@@ -153,6 +160,8 @@ class VelocityFilter:
                 f"follow: {'; '.join(response.complaints)}",
                 CoverageWarning,
             )
+        if known.response:
+            warn_of_lateness(known.command, known.response)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._from, self._clock = Origin(), BarrierClock(self._max_age)
         self._barriers: object = None
@@ -178,6 +187,7 @@ class VelocityFilter:
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
             uncertainty=reserved, axle=axle,
             braking=None if axle else stops(response, known.command.fastest, input_set),
+            fastest=None if axle else known.command.fastest,
         )  # fmt: skip
         options = {"alpha1": _alpha_of(known.command.fastest)} | options
         self._settings = FilterSettings(
@@ -538,14 +548,20 @@ class VelocityFilter:
     def _scene(self) -> object:
         """Return the user's barriers with the speed limit; what is no list goes to the core.
 
-        None, which the core does not believe, stands for barriers of no time.
+        None, which the core does not believe, stands for barriers of no time, and for such as
+        cannot be moved to where positions count from.
         """
         if not self._clock.is_sound:
             return None
         try:
-            return self._from.barriers(self._listed(self.barriers))
+            listed = self._listed(self.barriers)
         except InvalidInputError:
             return self.barriers
+        try:
+            return self._from.barriers(listed)
+        except InvalidInputError as error:
+            warn_caller(f"velocity filter: far from the origin: {error}", SafetyWarning)
+            return None
 
     def _listed(self, barriers: object) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.

@@ -16,6 +16,8 @@ LARGEST = 50.0
 """How far a robot reaches at most [m]: beyond, the numbers are millimetres."""
 THINNEST = 1e-3
 """Width of an outline that is one [m]."""
+SAME = 1e-3
+"""Corners that are nearer are one, as where an outline is closed [m]."""
 MOST_CORNERS = 200
 """Each edge is compared with every other."""
 
@@ -41,7 +43,7 @@ def corners(footprint: str | ArrayLike) -> Array:
     """
     given = _read(footprint) if isinstance(footprint, str) else footprint
     points = finite_array("footprint", as_array("footprint", given), (None, 2), largest=LARGEST)
-    points = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
+    points = points[np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1) > SAME]
     if not 3 <= len(points) <= MOST_CORNERS:
         raise InvalidInputError(
             f"footprint: got {len(points)} different corners, expected 3 to {MOST_CORNERS} pairs "

@@ -26,6 +26,10 @@ SLOWEST_PERIOD = 0.2
 """Of a controller [s]."""
 
 
+MOST = 20.0
+"""Of what a robot may be commanded [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees."""
+
+
 @dataclass(frozen=True)
 class Command:
     """The velocities that the robot may be commanded, in its own axes.
@@ -60,9 +64,8 @@ class Command:
                     "that follows, about half of its length"
                 )
             if value is not None or name in ("forward", "turn"):
-                number = finite_float(
-                    f"command: {name}", value, minimum=0.0, maximum=100.0, exclusive=True
-                )
+                label = f"command: {name}"
+                number = finite_float(label, value, minimum=0.0, maximum=MOST, exclusive=True)
                 object.__setattr__(self, name, number)
         if (self.sideways is None) == (self.look_ahead is None):
             raise InvalidInputError(

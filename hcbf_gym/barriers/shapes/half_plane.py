@@ -69,13 +69,11 @@ class HalfPlane(Shape):
     def __post_init__(self) -> None:
         super().__post_init__()
         normal = finite_array(f"{self.name}: normal", self.normal, (2,))
-        normal = _unit(f"{self.name}: normal", normal)
-        object.__setattr__(self, "normal", tuple(normal.tolist()))
-        object.__setattr__(
-            self,
-            "offset",
-            finite_float(f"{self.name}: offset", self.offset, minimum=-ON_EARTH, maximum=ON_EARTH),
-        )
+        label = f"{self.name}: offset"
+        offset = finite_float(label, self.offset, minimum=-ON_EARTH, maximum=ON_EARTH)
+        *unit, offset = _unit(f"{self.name}: normal", np.array([*normal, offset])).tolist()
+        object.__setattr__(self, "normal", tuple(unit))
+        object.__setattr__(self, "offset", offset)
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
@@ -86,8 +84,7 @@ class HalfPlane(Shape):
         """Return the blocks of walls (k, 3): unit normal and offset [m]."""
         walls = finite_array(name, values, (None, 3), largest=ON_EARTH)
         blocks = np.zeros((len(walls), layout.WIDTH))
-        blocks[:, [NORMAL_X, NORMAL_Y]] = _unit(name, walls[:, :2])
-        blocks[:, OFFSET] = walls[:, 2]
+        blocks[:, [NORMAL_X, NORMAL_Y, OFFSET]] = _unit(name, walls)
         return blocks
 
     @classmethod
@@ -127,17 +124,20 @@ class HalfPlane(Shape):
         raise InvalidInputError(f"{self.name}: got a wall, expected a region that has a size")
 
 
-def _unit(name: str, normals: Array) -> Array:
-    """Return unit normals (…, 2), to the last digit.
+def _unit(name: str, walls: Array) -> Array:
+    """Return unit normals and offsets (…, 3), to the last digit.
+
+    A normal of a few digits is not quite a unit vector, and far from the origin, as in survey
+    coordinates, the wall of the offset as it stands is metres away.
 
     Raises:
-        InvalidInputError: if one is not.
+        InvalidInputError: if a normal is none.
     """
     with np.errstate(over="ignore"):  # of an infinite length: refused like any other
-        lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+        lengths = np.linalg.norm(walls[..., :2], axis=-1, keepdims=True)
     if (np.abs(lengths - 1.0) > 1e-6).any():
         raise InvalidInputError(f"{name}: got a normal of length {_worst(lengths)}, expected 1")
-    return np.where(np.abs(lengths - 1.0) > 1e-12, normals / lengths, normals)
+    return np.where(np.abs(lengths - 1.0) > 1e-12, walls / lengths, walls)
 
 
 def _worst(lengths: Array) -> float:

@@ -52,6 +52,11 @@ AGREES, WITHIN = 0.25, 0.5
 """Share of the motion within which pose and twist must agree, over so many seconds [s]."""
 EARLIEST, LATEST = 0.06, 1.0
 """How far what was done is looked for before and after what was commanded [s]."""
+RESTS, RESTING, BEGINS, SMOOTHED = 1.0, 0.02, 0.2, 0.1
+"""How long a rest lasts [s], the share of the greatest command that is one, that of the greatest
+motion from which it has ended, and over how long noise is smoothed then [s]."""
+YAW_OFF, SLIDES = 0.09, 0.3
+"""By how much a yaw may be off [rad], and an axle move aside, as a share of its speed."""
 RISE = math.log(9.0)
 """Time constants from 10 to 90 % of a step."""
 CHANGES = 0.1
@@ -107,8 +112,9 @@ def identify_log(
         )
     _check_varies(log, command)
     _check_agrees(log)
+    _check_rolls(log, command)
     record = _record(log, command)
-    _check_clock(record)
+    _check_clock(record, float(np.median(np.diff(log.time))))
     _check_degrees(record)
     stops = _stops(record, command)
     commanded = record, record._replace(command=_within_reach(record))
@@ -357,8 +363,12 @@ def _within_reach(record: Record) -> Array:
     return slewed
 
 
-def _check_clock(record: Record) -> None:
+def _check_clock(record: Record, apart: float) -> None:
     """Refuse logs in which what was done comes before what was commanded, or a second after it.
+
+    Args:
+        record: of the log.
+        apart: from one measurement to the next [s].
 
     Raises:
         InvalidInputError: if it does.
@@ -382,8 +392,60 @@ def _check_clock(record: Record) -> None:
             "clock for commands and measurements, and a robot that follows within "
             f"{LONGEST_DELAY:g} s"
         )
+    onset = _onset(record)
+    if onset is not None and onset < -(EARLIEST + 0.5 * apart):
+        raise InvalidInputError(
+            f"log: after rests the robot moves {-onset:.2f} s before it is commanded to, expected "
+            "one clock for commands and measurements: its lag would hide how late commands are "
+            "stamped"
+        )
     if abs(float(late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
         raise InvalidInputError(f"log: the robot does not move; {DRIVE}")
+
+
+def _onset(record: Record) -> float | None:
+    """Return by how much later than commanded the robot begins to move after rests, the median [s].
+
+    None where there is no rest, or noise hides it.
+    """
+    rest, window = round(RESTS / CONTROL_DT), round(SMOOTHED / CONTROL_DT)
+    found = []
+    for commanded, done in zip(record.command.T, record.done.T, strict=True):
+        size, moved = np.abs(commanded), np.abs(np.convolve(done, np.ones(window) / window, "same"))
+        least, rests = BEGINS * moved.max(), size <= RESTING * size.max()
+        for k in np.flatnonzero(~rests[1:] & rests[:-1]) + 1:
+            if k < rest or not rests[k - rest : k].all() or moved[k - rest // 2] > 0.5 * least:
+                continue
+            moves = np.flatnonzero(moved[k - rest // 2 : k + rest // 2] >= least)
+            if len(moves) and size[k : k + rest // 2].max() > 0.5 * size.max():
+                found.append((int(moves[0]) - rest // 2) * CONTROL_DT)
+    return float(np.median(found)) if found else None
+
+
+def _check_rolls(log: Log, command: Command) -> None:
+    """Refuse poses of a differential drive that slides: yaw is off, or an axis is mirrored.
+
+    What is across the heading is ``v tan(off) + ω b``, where b is how far before the axle the pose
+    is measured.
+
+    Raises:
+        InvalidInputError: if it does.
+    """
+    if command.look_ahead is None or np.isfinite(log.twist).all():
+        return
+    at, twist = _from_pose(log.time, log.pose)
+    window = max(1, round(WITHIN / float(np.median(np.diff(at)))))
+    smooth = [np.convolve(entry, np.ones(window) / window, "valid") for entry in twist.T]
+    ahead, across, turning = smooth
+    causes = np.column_stack([ahead, turning])
+    share = np.linalg.lstsq(causes, across, rcond=None)[0]
+    slides = float(np.std(across - causes @ share)) / max(float(np.std(ahead)), 1e-12)
+    if abs(share[0]) > math.tan(YAW_OFF) or slides > SLIDES:
+        raise InvalidInputError(
+            f"log: the pose slides: across the yaw it moves {share[0]:+.2f} times as fast as along "
+            f"it, and {slides:.2f} times besides, which an axle does not: expected the yaw of the "
+            "robot's own heading, and x, y and yaw of one frame, none of them mirrored"
+        )
 
 
 def _check_degrees(record: Record) -> None:
