@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import each
-from hcbf_gym.errors import InvalidInputError, finite_array, shown
+from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
@@ -328,7 +328,13 @@ class NodeCore:
         faults = [one for one in (back, *self._faults(now)) if one is not None]
         if not faults and self._last is not None and now.ros == self._last[0]:
             return self._silenced(self._last[1], now)  # a simulator's clock ticks more slowly
-        decision = self._stopped(faults, now) if faults else self._filtered(now)
+        try:
+            decision = self._stopped(faults, now) if faults else self._filtered(now)
+        except HcbfError as error:  # nothing should raise here, and the node must not end
+            faults = [*faults, Fault("filter", str(error))]
+            says, zero = "; ".join(map(str, faults)), np.zeros(self._size)
+            decision = Decision(zero, self._wanted, Level.ERROR, says, Action.STOP, "filter", None)
+            self._begin_anew()
         self._last = None if faults else (now.ros, decision)
         return self._silenced(decision, now)
 

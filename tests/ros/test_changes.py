@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from benchmarks.ros.drive import SCAN, Drive
+from hcbf_gym import VelocityFilter
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros import messages, parameters
+from hcbf_gym.ros.decisions import Level
 from hcbf_gym.ros.sources import Beams, grid_of
 from tests.ros.test_core import ZONE, show
 
@@ -207,3 +209,23 @@ def test_beams_that_all_look_one_way_are_no_scan():
     d = Drive(SCAN).run(0.5)
     with pytest.raises(InvalidInputError, match="angle_increment: got 0 with 3 ranges"):
         d.core.of_scan("scan", Beams([1.0, 2.0, 3.0], 0.0, 0.0, 0.1, 9.0))
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_a_filter_that_raises_stops_the_robot_and_is_named_and_the_node_goes_on(
+    stands, monkeypatch
+):
+    d = Drive(wanted=(0.4, 0.0, 0.0)).run(1.0)
+    with monkeypatch.context() as broken:
+        says = InvalidInputError("guidance: got something else")
+
+        def raises(*_, **__):
+            raise says
+
+        broken.setattr(VelocityFilter, "step", raises)
+        d.run(0.5, odometry=not stands)
+        assert (d.last.command == 0.0).all()
+        assert "filter: guidance: got something else" in d.last.says
+        assert d.last.level == Level.ERROR
+    d.run(1.0)
+    assert d.velocity[0] > 0.1
