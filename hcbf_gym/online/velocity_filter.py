@@ -499,8 +499,10 @@ class VelocityFilter:
             and present - self._led_from >= LED_FOR
         ):
             self._core.look_again()
-            with contextlib.suppress(InvalidInputError):  # no way: it leads as before
+            try:
                 self._begin(barriers, seen.estimate, present)
+            except InvalidInputError as error:
+                warn_caller(f"velocity filter: {error}; guidance leads as before", SafetyWarning)
         return barriers
 
     def _begin(self, barriers: object, estimate: Estimate, present: float) -> None:

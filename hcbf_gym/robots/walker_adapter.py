@@ -72,7 +72,7 @@ class Adapter:
         if response is not None:
             self._follows = response.follows
         else:
-            self._follows = 0.0 if self._look_ahead else 0.5 * UNKNOWN.follows
+            self._follows = 0.5 * UNKNOWN.follows if self._look_ahead is None else 0.0
         shows, fastest = self._follows + period, command.fastest
         turns = TURNED / max(1.0, fastest) / shows
         self._turns_at_most = min(self._limits[-1], turns, ROUND * able / fastest)
