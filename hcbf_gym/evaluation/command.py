@@ -129,7 +129,9 @@ def main(args: Args) -> None:
     with said_once():
         for case in cases:  # bad names, options and policies fail here, before anything runs
             env = case.make(seed=args.seed)
-            policies.try_out(case.policy, env, args.seed)
+            action = policies.try_out(case.policy, env, args.seed)
+            if args.workers != 1:
+                env.step(action)  # compiles once what each worker would, at the same time
             env.close()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)  # it has just been said

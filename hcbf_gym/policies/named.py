@@ -68,8 +68,8 @@ def files(name: str) -> list[Path]:
     return [Path(name)] if Path(name).is_file() else []
 
 
-def try_out(name: str, env: gym.Env, seed: int = 0) -> None:
-    """Refuse a policy whose answer to the first observation is no action.
+def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
+    """Return a policy's answer to the first observation, and refuse what is no action.
 
     Args:
         name: as `make` takes it.
@@ -103,6 +103,7 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> None:
             f"policy {name!r}: got the action {array.tolist()} for the first observation, expected "
             "finite numbers"
         )
+    return action
 
 
 class _Spaces(NamedTuple):
