@@ -130,7 +130,7 @@ def main(args: Args) -> None:
         for case in cases:  # bad names, options and policies fail here, before anything runs
             env = case.make(seed=args.seed)
             action = policies.try_out(case.policy, env, args.seed)
-            if args.workers != 1:
+            if args.workers != 1 and not args.own:  # whose errors are told with their episode
                 env.step(action)  # compiles once what each worker would, at the same time
             env.close()
     with warnings.catch_warnings():

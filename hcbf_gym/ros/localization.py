@@ -152,7 +152,7 @@ class Localization:
             given, says = None, JUMPED
         else:
             says = "tf has no transform to the odometry's frame"
-            self._corrected = stamp
+            self._corrected = max(self._corrected, stamp)
         self._correction = given
         if given is not None:
             self._pose.stand()

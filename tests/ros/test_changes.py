@@ -229,3 +229,17 @@ def test_a_filter_that_raises_stops_the_robot_and_is_named_and_the_node_goes_on(
         assert d.last.level == Level.ERROR
     d.run(1.0)
     assert d.velocity[0] > 0.1
+
+
+def test_a_transform_of_before_a_jump_is_not_believed_though_tf_had_none_for_a_moment():
+    """A localization dates its transforms ahead, so that they hold until the next."""
+    d = Drive(FRAMES[1], wanted=(0.4, 0.0, 0.0))
+    ahead = d.now.ros + 10.0
+    place(d, FRAMES[1], ahead)
+    d.run(1.0)
+    d.core.localization.hear_correction(None, 0.0)
+    d.pose = d.pose + np.array([2.0, 0.0, 0.0])
+    d.run(0.05)  # the jump is heard meanwhile
+    d.run(1.0, each=lambda d: place(d, FRAMES[1], ahead))
+    assert "odometry has jumped" in d.last.says
+    assert d.velocity[0] == 0.0
