@@ -13,7 +13,7 @@ from hcbf_gym.barriers import axle_rows, layout, margins, row_kernels, zone
 from hcbf_gym.barriers.margins import MARGIN, QUICKENING, RATE, Known
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import ALPHA2, PERIOD, SETTINGS_WIDTH, U_MAX, CbfRows
-from hcbf_gym.compilation import kernel
+from hcbf_gym.compilation import kernel, put
 from hcbf_gym.filtering.plants import Plants, Work
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
@@ -72,12 +72,13 @@ def make_rows(c: Record, p: Plants, w: Work, i: int) -> None:
     plant, axle = p.sensed[i], axle_of(c)
     known = place(c, plant)
     margins.derive(c, p.kind[i], p.parameters[i], known, c.period, w.margin[:, i])
-    w.margin[QUICKENING, i] += c.jerk
-    w.margin[MARGIN, i] += p.own_margin[i]
+    for k in range(p.kind.shape[1]):
+        w.margin[QUICKENING, i, k] += c.jerk
+        w.margin[MARGIN, i, k] += p.own_margin[i, k]
     settings = np.empty(SETTINGS_WIDTH)
-    settings[:] = c.axle_rows
+    put(settings, c.axle_rows)
     axle_rows.limit_axle(axle, plant.x, plant.heading, settings)
-    _rows(p, w, i, known.x, settings)
+    _rows(p, i, known.x, settings, w.margin[:, i : i + 1], w.a[i : i + 1], w.rows[:, i : i + 1])
     settings[U_MAX] = axle.braking  # of the speed: what turns it changes no speed
     for k in range(p.kind.shape[1]):
         if p.kind[i, k] == layout.SPEED_LIMIT:
@@ -146,20 +147,19 @@ def _rows_of_point(c: Record, p: Plants, w: Work, i: int) -> None:
         some |= moves(p.kind[i, k], p.parameters[i, k]) and p.kind[i, k] != layout.CUSTOM
     if not some:
         return
-    plant, m = p.sensed[i], p.kind.shape[1]
-    margin = np.empty((4, m))
-    margins.derive(c, p.kind[i], p.parameters[i], plant, c.period, margin)
-    a, rows = np.empty((1, m, 2)), np.empty((4, 1, m))
-    reserved = np.empty((4, 1, m))
-    reserved[:, 0] = margin
-    reserved[MARGIN, 0] += p.own_margin[i] + axle_of(c).look_ahead
-    kind, parameters = p.kind[i : i + 1], p.parameters[i : i + 1]
-    at, time = p.sensed["x"][i : i + 1], p.sensed["time"][i : i + 1]
-    row_kernels.rows(kind, parameters, reserved, at, time, c.rows, a, rows)
+    m, known = p.kind.shape[1], _known_of(p.sensed[i])
+    a, settings = np.empty((1, m, 2)), np.empty(SETTINGS_WIDTH)
+    put(settings, c.rows)
+    both = np.empty((8, 2, m))[:, :1]  # lies as the axle's do, so that nothing is compiled twice
+    reserved, rows = both[:4], both[4:]
+    margins.derive(c, p.kind[i], p.parameters[i], known, c.period, reserved[:, 0])
+    for k in range(m):
+        reserved[MARGIN, 0, k] += p.own_margin[i, k] + axle_of(c).look_ahead
+    _rows(p, i, known.x, settings, reserved, a, rows)
     for k in range(m):
         if moves(p.kind[i, k], p.parameters[i, k]) and p.kind[i, k] != layout.CUSTOM:
-            w.margin[:, i, k] = reserved[:, 0, k]
-            w.rows[:, i, k] = rows[:, 0, k]
+            for q in range(4):
+                w.margin[q, i, k], w.rows[q, i, k] = reserved[q, 0, k], rows[q, 0, k]
             w.a[i, k, 0], w.a[i, k, 1] = a[0, k, 0], a[0, k, 1]
             turn_row(c, p, w, i, k)
 
@@ -175,13 +175,23 @@ def turn_row(c: Record, p: Plants, w: Work, i: int, k: int) -> None:
 
 
 @kernel()
-def _rows(p: Plants, w: Work, i: int, x: Array, settings: Array) -> None:
-    """Write the rows of one plant, whose axle has the state x (4,)."""
-    m = p.kind.shape[1]
+def _known_of(plant: Record) -> Known:
+    """Return what is known of the point, in memory as that of the axle."""
+    of_point = np.empty((3, 4))
+    for k in range(4):
+        of_point[0, k], of_point[1, k], of_point[2, k] = plant.x[k], plant.model[k], plant.lag[k]
+    x, model, lag = of_point[0], of_point[1], of_point[2]
+    return Known(x, plant.time, model, lag, plant.covariance, plant.growth)
+
+
+@kernel()
+def _rows(
+    p: Plants, i: int, x: Array, settings: Array, margin: Array, a: Array, out: Array
+) -> None:
+    """Write the rows of one plant, whose axle or point has the state x (4,)."""
     kind, parameters = p.kind[i : i + 1], p.parameters[i : i + 1]
     time, at = p.sensed["time"][i : i + 1], x.reshape(1, 4)
-    margin, a = w.margin[:, i : i + 1], w.a[i : i + 1, :m]
-    row_kernels.rows(kind, parameters, margin, at, time, settings, a, w.rows[:, i : i + 1, :m])
+    row_kernels.rows(kind, parameters, margin, at, time, settings, a, out)
 
 
 @kernel()
@@ -265,7 +275,7 @@ def slide(c: Record, settings: Settings, p: Plants, w: Work, i: int) -> None:
     if edges == 1 and m < a.shape[1]:  # between two it would turn from both
         asked[0, 0] += ASIDE * a[0, edge, 0]
         asked[0, 1] += ASIDE * a[0, edge, 1]
-    a[:], b[:] = w.a[i : i + 1], w.rows[B, i : i + 1]
+    a, b = w.a[i : i + 1].copy(), w.rows[B, i : i + 1].copy()
     backs = edges == 1 and drives.speeds(axle_of(c), p.sensed[i].x, heading)[0] < 0.0
     if backs:  # what was asked for has what guidance may have
         a[0, m:], b[0, m:] = 0.0, -1.0
