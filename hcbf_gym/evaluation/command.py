@@ -11,11 +11,13 @@ The same command goes on where it was interrupted.
 """
 
 import itertools
+import logging
 import shutil
 import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from concurrent.futures import wait
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -40,7 +42,7 @@ from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggreg
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
-from hcbf_gym.evaluation.workers import Backend
+from hcbf_gym.evaluation.workers import Backend, open_pool
 from hcbf_gym.robots.walker import Walker
 
 GOES_ON = "the same command goes on where this one stopped"
@@ -127,15 +129,47 @@ def main(args: Args) -> None:
         _case(args, scene, policy, program) for policy in args.policy for program in args.program
     ]
     with said_once():
-        for case in cases:  # bad names, options and policies fail here, before anything runs
-            env = case.make(seed=args.seed)
-            action = policies.try_out(case.policy, env, args.seed)
-            if args.workers != 1 and not args.own:  # whose errors are told with their episode
-                env.step(action)  # compiles once what each worker would, at the same time
-            env.close()
+        _try(args, cases)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)  # it has just been said
         _run(args, cases)
+
+
+def _try(args: Args, cases: Sequence[Case]) -> None:
+    """Let bad names, options and policies fail, and compile what every worker will need.
+
+    A worker compiles the environment's part meanwhile, and this process the filters'.
+    """
+    compiles = args.workers != 1 and not args.own  # whose errors are told with their episode
+    pool = open_pool(args.backend, args.workers)
+    try:
+        beside = None
+        if compiles and pool.workers > 1 and args.backend == "processes":
+            alone = replace(cases[0], policy="pd", program=UNFILTERED, options=None, steps=1)
+            beside = pool.submit(_walk_in_silence, alone, args.seed)
+        tried = []
+        for case in cases:
+            env = case.make(seed=args.seed)
+            tried.append((env, policies.try_out(case.policy, env, args.seed)))
+        if beside is not None:
+            wait([beside])
+            pool.died(beside)  # whatever it raised, the next lines raise
+        for env, action in tried:
+            if compiles:
+                env.step(action)
+            env.close()
+    finally:
+        pool.close()
+
+
+def _walk_in_silence(case: Case, seed: int) -> None:
+    """Run an episode in a worker, whose count of kernels nobody needs beside the caller's."""
+    logger = logging.getLogger("hcbf_gym")
+    logger.disabled = True
+    try:
+        case.run(seed)
+    finally:
+        logger.disabled = False
 
 
 def _run(args: Args, cases: Sequence[Case]) -> None:
