@@ -1,4 +1,4 @@
-"""Long drives of the cart through Nav2's `depot` on the node's core, in simulated time.
+"""Long drives of cart and Go1 through Nav2's `depot` on the node's core, in simulated time.
 
 A hostile planner drives at what stands nearest; a friendly one has guidance lead it from goal to
 goal. The map is $HCBF_DATA/maps/depot.yaml, or a room of boxes where there is none.
@@ -29,6 +29,9 @@ SOURCES = {
     "scan.type": "scan",
     "scan.topic": "scan",
 }
+GO1 = "tests/robots/contracts/go1.json"
+DRIVES = ("cart", False, 600.0), ("cart", True, 3600.0), (GO1, False, 600.0), (GO1, True, 600.0)
+"""Robot, whether it is led from goal to goal, and for how long [s]."""
 CLEAR = 0.8
 """Of starts and goals from what stands [m]."""
 GIVEN_UP = 90.0
@@ -124,7 +127,9 @@ def hostile(room: Room) -> Planner:
     return plan
 
 
-def drive(room: Room, seconds: float, *, friendly: bool, seed: int = 0) -> Errand:
+def drive(
+    room: Room, seconds: float, *, friendly: bool, seed: int = 0, robot: str = "cart"
+) -> Errand:
     """Drive for so long."""
     given = {**SOURCES, "walls.file": str(room.file)}
     goal, since, goals, arrivals = (math.nan, math.nan), 0.0, 0, 0
@@ -132,7 +137,7 @@ def drive(room: Room, seconds: float, *, friendly: bool, seed: int = 0) -> Erran
     if friendly:
         given["guidance"] = "geodesic"
     planner = (lambda pose: (0.0, 0.0, 0.0)) if friendly else hostile(room)
-    d = Ride(planner, given, map_file=room.file, start=start, seed=seed)
+    d = Ride(planner, given, robot, map_file=room.file, start=start, seed=seed)
     d.run(0.2)
     walls, peaks, begun = list[float](), list[float](), time.perf_counter()
     faults, statuses = Counter[str](), Counter[str]()
@@ -190,14 +195,15 @@ def lines(quick: bool) -> Iterator[str]:
         if quick or not data:
             file = Path(folder) / "boxes.yaml"
             write_map(file, _boxes())
-        for friendly, whole in ((False, 600.0), (True, 3600.0)):
+        for robot, friendly, whole in DRIVES[:2] if quick or not data else DRIVES:
             seconds = 30.0 if quick else whole
-            one = drive(Room(file, int(friendly)), seconds, friendly=friendly)
+            one = drive(Room(file, int(friendly)), seconds, friendly=friendly, robot=robot)
             well = one.entered == 0 and (not friendly or one.arrivals >= 0.9 * (one.goals - 1))
             yield (
-                f"{'' if well else 'MISS '}{'from goal to goal' if friendly else 'hostile'}, "
-                f"{file.stem}: {one.seconds:.0f} s in {one.wall:.0f} s, {one.length:.0f} m, rank 1 "
-                f"entered in {one.entered} ticks, {one.apart:+.3f} m at least"
+                f"{'' if well else 'MISS '}{Path(robot).stem}, "
+                f"{'from goal to goal' if friendly else 'hostile'}, {file.stem}: "
+                f"{one.seconds:.0f} s in {one.wall:.0f} s, {one.length:.0f} m, rank 1 entered in "
+                f"{one.entered} ticks, {one.apart:+.3f} m at least"
             )
             if friendly:
                 yield f"   {one.arrivals} arrivals of {one.goals} goals (the last is under way)"

@@ -1,11 +1,11 @@
 """How long a command takes from its arrival to its publication, through real rclpy.
 
-    python -m benchmarks.ros.latency [minutes]
+    python -m benchmarks.ros.latency [minutes] [hostile] [robot]
 
 Commands at 50 Hz, Nav2's depot ($HCBF_DATA/maps/depot.yaml) and a scan of 360 beams at 10 Hz: a
-planner that knows no wall goes to and fro across it, and guidance leads. The node is `hcbf ros` in
-a process of its own, which also notes what its other threads did meanwhile; the simulated robot's
-path is judged by the map's true squares.
+planner that knows no wall goes to and fro across it, and guidance leads; or a hostile one drives at
+what stands nearest. The node is `hcbf ros` in a process of its own, which also notes what its other
+threads did meanwhile; the simulated robot's path is judged by the map's true squares.
 """
 # pyright: reportMissingImports=false
 
@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.judges.squares import distances
+from benchmarks.ros import errands
+from benchmarks.ros.ride import pursuit
 from hcbf_gym.arrays import Array
 from hcbf_gym.maps import nav2
 from hcbf_gym.robots import Walker
@@ -34,8 +36,8 @@ START, GOALS = (3.5, 7.5, 0.0), ((20.0, 7.5), (3.5, 7.5))
 """Through the depot and back [m]."""
 PARAMETERS = """hcbf_filter:
   ros__parameters:
-    robot: cart
-    guidance: geodesic
+    robot: ROBOT
+    guidance: "GUIDANCE"
     observation_sources: [walls, laser]
     walls: {type: map, topic: map, unknown: 1}
     laser: {type: scan, topic: scan}
@@ -95,61 +97,91 @@ def node(parameters: Path, notes: Path) -> None:
     notes.write_text(json.dumps(noted_all), encoding="utf-8")
 
 
-def main(minutes: float) -> None:
+def main(minutes: float, robot: str, *, friendly: bool) -> None:
     """Run planner, robot and node for so long, and print what was found."""
     import rclpy
-    from geometry_msgs.msg import PoseStamped
 
-    from benchmarks.ros.ride import pursuit
     from benchmarks.ros.rig import ALONE, Planner, ended, process
 
     os.environ.update(ALONE)
     rclpy.init()
     planner = Planner(0.02)
-    goals = planner.create_publisher(PoseStamped, "goal_pose", 10)
     depot = Path(os.environ["HCBF_DATA"]) / "maps" / "depot.yaml"
-    sizes: list[float] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         parameters, notes = folder / "filter.yaml", folder / "notes.json"
-        parameters.write_text(PARAMETERS, encoding="utf-8")
+        given = PARAMETERS.replace("GUIDANCE", "geodesic" if friendly else "")
+        parameters.write_text(given.replace("ROBOT", robot), encoding="utf-8")
         path = folder / "path.npy"
-        words = ["ros-sim", "--robot", "cart", "--map", str(depot), "--start", *map(str, START)]
+        words = ["ros-sim", "--robot", robot, "--map", str(depot), "--start", *map(str, START)]
         words += ["--path", str(path)]
         command = [sys.executable, "-m", "benchmarks.ros.latency", str(parameters), str(notes)]
-        with process(folder, "robot", *words) as robot:
+        with process(folder, "robot", *words) as simulated:
             running = subprocess.Popen(command)
-            assert planner.spin(120.0, lambda: goals.get_subscription_count() > 0)
-            begun, legs, arrived = time.monotonic(), 0, 0
-            loads = [os.getloadavg()[0]]
-            while time.monotonic() - begun < 60.0 * minutes:
-                goal = GOALS[legs % 2]
-                legs += 1
-                message = PoseStamped()
-                message.header.frame_id = "odom"
-                message.pose.position.x, message.pose.position.y = goal
-                plan = pursuit([goal], 0.8)
+            watched = Watched(running.pid)
+            if friendly:
+                _lead(planner, watched, 60.0 * minutes)
+            else:
+                plan = errands.hostile(errands.Room(depot, 0))
                 planner.wants = _turning(plan, planner)
-                goals.publish(message)
-                leg = time.monotonic()
-                while math.dist(planner.pose[:2], goal) > 0.4 and time.monotonic() - leg < 90.0:
-                    planner.spin(1.0)
-                    sizes.append(_resident(running.pid))
-                    loads.append(os.getloadavg()[0])
-                    if time.monotonic() - begun > 60.0 * minutes:
-                        break
-                arrived += math.dist(planner.pose[:2], goal) <= 0.4
+                assert planner.spin(120.0, planner.moving)
+                planner.spin(60.0 * minutes, watched.look)
             running.send_signal(signal.SIGINT)
             running.wait(20.0)
-            ended(robot, signal.SIGTERM)
-        _judge(np.load(path)[:, 1:3], depot)
+            ended(simulated, signal.SIGTERM)
+        _judge(np.load(path)[:, 1:3], depot, Walker.load(robot).reach)
         found = json.loads(notes.read_text("utf-8"))
     planner.destroy_node()
     rclpy.try_shutdown()
-    print(f"{arrived} of {legs} legs (the last is under way)")
+    loads = watched.loads
     print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
     print(f"the node's last word: {planner.says}")
-    _show(found, sizes)
+    _show(found, watched.sizes)
+
+
+class Watched:
+    """The memory of a process [MB] and the machine's load, once a second.
+
+    Args:
+        process: its number.
+    """
+
+    def __init__(self, process: int):
+        self._process, self._next = process, time.monotonic()
+        self.sizes: list[float] = []
+        self.loads = [os.getloadavg()[0]]
+
+    def look(self) -> bool:
+        """Look where a second has passed; return False."""
+        if time.monotonic() >= self._next:
+            self._next += 1.0
+            self.sizes.append(_resident(self._process))
+            self.loads.append(os.getloadavg()[0])
+        return False
+
+
+def _lead(planner: Any, watched: Watched, seconds: float) -> None:
+    """Let the robot go to and fro between the goals for so long, and print how often it did."""
+    from geometry_msgs.msg import PoseStamped
+
+    goals = planner.create_publisher(PoseStamped, "goal_pose", 10)
+    assert planner.spin(120.0, lambda: goals.get_subscription_count() > 0)
+    ends, legs, arrived = time.monotonic() + seconds, 0, 0
+    while time.monotonic() < ends:
+        goal = GOALS[legs % 2]
+        legs += 1
+        message = PoseStamped()
+        message.header.frame_id = "odom"
+        message.pose.position.x, message.pose.position.y = goal
+        planner.wants = _turning(pursuit([goal], 0.8), planner)
+        goals.publish(message)
+
+        def is_there(goal: tuple[float, float] = goal) -> bool:
+            watched.look()
+            return math.dist(planner.pose[:2], goal) <= 0.4
+
+        arrived += planner.spin(min(90.0, ends - time.monotonic()), is_there)
+    print(f"{arrived} of {legs} legs (the last is under way)")
 
 
 def _turning(plan: Any, planner: Any) -> Callable[[], tuple[float, float]]:
@@ -162,11 +194,11 @@ def _turning(plan: Any, planner: Any) -> Callable[[], tuple[float, float]]:
     return wants
 
 
-def _judge(places: Array, file: Path) -> None:
-    """Print how near the robot's circle came to the true cells of rank 1."""
+def _judge(places: Array, file: Path, reach: float) -> None:
+    """Print how near the robot's circle [m] came to the true cells of rank 1."""
     raster = nav2.read(file)
     apart = distances(raster.grid, raster.occupancy != nav2.FREE, places, 2.0)
-    apart -= Walker.load("cart").reach
+    apart -= reach
     length = np.hypot(*np.diff(places, axis=0).T).sum()
     print(f"{length:.0f} m, rank 1 entered in {(apart < 0.0).sum()} of {apart.size} ticks, "
           f"{apart.min():+.3f} m at least")  # fmt: skip
@@ -207,7 +239,9 @@ def _show(found: dict[str, Any], sizes: list[float]) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 2:
+    if sys.argv[1:] and Path(sys.argv[1]).suffix == ".yaml":
         node(Path(sys.argv[1]), Path(sys.argv[2]))
     else:
-        main(float(sys.argv[1]) if len(sys.argv) > 1 else 10.0)
+        words = [word for word in sys.argv[1:] if word != "hostile"]
+        main(float(words[0]) if words else 10.0, words[1] if words[1:] else "cart",
+             friendly="hostile" not in sys.argv)  # fmt: skip

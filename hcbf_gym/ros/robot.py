@@ -1,4 +1,4 @@
-"""A cart in MuJoCo with odometry and a scan, without ROS."""
+"""A walker in MuJoCo with odometry and a scan, without ROS."""
 
 import math
 from pathlib import Path
@@ -8,10 +8,10 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.envs.walker_physics import WalkerPhysics
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.maps import Grid, nav2, reading
 from hcbf_gym.robots.walker import Walker
+from hcbf_gym.studies.identification.record import Runner
 
 BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
 """Of the scan: beams all around, and what they can measure [m]."""
@@ -24,7 +24,7 @@ class SimulatedRobot:
     a wall is to be seen there.
 
     Args:
-        robot: a contract's path or name, whose controller reads nothing but the command.
+        robot: a contract's path or name.
         map_file: a map server's YAML; "" for an empty floor.
         start: x, y [m] and yaw [rad].
         noise: standard deviation of the scan's ranges [m].
@@ -32,8 +32,7 @@ class SimulatedRobot:
         seed: of the noise.
 
     Raises:
-        InvalidInputError: if the robot's controller reads more than the command, or a file cannot
-            be read.
+        InvalidInputError: if a file cannot be read.
 
     Attributes:
         time: since the start [s].
@@ -49,28 +48,28 @@ class SimulatedRobot:
         seed: int = 0,
     ):
         walker = Walker.load(robot)
-        terms = [one.term for one in walker.observation]
-        if terms != ["command"]:
-            raise InvalidInputError(
-                f"robot: got {robot!r}, whose controller reads {terms}, "
-                "expected one that reads the command alone, such as 'cart' and 'holonomic-cart'"
-            )
-        self.physics = WalkerPhysics(walker)
-        sizes = len(walker.command.limits), len(self.physics.parts.actuators)
-        self._controller = walker.controller(sizes, self.physics.model)
+        self._drive = Runner(walker, seed).drive
+        self.physics = self._drive.simulation
+        self._every = round(walker.period / self.dt)  # ticks from one action to the next
         self._limits = walker.command.limits
         self._rng = np.random.default_rng(seed)
         self._noise, self._timeout = noise, timeout
-        self._command, self._until = np.zeros(sizes[0]), -math.inf
+        self._command, self._until = np.zeros(len(self._limits)), -math.inf
         self.grid, self.cells = _shut(map_file)
         x, y, yaw = np.asarray(start, dtype=np.float64).tolist()
-        self.physics.reset(np.array([x, y]), yaw, self._rng)
+        self._drive.reset(np.array([x, y]), yaw, BarrierSet([()]), self._rng)
         self.path: list[Array] = []
+        self._ticks, self._due = 0, 0.0
 
     @property
     def time(self) -> float:
         """Since the start [s]."""
         return float(self.physics.data.time)
+
+    @property
+    def fallen(self) -> bool:
+        """Whether it has fallen; then it lies there."""
+        return bool(self.physics.fallen)
 
     @property
     def dt(self) -> float:
@@ -85,10 +84,17 @@ class SimulatedRobot:
         self._until = self.time + self._timeout
 
     def run(self, seconds: float) -> None:
-        """Advance the physics by so many seconds; `path` has a pose of each tick."""
-        for _ in range(round(seconds / self.dt)):
-            told = self._command if self.time < self._until else np.zeros_like(self._command)
-            self.physics.step(self._controller(told))
+        """Advance the physics by so many seconds; `path` has a pose of each tick.
+
+        What is no whole number of ticks is made up for next time.
+        """
+        self._due += seconds / self.dt
+        while self._ticks < round(self._due):
+            if self._ticks % self._every == 0:
+                self._drive.command[:] = self._command if self.time < self._until else 0.0
+                self._drive.act()
+            self._ticks += 1
+            self.physics.step(self._drive.ctrl)
             self.path.append(self.pose)
 
     def timed_path(self) -> Array:

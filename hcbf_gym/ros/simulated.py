@@ -1,4 +1,4 @@
-"""A simulated robot on a real one's topics: a cart in MuJoCo with odometry and a ray-cast scan.
+"""A simulated robot on a real one's topics: a walker in MuJoCo, odometry and a ray-cast scan.
 
 It hears cmd_vel and publishes odom, scan and, with --map, the map and what of it is a mask. What
 stands behind --ros-args is ROS's own.
@@ -18,7 +18,7 @@ class Args:
     """What is simulated."""
 
     robot: str = "cart"
-    """A contract's path or name: cart, holonomic-cart."""
+    """A contract's path, or a name: cart, holonomic-cart."""
     map: str = ""
     """A map server's YAML: seen by the scan and published on `map` [default: an empty floor]."""
     masks: tuple[str, ...] = ()
