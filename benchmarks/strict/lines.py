@@ -121,7 +121,7 @@ def start_is_free(scenario: str, seed: int) -> bool:
 BOTH = ("random", "random-moving")
 
 LINES = (
-    *(Line("nominal", name, (name,), 100, BOTH) for name in ATTACKS),
+    *(Line("nominal", name, (name,), 150, BOTH) for name in ATTACKS),
     *(Line("cap", f"{v_max} m/s", FAST, 25, v_max=v_max) for v_max in (V_MAX, FASTEST)),
     Line("policy", "pd", ("pd",), 100),
     *(Line("plant", name, AIMED, 16, env_options=options) for name, options in PLANTS.items()),
