@@ -154,3 +154,82 @@ def test_a_kernel_is_called_by_a_users_own_function_and_by_python(tmp_path):
             check=True,
         )
         assert float(done.stdout) == 3.0
+
+
+OTHERS = """
+import numpy as np
+from numba import njit
+from hcbf_gym import outer
+
+@njit
+def copied(to, of):
+    to[:] = of
+
+@njit(inline="always")
+def twice(x):
+    return 2.0 * x
+
+@njit
+def both(x, y):
+    return twice(x) if y is None else twice(x) + twice(y)
+
+before = outer.caller(1.0)
+try:
+    copied(np.zeros(2), np.zeros(3))
+except ValueError as error:
+    print(error)
+print(both(1.0, None), both(1.0, 2.0), both(1.0, None))
+"""
+
+
+def test_what_others_compile_in_the_same_process_is_as_numba_makes_it(tmp_path):
+    make_package(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", OTHERS],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    says, values = done.stdout.splitlines()
+    assert "(3,)" in says  # the shapes, which this package's own kernels do without
+    assert "(2,)" in says
+    assert values == "2.0 6.0 2.0"
+
+
+BRANCHES = """
+import numpy as np
+from hcbf_gym.compilation import kernel
+
+@kernel(inline="always")
+def first(x):
+    return x[0]
+
+@kernel()
+def chosen(x, given):
+    if given is None:
+        return first(x)
+    total = first(x)
+    for k in range(3):
+        total += k if given else -k
+    return total + first(x)
+
+x = np.arange(1.0, 4.0)
+print([float(chosen(x, given)) for given in (None, True, False, None)])
+"""
+
+
+def test_a_branch_counts_where_an_argument_is_given_and_where_it_is_not(tmp_path):
+    package = make_package(tmp_path)
+    (package / "chosen.py").write_text(BRANCHES)
+    for switched_off in ("0", "1"):
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", "from hcbf_gym import chosen"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": switched_off},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.strip() == "[1.0, 5.0, -1.0, 1.0]"
