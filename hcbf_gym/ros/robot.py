@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.walker_drive import WalkerDrive
+from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.maps import Grid, nav2, reading
 from hcbf_gym.robots.walker import Walker
-from hcbf_gym.studies.identification.record import Runner
+from hcbf_gym.robots.walker_adapter import Adapter
 
 BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
 """Of the scan: beams all around, and what they can measure [m]."""
@@ -48,8 +50,9 @@ class SimulatedRobot:
         seed: int = 0,
     ):
         walker = Walker.load(robot)
-        self._drive = Runner(walker, seed).drive
-        self.physics = self._drive.simulation
+        self.physics = WalkerPhysics(walker)
+        adapter = Adapter(walker.command, None, math.inf, walker.period)  # not asked: told in axes
+        self._drive = WalkerDrive(self.physics, adapter, None)
         self._every = round(walker.period / self.dt)  # ticks from one action to the next
         self._limits = walker.command.limits
         self._rng = np.random.default_rng(seed)
