@@ -226,9 +226,14 @@ class Base:
         self, far: float = math.inf, stamp: Any = None, frame: str = "base_footprint"
     ) -> None:
         """Publish a scan of which each beam has the same range [m]."""
-        beams = LaserScan(angle_increment=0.1, range_max=10.0, ranges=[far] * 60)
+        beams = scan_of(far)
         beams.header.stamp, beams.header.frame_id = stamp or self.stamp(), frame
         self._scan.publish(beams)
+
+
+def scan_of(far: float) -> LaserScan:
+    """Return a scan all around of which each beam has the same range [m]."""
+    return LaserScan(angle_max=5.9, angle_increment=0.1, range_max=10.0, ranges=[far] * 60)
 
 
 @contextlib.contextmanager

@@ -1,5 +1,6 @@
 """Goals on their way to guidance: whatever comes meanwhile, the one asked for last leads."""
 
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -8,6 +9,7 @@ import pytest
 from needs import needs
 
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.ros import messages
 
 GOAL, OTHER = (3.0, 0.0), (0.0, 2.0)
 
@@ -142,3 +144,12 @@ def test_a_goal_that_cannot_be_reached_ends_guidance_and_forgets_no_newer_one(he
     time.sleep(0.05)
     assert core.plans[-1][0] == GOAL  # nobody asks for it again
     assert core.leads[-1] is None
+
+
+@needs("rclpy")
+def test_what_the_rigs_robot_says_it_sees_is_a_sound_scan():
+    from benchmarks.ros import rig
+
+    for far in (3.0, math.inf):
+        beams = messages.beams_of(rig.scan_of(far))
+        assert beams.ranges.tolist() == [far] * 60
