@@ -50,15 +50,8 @@ def prepare() -> None:
     other files too, so an edit there would go unseen. Only the key and the files' names change:
     where the cache lies, and whether there is one, stays Numba's and the user's choice. Kernels
     that were cached under other sources are removed.
-
-    Some of its steps are told to do the same with less: they took a fifth of the time.
     """
-    for owner, name, ours in (
-        (TargetConfig, "values", _values_of),
-        (InlineWorker, "inline_function", _inline),
-        (untyped_passes, "dead_branch_prune", _prune),
-    ):
-        setattr(owner, name, ours)
+    _shorten()
     caching.IndexDataCacheFile = CacheFile
     caching.CacheImpl._locator_classes = [
         type(locator.__name__, (_KeyedByAllSources, locator), {})
@@ -67,13 +60,53 @@ def prepare() -> None:
     event.register("numba:compile", _Announcer())
 
 
-def _values_of(config: TargetConfig) -> dict[str, object]:
+def _shorten() -> None:
+    """Let Numba do the same with less where it compiles this package's kernels.
+
+    It takes a fifth of the time off. What others compile in this process is compiled as before.
+    """
+    for owner, name, ours in (
+        (TargetConfig, "values", _values),
+        (InlineWorker, "inline_function", _inline),
+        (untyped_passes, "dead_branch_prune", _prune),
+    ):
+        setattr(owner, name, ours)
+
+
+def _is_of_package(module: str | None) -> bool:
+    """Return whether a module, None of what has none, is of this package."""
+    return (module or "").partition(".")[0] == "hcbf_gym"
+
+
+def _tell_shapes(tell: bool) -> None:
+    """Let an assignment of another size tell both shapes, as Numba does, or not.
+
+    With the shapes in it the error compiles the handling of text, for three seconds.
+
+    Args:
+        tell: False while this package's kernels are compiled.
+    """
+    arrayobj.raise_with_shape_context = _RAISE_SHAPES if tell else _raise_sizes
+
+
+_RAISE_SHAPES = arrayobj.raise_with_shape_context
+
+
+def _raise_sizes(source: tuple[int, ...], target: tuple[int, ...]) -> None:
+    """Stand for the error in Numba's own words for targets that have no text."""
+    raise NotImplementedError
+
+
+overload(_raise_sizes)(arrayobj.ol_raise_with_shape_context_generic)
+
+
+def _values(config: TargetConfig) -> dict[str, object]:
     """Return the values of Numba's options, which it compares at every call that it types."""
-    return _usual_of(type(config)) | config._values
+    return _defaults(type(config)) | config._values
 
 
 @functools.cache
-def _usual_of(kind: type[TargetConfig]) -> dict[str, object]:
+def _defaults(kind: type[TargetConfig]) -> dict[str, object]:
     return {name: option.default for name, option in kind.options.items()}
 
 
@@ -91,7 +124,7 @@ def _inline(
     worker: Any, caller: Any, block: Any, at: int, function: Any, arg_typs: Any = None
 ) -> Any:
     """Put a function's code in the place of a call, as Numba does, but not a copy of a copy."""
-    if not function.__module__.startswith("hcbf_gym"):
+    if not _is_of_package(function.__module__):
         return _inline_a_copy(worker, caller, block, at, function, arg_typs)
     code = worker.run_untyped_passes(function)
     fresh = list(code.blocks.values())
@@ -105,20 +138,6 @@ def _inline(
             one.__class__ = ir.Block
 
 
-_RAISE_SHAPES = arrayobj.raise_with_shape_context
-
-
-def _raise_sizes(source: tuple[int, ...], target: tuple[int, ...]) -> None:
-    """Refuse an assignment in Numba's own words for targets that have no text.
-
-    With the shapes in them it compiles the handling of text, for three seconds.
-    """
-    raise NotImplementedError
-
-
-overload(_raise_sizes)(arrayobj.ol_raise_with_shape_context_generic)
-
-
 class _Given(NamedTuple):
     """The type of an argument that is not None; Numba asks literal ones alone whether they are."""
 
@@ -127,7 +146,7 @@ class _Given(NamedTuple):
 
 def _prune(code: ir.FunctionIR, kinds: Sequence[types.Type]) -> None:
     """Leave out branches that a comparison with None excludes, also where a thing is not None."""
-    if code.func_id.modname.startswith("hcbf_gym"):
+    if _is_of_package(code.func_id.modname):
         maybe = types.NoneType, types.Omitted, types.Optional, types.PyObject
         kinds = [kind if isinstance(kind, maybe) else _Given(kind) for kind in kinds]
     dead_branch_prune(code, kinds)
@@ -416,7 +435,7 @@ class _Announcer(event.Listener):
         if self._depth == 1:
             self._collects = gc.get_threshold()
             gc.set_threshold(*SELDOM)
-            arrayobj.raise_with_shape_context = _raise_sizes
+            _tell_shapes(False)
             self._begin()
 
     def on_end(self, event: event.Event) -> None:
@@ -427,7 +446,7 @@ class _Announcer(event.Listener):
         self._count += 1
         if self._depth == 0:
             gc.set_threshold(*self._collects)
-            arrayobj.raise_with_shape_context = _RAISE_SHAPES
+            _tell_shapes(True)
         if self._line is None:
             self._log(f"{COMPILING}: {self._count}")
             return
@@ -464,4 +483,4 @@ class _Announcer(event.Listener):
 def _is_ours(event: event.Event) -> bool:
     """Return whether a kernel of this package is compiled."""
     assert event.data is not None
-    return event.data["dispatcher"].py_func.__module__.startswith("hcbf_gym")
+    return _is_of_package(event.data["dispatcher"].py_func.__module__)

@@ -173,12 +173,20 @@ def twice(x):
 def both(x, y):
     return twice(x) if y is None else twice(x) + twice(y)
 
+made = {"njit": njit}
+exec("@njit(inline='always')\\ndef half(x):\\n    return 0.5 * x", made)  # of no module
+half = made["half"]
+
+@njit
+def quarter(x):
+    return half(half(x))
+
 before = outer.caller(1.0)
 try:
     copied(np.zeros(2), np.zeros(3))
 except ValueError as error:
     print(error)
-print(both(1.0, None), both(1.0, 2.0), both(1.0, None))
+print(both(1.0, None), both(1.0, 2.0), quarter(1.0))
 """
 
 
@@ -195,7 +203,7 @@ def test_what_others_compile_in_the_same_process_is_as_numba_makes_it(tmp_path):
     says, values = done.stdout.splitlines()
     assert "(3,)" in says  # the shapes, which this package's own kernels do without
     assert "(2,)" in says
-    assert values == "2.0 6.0 2.0"
+    assert values == "2.0 6.0 0.25"
 
 
 BRANCHES = """

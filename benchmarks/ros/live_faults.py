@@ -296,7 +296,7 @@ def try_case(rig: Rig, name: str) -> str:
         return f"{zeros} of {len(told)} zero: {planner.says}" if zeros or not told else ""
     zero = next((k for k, one in enumerate(told) if not any(one[1:])), None)
     if zero is None:
-        return "never zero"
+        return f"never zero in {len(told)} messages"
     late = told[zero][0] - begun
     wrong = []
     if late > case.within + PERIOD + SLACK:

@@ -141,21 +141,19 @@ def _try(args: Args, cases: Sequence[Case]) -> None:
     A worker compiles the environment's part meanwhile, and this process the filters'.
     """
     compiles = args.workers != 1 and not args.own  # whose errors are told with their episode
-    pool = open_pool(args.backend, args.workers)
+    pool = open_pool("processes", None if compiles else 1)
     try:
         beside = None
-        if compiles and pool.workers > 1 and args.backend == "processes":
+        if pool.workers > 1:
             alone = replace(cases[0], policy="pd", program=UNFILTERED, options=None, steps=1)
             beside = pool.submit(_walk_in_silence, alone, args.seed)
-        tried = []
         for case in cases:
             env = case.make(seed=args.seed)
-            tried.append((env, policies.try_out(case.policy, env, args.seed)))
-        if beside is not None:
-            wait([beside])
-            pool.died(beside)  # whatever it raised, the next lines raise
-        for env, action in tried:
-            if compiles:
+            action = policies.try_out(case.policy, env, args.seed)
+            if case is cases[-1] and beside is not None:
+                wait([beside])
+                pool.died(beside)  # whatever it raised, the next line raises
+            if case is cases[-1] and compiles:
                 env.step(action)
             env.close()
     finally:

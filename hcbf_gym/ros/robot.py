@@ -75,6 +75,11 @@ class SimulatedRobot:
         return bool(self.physics.fallen)
 
     @property
+    def failed(self) -> bool:
+        """Whether its controller gave something that is no action; the last one was kept."""
+        return self._drive.failed
+
+    @property
     def dt(self) -> float:
         """One tick of the physics [s]."""
         return float(self.physics.model.opt.timestep)

@@ -82,6 +82,10 @@ class SimulatedRobotNode(Node):
         if due <= self._ticks:
             return
         self.robot.run(PERIOD * (due - self._ticks))
+        if self.robot.fallen:
+            self.get_logger().error("the robot has fallen, and lies there", once=True)
+        if self.robot.failed:
+            self.get_logger().error("its controller gave no action; the last is kept", once=True)
         before, self._ticks = self._ticks, due
         stamp = self._stamp()
         if self._drives_clock:

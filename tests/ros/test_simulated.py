@@ -36,5 +36,6 @@ def test_it_does_what_it_is_told_for_as_long_as_a_command_counts_and_then_stands
     robot.run(1.0)
     assert np.hypot(*(robot.pose - stood)[:2]) < 0.1
     assert not robot.fallen
+    assert not robot.failed
     times = robot.timed_path()[:, 0]
     assert times == pytest.approx(robot.dt * np.arange(1, len(times) + 1))
