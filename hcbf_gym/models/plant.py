@@ -44,21 +44,22 @@ class Reason(IntEnum):
         "the barriers, or the rows that they become, are not finite or not barriers",
     )
     SOLVER = 5, "no solver answered"
+    GOAL = 6, "guidance finds no path to the goal"
     INPUT = (
-        6,
+        7,
         "the environment does not apply what the filter chose: expected no wrapper, delay, hold or "
         "gain between filter and robot, and a model like the plant",
     )
     MOTION = (
-        7,
+        8,
         "the position does not move as the velocity says: expected both of one robot, at one time, "
         "in one frame and unit",
     )
-    SLIP = 8, "the robot's feet slide more than on the declared floor"
-    LAG = 9, "the robot's torques act later than the declared plant's"
-    LIFT = 10, "the robot's legs carry more or less than the declared load and motors"
+    SLIP = 9, "the robot's feet slide more than on the declared floor"
+    LAG = 10, "the robot's torques act later than the declared plant's"
+    LIFT = 11, "the robot's legs carry more or less than the declared load and motors"
     RESPONSE = (
-        11,
+        12,
         "the robot does not do what it is told: expected it to follow as its response was "
         "measured, on the declared floor, and odometry of that robot that is up to date",
     )
