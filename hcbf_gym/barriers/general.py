@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import general_kernels, layout
@@ -61,13 +61,13 @@ class Prepared(NamedTuple):
     """The barriers of N scenes, with what stays the same from state to state.
 
     Attributes:
-        scenes: N tuples of m of them.
+        scenes: N tuples of at most m of them; behind a shorter one there is no row.
         groups: those that are functions.
         custom: scene, place and barrier of users' own classes.
         scene: the others, as compiled code reads them.
         reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
         turns: whether an input enters the second derivative of a barrier that is no function.
-        priority: (N, m).
+        priority: (N, m), 0 where there is no row.
         least: (N, m) what a row reserves by itself: a speed limit's margin.
         share: (N, m) how much of a margin on the position a row reserves.
     """
@@ -266,10 +266,13 @@ class GeneralRows:
         ]
         degrees = [[reach.degree for reach in one] for one in reaches]
         kind, parameters = _blocks(scenes)
-        degree = np.array(degrees, dtype=np.int64).reshape(kind.shape)
+        degree = _filled(degrees, kind.shape, np.int64)
         custom = [(int(i), int(k), scenes[i][k]) for i, k in np.argwhere(kind == layout.CUSTOM)]
         ranks = [[barrier.priority for barrier in scene] for scene in scenes]
-        zero, one = ([margins(scene, m) for scene in scenes] for m in (0.0, 1.0))
+        zero, one = (
+            _filled([margins(scene, m).tolist() for scene in scenes], kind.shape, np.float64)
+            for m in (0.0, 1.0)
+        )
         return Prepared(
             tuple(scenes),
             groups,
@@ -277,9 +280,9 @@ class GeneralRows:
             Scene(kind, parameters, degree),
             reaches,
             bool((degree[kind != ELSEWHERE] == 2).any()),
-            np.array(ranks, dtype=np.int64).reshape(kind.shape),
-            np.array(zero),
-            np.array(one) - np.array(zero),
+            _filled(ranks, kind.shape, np.int64),
+            zero,
+            one - zero,
         )
 
     def _repeated(self, one: Prepared, count: int) -> Prepared:
@@ -449,11 +452,20 @@ def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
     )
 
 
+def _filled(lists: Sequence[Sequence[float]], shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+    """Return N lists of at most m numbers as an array (N, m), zero behind the shorter ones."""
+    filled = np.zeros(shape, dtype=dtype)
+    for row, numbers in zip(filled, lists, strict=True):
+        row[: len(numbers)] = numbers
+    return filled
+
+
 def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
     """Return kinds (N, m) and blocks (N, m, WIDTH) of N scenes, as compiled code reads them."""
-    kind = np.full((len(scenes), len(scenes[0])), ELSEWHERE, dtype=np.int64)
+    kind = np.full((len(scenes), max(map(len, scenes))), layout.NONE, dtype=np.int64)
     parameters = np.zeros((*kind.shape, layout.WIDTH))
     for i, scene in enumerate(scenes):
+        kind[i, : len(scene)] = ELSEWHERE
         for k, barrier in enumerate(scene):
             if isinstance(barrier, Shape | SpeedLimit) and type(barrier) in BUILT_IN:
                 kind[i, k] = barrier.write(parameters[i, k])

@@ -32,7 +32,7 @@ class Scene(NamedTuple):
     """The barriers of N scenes.
 
     Attributes:
-        kind: (N, m) as `layout` has it, or `ELSEWHERE`.
+        kind: (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`.
         parameters: (N, m, WIDTH) the blocks of built-in ones.
         degree: (N, m) the derivative of h that an input enters first, 1 or 2.
     """
@@ -96,7 +96,7 @@ def write_rows(
         steer = (terms.g[i] * terms.g[i]).sum()
         for k in range(m):
             kind = scene.kind[i, k]
-            if kind == ELSEWHERE:
+            if kind == ELSEWHERE or kind == layout.NONE:
                 continue
             row = out[i, k]
             if kind == CUSTOM:

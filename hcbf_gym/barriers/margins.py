@@ -97,6 +97,9 @@ def derive(
             speeding = (drift - now) / period
     for k in range(kind.size):
         out[RATE, k] = out[QUICKENING, k] = out[LEANING, k] = 0.0
+        if kind[k] == layout.NONE:
+            out[MARGIN, k] = 0.0
+            continue
         if kind[k] == layout.SPEED_LIMIT or kind[k] == layout.ZONES or kind[k] == layout.ZONE:
             out[MARGIN, k], out[RATE, k] = of_speed(settings, lag, covariance), speeding
             if kind[k] == layout.ZONE and parameters[k, layout.AWAY] > 0.0:

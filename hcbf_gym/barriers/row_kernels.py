@@ -60,6 +60,9 @@ def rows(
             which, c = kind[i, k], parameters[i, k]
             if which == CUSTOM:
                 continue
+            if which == layout.NONE:
+                leave_out(i, k, a, out)
+                continue
             if which == layout.MAPPED or which == layout.ZONES:
                 out[:, i, k], a[i, k, :] = np.nan, np.nan  # only the nearby pieces have rows
                 continue
@@ -103,6 +106,21 @@ def rows(
                     b = max(b, late(kept, rate, lost, support(settings, gx, gy)))
             out[B, i, k], out[H, i, k] = b, h
             out[ALPHA2_PSI, i, k], out[PSI, i, k] = alpha2_psi, psi
+
+
+@kernel(error_model="numpy", inline="always")
+def leave_out(i: int, k: int, a: Array, rows: Array) -> None:
+    """Write what stands where there is no row: every input meets it.
+
+    Args:
+        i: which state.
+        k: which place.
+        a: (N, M, n_u) gradients, written to.
+        rows: (4, N, M) b, h, α₂(ψ) and ψ, written to.
+    """
+    a[i, k, :] = 0.0
+    rows[B, i, k] = -1.0
+    rows[H, i, k] = rows[ALPHA2_PSI, i, k] = rows[PSI, i, k] = 1.0
 
 
 @kernel(error_model="numpy")

@@ -10,8 +10,8 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several, Shapes
-from hcbf_gym.barriers.set import BarrierSet, Entry, each, length
-from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon, HalfPlane
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
 from hcbf_gym.models.constants import FARTHEST
@@ -23,8 +23,8 @@ def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) ->
     """Return the scenes of N plants.
 
     Args:
-        barriers: a sequence of barriers, which all plants share; N such sequences, where shorter
-            ones get conditions that always hold; or a `BarrierSet` of N scenes.
+        barriers: a sequence of barriers, which all plants share; N such sequences of any lengths;
+            or a `BarrierSet` of N scenes.
         count: N.
         before: as `BarrierSet` takes it.
 
@@ -47,8 +47,7 @@ def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) ->
             f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
             f"barriers for all plants, or {count} lists, one for each"
         )
-    most = max(map(length, barriers))
-    return BarrierSet([_filled(tuple(scene), most) for scene in barriers], before)
+    return BarrierSet([tuple(scene) for scene in barriers], before)
 
 
 def scenes_of_arrays(
@@ -144,13 +143,3 @@ def _shape(array: Any, expected: tuple[int, ...], name: str) -> tuple[int, ...]:
 
 def _is_list(scene: object) -> bool:
     return isinstance(scene, Sequence) and not isinstance(scene, str)
-
-
-def _filled(scene: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
-    """Return a scene with conditions that always hold behind it, so that it has `most`."""
-    missing = most - length(scene)
-    if not missing:
-        return scene
-    lowest = max((one.priority for one in each(scene)), default=1)
-    nothing = HalfPlane("nothing", lowest, normal=(1.0, 0.0), offset=-FARTHEST)
-    return (*scene, *[nothing] * missing)

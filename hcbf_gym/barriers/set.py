@@ -50,18 +50,20 @@ class BarrierSet:
     call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
 
     A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
+    m is the length of the longest scene; shorter ones end with places of the kind `layout.NONE`,
+    which have no row.
 
     Args:
-        scenes: N sequences of m barriers; `Shapes` and what is `Several` count as so many.
+        scenes: N sequences of at most m barriers; `Shapes` and what is `Several` count as so many.
         before: a set that nobody sets any more, whose pieces of maps stay where they stand.
 
     Raises:
-        InvalidInputError: if the scenes differ in length, or an entry is no `Barrier`.
+        InvalidInputError: if an entry is no `Barrier`.
 
     Attributes:
         kind: (N, m) which kernel evaluates the barrier, see `layout`.
         parameters: (N, m, 19) what that kernel reads, see `layout`.
-        priority: (N, m) 1 is the highest and strict.
+        priority: (N, m) 1 is the highest and strict; 0 of no barrier.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
         version: (N,) how often each scene was set: a filter sees by it what is news.
@@ -73,12 +75,7 @@ class BarrierSet:
     """
 
     def __init__(self, scenes: Sequence[Sequence[Entry]], before: "BarrierSet | None" = None):
-        lengths = {length(scene) for scene in scenes}
-        if len(lengths) != 1:
-            raise InvalidInputError(
-                f"barrier set: got scenes of {sorted(lengths)} barriers, expected one length"
-            )
-        shape = (len(scenes), lengths.pop())
+        shape = (len(scenes), max(map(_length, scenes), default=0))
         self.kind = np.zeros(shape, dtype=np.int64)
         self.parameters = np.zeros((*shape, layout.WIDTH))
         self.priority = np.zeros(shape, dtype=np.int64)
@@ -98,7 +95,7 @@ class BarrierSet:
         """Replace the barriers of scene `i`.
 
         Raises:
-            InvalidInputError: if there are not m of them, or an entry is no `Barrier`.
+            InvalidInputError: if there are more than m, or an entry is no `Barrier`.
         """
         entries: Any = tuple(scene)
         read = [(one, tuple(one.conditions)) for one in entries if isinstance(one, Several)]
@@ -107,9 +104,10 @@ class BarrierSet:
             stands_for = {id(one): conditions for one, conditions in read}
             barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
         count = sum(len(b) if isinstance(b, Shapes) else 1 for b in map(_checked, barriers))
-        if count != self.kind.shape[1]:
+        m = self.kind.shape[1]
+        if count > m:
             raise InvalidInputError(
-                f"barrier set: got a scene of {count} barriers, expected {self.kind.shape[1]}"
+                f"barrier set: got a scene of {count} barriers, expected at most {m}"
             )
         self.version[i] += 1
         self.edits += 1
@@ -117,6 +115,12 @@ class BarrierSet:
         self._read.pop(i, None)
         if read:
             self._read[i] = read
+        for array in (self.parameters, self.priority, self.keeps_margin, self.own_margin):
+            array[i, count:] = 0
+        self.kind[i, count:] = layout.NONE
+        for place in range(count, m):
+            self.own.pop((i, place), None)
+            self.atlas.forget((i, place))
         k = 0
         for barrier in barriers:
             end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
@@ -154,7 +158,7 @@ class BarrierSet:
         """Read what stands for several barriers and has changed in place; its scenes are news.
 
         Raises:
-            InvalidInputError: if it stands for another number of barriers now.
+            InvalidInputError: if it stands for more barriers now than there is room for.
         """
         for i in [i for i, read in self._read.items() if not _stand(read)]:
             self.set_scene(i, self.entries[i])
@@ -214,14 +218,18 @@ class BarrierSet:
             )
 
     def conditions(self, i: int = 0) -> list[Condition]:
-        """Return name and rank of the barriers of scene `i`, in the order of the report's rows."""
+        """Return name and rank of the barriers of scene `i`, in the order of the report's rows.
+
+        Places that no barrier takes are called "nothing", and their rank is 0.
+        """
         names = [
             barrier.name
             for barrier in self.listed[i]
             for _ in range(len(barrier) if isinstance(barrier, Shapes) else 1)
         ]
         ranks = self.priority[i].tolist()
-        names = names or [f"condition {k}" for k in range(1, len(ranks) + 1)]
+        names = names or [f"condition {k}" for k in range(1, np.count_nonzero(ranks) + 1)]
+        names += ["nothing"] * (len(ranks) - len(names))
         return [Condition(*pair) for pair in zip(names, ranks, strict=True)]
 
     def repeated(self, count: int) -> "BarrierSet":
@@ -439,7 +447,7 @@ def _stand(read: _Read) -> bool:
     return True
 
 
-def length(scene: Sequence[Entry]) -> int:
+def _length(scene: Sequence[Entry]) -> int:
     """Return how many barriers there are.
 
     Raises:

@@ -36,7 +36,7 @@ def tell(source: Integers, part: Records, rows: Records) -> None:
     them; a class of which nothing is near pays and reserves nothing, and its h and ψ are infinite.
 
     Args:
-        source: (M,) which condition each row stands for.
+        source: (M,) which condition each row stands for, ascending.
         part: (M,) `report.ROW`.
         rows: (m,) `report.ROW`, written to.
     """
@@ -46,6 +46,9 @@ def tell(source: Integers, part: Records, rows: Records) -> None:
     h[:], psi[:] = np.inf, np.inf
     for r in range(source.size):
         k = source[r]
+        if r == 0 or k != source[r - 1]:  # of all that is no class, the only one
+            rows[k] = part[r]
+            continue
         slack[k] = max(slack[k], part["slack"][r])
         delta[k] = max(delta[k], part["delta"][r])
         margin[k] = max(margin[k], part["margin"][r])

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
@@ -92,7 +91,6 @@ class ModelCore(FilterCore):
         """Make room for m rows."""
         self._buffer.widen(m, m)
         self._own = np.zeros((self.count, m, WIDTH + self.input_set.n_u))
-        self._kind = np.full((self.count, m), layout.CUSTOM, dtype=np.int64)
         if self._prepared is not None and self._prepared.priority.shape == (self.count, m):
             self._reserve(self._prepared)
 
@@ -118,7 +116,7 @@ class ModelCore(FilterCore):
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self.alpha1)
         self._prepared = prepared
-        if prepared.priority.shape == self._kind.shape:
+        if prepared.priority.shape == self._own.shape[:2]:
             self._reserve(prepared)
         distinct = prepared.scenes[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
@@ -141,7 +139,7 @@ class ModelCore(FilterCore):
         if np.isfinite(u_nominal).all():
             with np.errstate(all="ignore"):
                 self._look()
-        numbers = self._kind, scene.parameters, scene.priority, scene.own_margin
+        numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         return (*numbers, scene.atlas.numbers), self._own
 
     def _look(self) -> None:

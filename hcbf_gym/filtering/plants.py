@@ -239,7 +239,10 @@ def fits(p: Plants, led: bool) -> bool:
         return False
     for i in range(count):
         for k in range(m):
-            if not 1 <= p.priority[i, k] <= layout.LOWEST_RANK:
+            if p.kind[i, k] == layout.NONE:
+                if p.priority[i, k] != 0:
+                    return False
+            elif not 1 <= p.priority[i, k] <= layout.LOWEST_RANK:
                 return False
     return True
 

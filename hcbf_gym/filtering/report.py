@@ -44,7 +44,7 @@ ROW = np.dtype(
             (
                 "h",
                 "f8",
-            ),  # NaN where no state is believed, ∞ where no piece of a map is near
+            ),  # NaN where no state is believed, ∞ where no piece of a map is near or no condition
             ("psi", "f8"),  # the last ψ, which the row keeps from falling below zero; as h
             ("conditioning", "f8"),  # 0 where no input matters to the row, less than 1 near a kink
         ],

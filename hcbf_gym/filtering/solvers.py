@@ -31,14 +31,25 @@ def answer(program: Program, work: Work) -> Mask:
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
-    """Return a program's answer; None where no solver has one that is finite."""
+    """Return a program's answer; None where no solver has one that is finite.
+
+    Args:
+        program: with its solver.
+        u_nominal: (n_u,) u*.
+        rows: (m,) of rank 0 where there is no row.
+    """
+    there = rows.priority > 0
+    psi = None if rows.alpha2_psi is None else rows.alpha2_psi[there]
+    kept = CbfRows(rows.a[there], rows.b[there], rows.h[there], rows.priority[there], psi)
     try:
-        result = program(u_nominal, without_gaps(rows))
+        result = program(u_nominal, without_gaps(kept))
     except (SolverError, ArithmeticError, np.linalg.LinAlgError):
         return None
-    failed = result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all()
-    m = rows.b.size
-    return None if failed else result._replace(slack=result.slack[:m], delta=result.delta[:m])
+    if result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all():
+        return None
+    slack, delta = np.zeros((2, rows.b.size))
+    slack[there], delta[there] = result.slack[: kept.b.size], result.delta[: kept.b.size]
+    return result._replace(slack=slack, delta=delta)
 
 
 def without_gaps(rows: CbfRows) -> CbfRows:

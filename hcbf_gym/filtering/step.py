@@ -325,7 +325,11 @@ def _take_rows(c: Record, drives: Drives, p: Plants, w: Work) -> None:
     """Copy the rows that were made beforehand."""
     for i in range(p.kind.shape[0]):
         for k in range(p.kind.shape[1]):
-            if p.kind[i, k] != layout.CUSTOM:
+            if p.kind[i, k] == layout.NONE:
+                row_kernels.leave_out(i, k, w.a, w.rows)
+                w.strict[i, k] = False
+                continue
+            if not c.made and p.kind[i, k] != layout.CUSTOM:
                 continue
             row = p.own[i, k]
             for j in range(w.a.shape[2]):
@@ -386,9 +390,8 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
         finite &= np.isfinite(w.rows[ALPHA2_PSI, i, k] + w.margin[0, i, k])
     if not finite:
         for k in range(m):
-            w.a[i, k, :] = 0.0
-            w.rows[B, i, k], w.rows[H, i, k], w.rows[ALPHA2_PSI, i, k] = -1.0, 1.0, 1.0
-            w.margin[0, i, k] = w.rows[PSI, i, k] = 0.0
+            row_kernels.leave_out(i, k, w.a, w.rows)
+            w.margin[0, i, k] = 0.0
     return finite
 
 
@@ -492,6 +495,10 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     told.deadlock = verdict.stands(plant.x[2] ** 2 + plant.x[3] ** 2, asked2)
     for k in range(m):
         row = p.rows[i, k]
+        if p.kind[i, k] == layout.NONE:
+            row.slack = row.delta = row.margin = row.conditioning = 0.0
+            row.h = row.psi = np.inf
+            continue
         row.slack = slack[k]
         row.delta = delta[k]
         row.margin = w.margin[0, i, k]

@@ -86,7 +86,7 @@ class Weights(NamedTuple):
 @kernel(inline="always")
 def gamma0_of(table: Array, priority: int) -> float:
     """Return γ₀ of a priority, `table` a row of that of `Weights`; infinity for a strict level."""
-    return np.inf if priority == 1 else table[min(priority - 1, table.size - 1)]
+    return np.inf if priority <= 1 else table[min(priority - 1, table.size - 1)]
 
 
 @kernel(inline="always")

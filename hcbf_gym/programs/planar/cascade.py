@@ -42,8 +42,8 @@ def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: Fi
     Args:
         settings: the program.
         u_nominal: (N, 2) u*.
-        rows: the rows of N states, finite, priorities from 1 to `LOWEST_RANK`; m ≥ 0. `alpha2_psi`
-            is an array even where the program does not read it.
+        rows: the rows of N states, finite, priorities from 1 to `LOWEST_RANK`, or 0 of no row;
+            m ≥ 0. `alpha2_psi` is an array even where the program does not read it.
         answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus`,
             fallbacks (N,) zeros.
     """
@@ -112,7 +112,7 @@ def _allowed(vertices: Array, rows: CbfRows, ux: float, uy: float) -> bool:
 @kernel(error_model="numpy", inline="always")
 def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
     """Return δ_min of row k; with a known offset ``α₂(ψ + ε) − α₂(ψ) = max(0, −α₂(ψ))``."""
-    if not settings.known_offset or rows.priority[k] == 1:
+    if not settings.known_offset or rows.priority[k] <= 1:
         return 0.0
     assert rows.alpha2_psi is not None
     return max(0.0, -rows.alpha2_psi[k])
@@ -120,8 +120,8 @@ def _least_slack(settings: Settings, rows: CbfRows, k: int) -> float:
 
 @kernel(error_model="numpy", inline="always")
 def _stage(settings: Settings, weights: Array, priority: int) -> int:
-    """Return the stage of the rows of a priority, from 1."""
-    if settings.by_level:
+    """Return the stage of the rows of a priority, from 1; of no row, which has priority 0, 0."""
+    if settings.by_level or priority == 0:
         return priority
     return 1 if np.isinf(gamma0_of(weights, priority)) else 2
 
