@@ -306,9 +306,9 @@ class FilterCore(Configured, ABC):
         """Take a scene for the present one; what is news in it is looked at."""
         if scene is self._scene and scene.edits == self._edits:
             return
-        news = np.ones(self.count, dtype=np.bool_)
-        if scene is self._scene:
-            news = scene.version != self._version
+        news = scene.version != self._version
+        if scene is not self._scene:
+            news = self._differs(scene)
         plants = self._samples.plants
         compared = scene is not self._scene and self._looks_back()
         plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
@@ -323,6 +323,15 @@ class FilterCore(Configured, ABC):
                 self._check_inputs(*self._accept(scene))
         except UNREADABLE as error:
             self._refused, self._refusal = True, error
+
+    def _differs(self, scene: BarrierSet) -> Mask:
+        """Return (N,) whose barriers are other objects than those of the present scenes."""
+        if self._refused:
+            return np.ones(self.count, dtype=np.bool_)
+        same = np.array(list(map(_same, scene.listed, self._scene.listed)))
+        known = [len(listed) > 0 for listed in scene.listed]  # those of arrays are not
+        empty = (scene.priority == 0).all(axis=1) & (self._scene.priority == 0).all(axis=1)
+        return ~(same & (known | empty))
 
     def _looks_back(self) -> bool:
         """Write what strict conditions lack of the scene until now; return whether that is known.

@@ -182,8 +182,9 @@ def of_one(known, i):
     return Estimate(*(None if part is None else part[i] for part in known))
 
 
-def compare(alone, together, i, m):
+def compare(alone, together, i, scenes):
     """Fail where the report of one plant is not that of plant i of a batch."""
+    m = sum(len(b) if isinstance(b, Shapes) else 1 for b in scenes[i])
     for key, value in alone.items():
         whole = together[key][i]
         of_rows = key in NOTHING
@@ -209,8 +210,13 @@ def compare_batch(seed, robot, program, guidance):
         if "--why" in sys.argv:
             print(seed, robot, guidance, error)
         return counts
-    path, applied = [x.copy()], []
+    path, applied, seen = [x.copy()], [], []
     for k in range(STEPS):
+        if k in (4, 8):  # some scenes change, those of the others stay
+            others = a_batch(rng, robot, "geodesic" if guidance else None)[1]
+            changed = rng.random(PLANTS) < 0.3
+            scenes = [b if new else a for a, b, new in zip(scenes, others, changed, strict=True)]
+        seen.append(scenes)
         known.append(estimate(rng, robot, path[-1].copy(), k * T))
         u, report = batch.step(inputs[k], scenes, known[-1])
         reports.append(report)
@@ -219,14 +225,13 @@ def compare_batch(seed, robot, program, guidance):
         path.append(np.array([model.step(*pair, T) for pair in zip(path[-1], u, strict=True)]))
         counts.update(report["status"].tolist())
     for i in range(PLANTS):
-        m = sum(len(b) if isinstance(b, Shapes) else 1 for b in scenes[i])
         one.restart(np.ones(1, dtype=np.bool_))
         one.cover(0)
-        compare(one.begin(scenes[i], of_one(known[0], i), goals[i], None), reports[0], i, m)
+        compare(one.begin(seen[0][i], of_one(known[0], i), goals[i], None), reports[0], i, seen[0])
         for k in range(STEPS):
-            u, report = one.step(inputs[k, i], scenes[i], of_one(known[k + 1], i))
+            u, report = one.step(inputs[k, i], seen[k][i], of_one(known[k + 1], i))
             np.testing.assert_array_equal(u, applied[k][i])
-            compare(report, reports[k + 1], i, m)
+            compare(report, reports[k + 1], i, seen[k])
     return counts
 
 
