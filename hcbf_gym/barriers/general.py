@@ -82,6 +82,17 @@ class Prepared(NamedTuple):
     least: Array
     share: Array
 
+    @property
+    def entries(self) -> list[tuple[int, int, Barrier]]:
+        """Scene, place and barrier of functions and of users' own classes."""
+        functions = [
+            (int(i), int(k), self.scenes[i][k])
+            for group in self.groups
+            for i in group.scenes
+            for k in group.places
+        ]
+        return self.custom + functions
+
     def margins(self, margin: float) -> Array:
         """Return (N, m) what each row reserves between h and zero."""
         return self.least + margin * self.share

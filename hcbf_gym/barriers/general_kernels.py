@@ -19,10 +19,10 @@ from hcbf_gym.barriers.relative_degree import VANISHED
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.compilation import kernel
 
-MARGIN, RATE, DIP, CONDITIONING, PLACED, WIDTH = range(4, 10)
-"""Where a row that is made for any model has its numbers, behind those of `row_kernels`: m, ṁ, what
-it reserves besides, how well it is conditioned, and 1 where its barrier reads the position.
-a (n_u,) follows."""
+MARGIN, RATE, QUICKENING, LEANING, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
+"""Where a row that is made for any model has its numbers, behind those of `row_kernels`: those of
+`margins.of_models`, what it reserves besides, how well it is conditioned, and 1 where its barrier
+reads the position. a (n_u,) follows."""
 
 ELSEWHERE = -1
 """The kind of a barrier whose row is made elsewhere: a function."""
@@ -86,7 +86,7 @@ def write_rows(
         state: x (N, n) and t (N,) [s].
         terms: of the model.
         alphas: (2, 4) α₁ and α₂.
-        out: (N, m, WIDTH + n_u) with m and ṁ, see `MARGIN`; the rest is written.
+        out: (N, m, WIDTH + n_u) with m, ṁ and m̈, see `MARGIN`; the rest is written.
     """
     (x, t), f = state, terms.f
     count, m = scene.kind.shape
@@ -111,7 +111,7 @@ def write_rows(
                 for j in range(gradient.size):
                     along_f += gradient[j] * f[i, j]
                 h_dot = along_f + rate
-                rate = bent + slope * rate
+                rate = bent - row[QUICKENING] + slope * rate
                 for j in range(gradient.size):
                     for q in range(gradient.size):
                         turned[j] += terms.jacobian[i, q, j] * gradient[q]
@@ -146,6 +146,8 @@ def take_rows(made: Array, degrees: Integers, alpha2: Array, out: Array) -> bool
         for k in range(made.shape[1]):
             one, row = made[i, k], out[i, k]
             row[B], row[H], row[ALPHA2_PSI] = one[n_u], one[n_u + 1], one[n_u + 2]
+            if degrees[k] == 2:
+                row[B] += row[QUICKENING]
             row[PSI] = class_k.inverse(alpha2, one[n_u + 2])
             row[CONDITIONING] = one[n_u + 3]
             row[WIDTH:] = one[:n_u]

@@ -25,6 +25,19 @@ as deviations add up at most: σ(T) ≤ σ + T σ_v. P_vv(T) ≤ P_vv + g is wha
 the end of the hold, g what it grew by since the last sample. ṁ stands in the row, and so does its
 own growth m̈. The tracking error's part decays where the model is right, and is bounded by `cap`, so
 that one sample can take at most that much away.
+
+Any model ẋ = f(x) + g(x)u and any h(x) reserve the same. Let p be the position in x, a = ∇h with a_p
+not shorter than 1 where h reads p, e_v the difference of ṗ between body and model under one input,
+and V = (∂f/∂x) P (∂f/∂x)ᵀ the covariance of the drift, which is P_vv of a double integrator. Then
+
+.. math::
+    m = ‖a_p‖ (d + ρ) + ‖a_p‖ \min(\mathrm{cap}, \dots) + \max(0, a·(x - x_b)) + κ σ(a, P),
+    \qquad \dot m = κ σ(a, V),
+
+with σ(a, C) = √(aᵀ C a) beside a wall and ‖a_p‖ √λ(C_pp) + Σ_i |a_i| √C_ii, i beyond p, where a
+turns. Where g is not the same everywhere (a heading that is not known), a hold adds T κ Σ_j σ(a, W_j)
+to m, W_j the covariance of g_j(x) u_j for the largest u_j. An h that is not convex adds what it may
+lose in second order.
 """
 
 from typing import NamedTuple
@@ -37,9 +50,13 @@ from hcbf_gym.barriers.shapes import convex_polygon, half_plane
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import Uncertainty
 
-MARGIN, RATE, QUICKENING, LEANING = range(4)
+SHORT = 1e-4
+"""By how much h − m [m], ψ [m/s] and a speed limit may be missed: all return to 0 without end."""
+
+MARGIN, RATE, QUICKENING, LEANING, REACH, FAST = range(6)
 """What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
-tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""
+tracking error's part, less what `cap` cuts off of it, and the errors of what was measured.
+`of_models` adds what the body takes of h, and whether it is faster than a speed limit."""
 
 
 class Known(NamedTuple):
@@ -60,6 +77,71 @@ class Known(NamedTuple):
     lag: Array
     covariance: Array
     growth: float
+
+
+class Unknown(NamedTuple):
+    """What is not known of a state, as the row of any h reads it.
+
+    Attributes:
+        off: (n,) x − x_b, the state that the rows read less the body's.
+        lead: (n_p,) the body's position minus the model's.
+        slip: (1 + S, n_p) the body's ṗ minus the model's: of the drift, then of each input at its
+            largest.
+        state: (n, n) P.
+        drift: (k, k) V of the position, k = n_p, or of all of x, k = n.
+        growth: g, by how much V of the position grows until the next sample.
+        turns: (S, n, n) the covariance of g(x)u, of each input at its largest; none where g is the
+            same everywhere.
+    """
+
+    off: Array
+    lead: Array
+    slip: Array
+    state: Array
+    drift: Array
+    growth: float
+    turns: Array
+
+
+class Several(NamedTuple):
+    """The same of N plants, with a leading N, and what else their rows read.
+
+    Attributes:
+        x: (N, n) as the rows read it.
+        time: (N,) [s].
+        lag: (N, n) the body's state minus the model's.
+        off: as `Unknown` has it, and the fields below.
+    """
+
+    x: Array
+    time: Array
+    lag: Array
+    off: Array
+    slip: Array
+    state: Array
+    drift: Array
+    growth: Array
+    turns: Array
+
+
+class Rows(NamedTuple):
+    """The conditions of N plants of any model.
+
+    Attributes:
+        kind: (N, m) as `layout` has it; what is no built-in shape has its slope in `gradient`.
+        parameters: (N, m, WIDTH).
+        least: (N, m) what a row reserves by itself.
+        gradient: (N, m, n) ∇h of others.
+        bend: (N, m) what these may lose in second order.
+        n_p: how many states, from the first on, are the position.
+    """
+
+    kind: Integers
+    parameters: Array
+    least: Array
+    gradient: Array
+    bend: Array
+    n_p: int
 
 
 @kernel(error_model="numpy")
@@ -83,18 +165,20 @@ def derive(
     """
     x, t, model, lag = known.x, known.time, known.model, known.lag
     covariance, growth = known.covariance, known.growth
-    ahead_x, ahead_y = x[0] - model[0] - lag[0], x[1] - model[1] - lag[1]  # of the body
-    exact = is_exact(covariance)
-    certain = exact and ahead_x == 0.0 and ahead_y == 0.0
-    for k in range(4):
-        certain = certain and lag[k] == 0.0
-    spread = drift = quickening = speeding = 0.0
-    if not exact:
-        spread = settings.confidence * np.sqrt(_largest(covariance, 0))
-        drift, quickening = _growing(settings, _largest(covariance, 2), growth, period)
-        if period > 0.0:
-            now = settings.confidence * np.sqrt(_largest(covariance, 2))
-            speeding = (drift - now) / period
+    vector = np.zeros((3, 4))
+    off, gradient = vector[0], vector[1]
+    certain = is_exact(covariance)
+    for j in range(4):
+        off[j] = x[j] - model[j] - lag[j]
+        vector[2, j] = lag[j]
+        certain = certain and lag[j] == 0.0 and (j > 1 or off[j] == 0.0)
+    lead, slip, drifting = vector[2, :2], vector[2:, 2:], covariance[2:, 2:]
+    turns = covariance.reshape(1, 4, 4)[:0]
+    unknown = Unknown(off, lead, slip, covariance, drifting, growth, turns)
+    drift = quickening = 0.0
+    if not certain:
+        drift, quickening = _growing(settings, unknown, gradient, 1.0, False, period)
+    speeding = speed_growth(settings, covariance, growth, period)
     for k in range(kind.size):
         out[RATE, k] = out[QUICKENING, k] = out[LEANING, k] = 0.0
         if kind[k] == layout.NONE:
@@ -110,27 +194,111 @@ def derive(
             out[RATE, k], out[QUICKENING, k] = drift, quickening
             out[LEANING, k] = settings.cap
             continue
-        out[MARGIN, k] = settings.distance + settings.body
-        if kind[k] == convex_polygon.CODE:
-            out[LEANING, k] = convex_polygon.used(parameters[k])
         if certain:
-            continue
-        jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
-        steepness = np.sqrt(jet[1] * jet[1] + jet[2] * jet[2])
-        nx, ny = jet[1] / steepness, jet[2] / steepness
-        ahead = max(0.0, nx * ahead_x + ny * ahead_y)
-        lead = max(0.0, nx * lag[0] + ny * lag[1])
-        faster = max(0.0, -nx * lag[2] - ny * lag[3])
-        tracking = settings.per_velocity * faster + settings.per_lead * lead
-        deviation = spread
-        out[RATE, k], out[QUICKENING, k] = drift, quickening
-        if kind[k] == half_plane.CODE and not exact:
-            deviation = settings.confidence * np.sqrt(_along(covariance, 0, nx, ny))
-            out[RATE, k], out[QUICKENING, k] = _growing(
-                settings, _along(covariance, 2, nx, ny), growth, period
-            )
-        out[LEANING, k] += settings.cap - abs(settings.cap - tracking)
-        out[MARGIN, k] += min(tracking, settings.cap) + ahead + deviation
+            out[MARGIN, k] = settings.distance + settings.body
+        else:
+            jet = kernels.jet(kind[k], parameters[k], x[0], x[1], t)
+            gradient[0], gradient[1] = jet[1], jet[2]
+            straight = kind[k] == half_plane.CODE
+            m, rate, later, used, _ = of_row(settings, unknown, gradient, straight, period)
+            out[MARGIN, k], out[RATE, k], out[QUICKENING, k], out[LEANING, k] = m, rate, later, used
+        if kind[k] == convex_polygon.CODE:
+            out[LEANING, k] += convex_polygon.used(parameters[k])
+
+
+@kernel(error_model="numpy")
+def of_row(
+    settings: Uncertainty | Record, unknown: Unknown, gradient: Array, straight: bool, period: float
+) -> tuple[float, float, float, float, float]:
+    """Return m, ṁ, m̈, leaning and ‖a_p‖ of one row; see above.
+
+    Args:
+        settings: as `derive` takes them.
+        unknown: of the state.
+        gradient: (n,) ∇h; a is written to it.
+        straight: whether ∇h is the same everywhere.
+        period: T [s]; 0 where it is not known.
+    """
+    placed, n = unknown.lead.size, gradient.size
+    steep2 = ahead = lead = faster = turned = 0.0
+    for j in range(placed):
+        steep2 += gradient[j] * gradient[j]
+    steep = np.sqrt(steep2)
+    if 0.0 < steep < 1.0:
+        for j in range(placed):
+            gradient[j] /= steep
+        steep = 1.0
+    for j in range(n):
+        ahead += gradient[j] * unknown.off[j]
+    for j in range(placed):
+        lead += gradient[j] * unknown.lead[j]
+    for s in range(unknown.slip.shape[0]):
+        away = 0.0
+        for j in range(placed):
+            away += gradient[j] * unknown.slip[s, j]
+        faster += abs(away) if s > 0 else -away
+    tracking = settings.per_velocity * max(0.0, faster) + settings.per_lead * max(0.0, lead)
+    cap = steep * settings.cap
+    deviation = _deviation(unknown.state, 0.0, gradient, placed, steep, straight)
+    for s in range(unknown.turns.shape[0]):
+        turned += _deviation(unknown.turns[s], 0.0, gradient, placed, steep, straight)
+    margin = steep * (settings.distance + settings.body)
+    margin += min(tracking, cap) + max(0.0, ahead)
+    margin += settings.confidence * (deviation + period * turned)
+    rate, quickening = _growing(settings, unknown, gradient, steep, straight, period)
+    return margin, rate, quickening, cap - abs(cap - tracking), steep
+
+
+@kernel(error_model="numpy")
+def of_models(
+    settings: Uncertainty | Record, rows: Rows, several: Several, period: float, out: Array
+) -> None:
+    """Write what the rows of N plants of any model reserve.
+
+    Args:
+        settings: as `derive` takes them.
+        rows: the conditions.
+        several: of the plants.
+        period: T [s]; 0 where it is not known.
+        out: (N, m, 6) to be written: m, ṁ, m̈, leaning, what the body takes of h, and 1 where the
+            body is faster than a speed limit.
+    """
+    n = several.x.shape[1]
+    gradient = np.empty(n)
+    for i in range(several.x.shape[0]):
+        x, lag, covariance = several.x[i], several.lag[i], several.state[i]
+        for k in range(rows.kind.shape[1]):
+            row, kind, c = out[i, k], rows.kind[i, k], rows.parameters[i, k]
+            row[:] = 0.0
+            placed = rows.n_p
+            if kind == layout.SPEED_LIMIT:
+                row[MARGIN] = of_speed(settings, lag, covariance)
+                row[RATE] = speed_growth(settings, covariance, several.growth[i], period)
+                row[FAST] = is_fast(c[layout.V_MAX], x, lag)
+            else:
+                if kernels.is_region(kind) and kind >= 0:
+                    jet = kernels.jet(kind, c, x[0], x[1], several.time[i])
+                    gradient[:] = 0.0
+                    gradient[0], gradient[1] = jet[1], jet[2]
+                    placed = 2
+                else:
+                    gradient[:] = rows.gradient[i, k]
+                unknown = Unknown(
+                    several.off[i],
+                    lag[:placed],
+                    several.slip[i, :, :placed],
+                    covariance,
+                    several.drift[i, 0:, 0:],
+                    several.growth[i],
+                    several.turns[i],
+                )
+                straight = kind == half_plane.CODE
+                m, rate, later, used, steep = of_row(settings, unknown, gradient, straight, period)
+                row[MARGIN], row[RATE], row[QUICKENING], row[LEANING] = m, rate, later, used
+                row[REACH] = steep * settings.body
+                if kind == convex_polygon.CODE:
+                    row[LEANING] += convex_polygon.used(c)
+            row[MARGIN] += rows.least[i, k] + rows.bend[i, k]
 
 
 @kernel(error_model="numpy")
@@ -171,23 +339,104 @@ def growth_of(covariance: Array, before: Array) -> float:
     return _greater(xx - before[0], xy - before[1], yy - before[2])
 
 
-@kernel(error_model="numpy", inline="always")
+@kernel(error_model="numpy")
+def speed_growth(
+    settings: Uncertainty | Record, covariance: Array, growth: float, period: float
+) -> float:
+    """Return how fast the margin of a speed limit grows at most [m/s²]."""
+    if period == 0.0 or is_exact(covariance):
+        return 0.0
+    variance = _largest(covariance, 2)
+    later, now = np.sqrt(variance + growth), np.sqrt(variance)
+    return settings.confidence * (later - now) / period
+
+
+@kernel(error_model="numpy")
+def is_fast(limit: float, x: Array, lag: Array) -> bool:
+    """Return whether a body is faster than a limit, by more than rounding.
+
+    Args:
+        limit: L [m/s].
+        x: (n,) of the model, with the velocity in x[2:4].
+        lag: (n,) the body's state minus the model's.
+    """
+    vx, vy = x[2] + lag[2], x[3] + lag[3]
+    return vx * vx + vy * vy > (limit + SHORT) ** 2
+
+
+@kernel(error_model="numpy")
 def _growing(
-    settings: Uncertainty | Record, variance: float, growth: float, period: float
+    settings: Uncertainty | Record,
+    unknown: Unknown,
+    gradient: Array,
+    steep: float,
+    straight: bool,
+    period: float,
 ) -> tuple[float, float]:
-    """Return ṁ = κ√(σ_v² + g) and m̈, by how much more it is at the next sample, over T."""
-    rate = settings.confidence * np.sqrt(variance + growth)
+    """Return ṁ = κ σ(a, V + g) and m̈, by how much more it is at the next sample, over T."""
+    c, placed, growth = unknown.drift, unknown.lead.size, unknown.growth
+    if is_exact(unknown.state):
+        return 0.0, 0.0
+    rate = settings.confidence * _deviation(c, growth, gradient, placed, steep, straight)
     if growth == 0.0 or period == 0.0:
         return rate, 0.0
-    later = settings.confidence * np.sqrt(variance + 2.0 * growth)
+    later = settings.confidence * _deviation(c, 2.0 * growth, gradient, placed, steep, straight)
     return rate, (later - rate) / period
 
 
-@kernel(error_model="numpy", inline="always")
+@kernel(error_model="numpy")
+def _deviation(
+    c: Array, growth: float, gradient: Array, placed: int, steep: float, straight: bool
+) -> float:
+    """Return σ(a, C), with C_pp greater by `growth` in every direction.
+
+    Args:
+        c: (k, k) C, of the first k states.
+        growth: g.
+        gradient: (n,) a.
+        placed: n_p.
+        steep: ‖a_p‖.
+        straight: whether a is the same everywhere.
+    """
+    k = c.shape[0]
+    if straight:
+        variance = steep * steep * growth
+        for j in range(k):
+            for q in range(k):
+                variance += gradient[j] * c[j, q] * gradient[q]
+        return np.sqrt(max(0.0, variance))
+    deviation = steep * np.sqrt(worst(c, placed) + growth)
+    for j in range(placed, k):
+        deviation += abs(gradient[j]) * np.sqrt(c[j, j])
+    return deviation
+
+
+@kernel(error_model="numpy")
 def is_exact(covariance: Array) -> bool:
-    """Return whether a covariance (4, 4) is zero: no deviation is, so nothing is correlated."""
-    deviates = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3]
+    """Return whether a covariance is zero: no deviation is, so nothing is correlated."""
+    deviates = 0.0
+    for j in range(covariance.shape[0]):
+        deviates += covariance[j, j]
     return deviates == 0.0
+
+
+@kernel(error_model="numpy")
+def worst(covariance: Array, size: int) -> float:
+    """Return the variance of the worst direction of the first states; beyond two a bound of it.
+
+    Args:
+        covariance: (k, k).
+        size: how many states.
+    """
+    if size == 2:
+        return _largest(covariance, 0)
+    most = 0.0
+    for j in range(size):
+        row = 0.0
+        for q in range(size):
+            row += abs(covariance[j, q])
+        most = max(most, row)
+    return most
 
 
 @kernel(error_model="numpy")
@@ -201,10 +450,3 @@ def _greater(xx: float, xy: float, yy: float) -> float:
     """Return the larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative."""
     half = 0.5 * (xx - yy)
     return max(0.0, 0.5 * (xx + yy) + np.sqrt(half * half + xy * xy))
-
-
-@kernel(error_model="numpy")
-def _along(covariance: Array, i: int, nx: float, ny: float) -> float:
-    """Return nᵀ C n, at least 0, of the block C (2, 2) of the covariance that starts at (i, i)."""
-    xx, xy, yy = covariance[i, i], covariance[i, i + 1], covariance[i + 1, i + 1]
-    return max(0.0, nx * (xx * nx + xy * ny) + ny * (xy * nx + yy * ny))

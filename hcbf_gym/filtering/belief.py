@@ -146,6 +146,28 @@ def state_of(states: State, i: int) -> State:
     )
 
 
+@kernel(error_model="numpy")
+def grow_all(plants: Records, told: Records, drift: Array, n_p: int) -> None:
+    """Note by how much the covariance of the drift grows in one period; see `_grow`.
+
+    Args:
+        plants: (N,) `plants.PLANT`, written to, before this sample is remembered.
+        told: (N,) `report.PLANT`.
+        drift: (N, n, n) that covariance.
+        n_p: how many states are the position.
+    """
+    for i in range(plants.size):
+        if told[i].reason != 0:
+            continue
+        velocity = plants[i].covariance[2:, 2:]
+        velocity[:, :] = 0.0
+        if n_p == 2:
+            velocity[:, :] = drift[i, :2, :2]
+        else:
+            velocity[0, 0] = velocity[1, 1] = margins.worst(drift[i], n_p)
+        _grow(plants[i], plants[i].follows)
+
+
 @kernel(error_model="numpy", inline="always")
 def _grow(plant: Record, follows: int) -> None:
     """Note by how much the velocity's covariance grows in one period; a fix does not change that.

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers import margins, unknown
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows, Prepared, check_barriers
-from hcbf_gym.barriers.general_kernels import MARGIN, PLACED, WIDTH
-from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.general_kernels import FAST, MARGIN, PLACED, WIDTH
+from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError
 from hcbf_gym.filtering import belief
@@ -48,12 +49,14 @@ class ModelCore(FilterCore):
                 "None: only the planar double integrator is guided"
             )
         self._rows_of = GeneralRows(model, self.alpha1, self.alpha2, input_set.support)
+        self._check_uncertainty()
         confidence = plant.uncertainty.confidence
         self._monitor = ModelMonitor(model, plant.period, input_set, confidence, self.count)
         self._velocity_at = -1 if model.velocity_at is None else model.velocity_at
         self._coasts = type(model).brake is not ReducedOrderModel.brake
         self._prepared: Prepared | None = None
         self._said_concave = False
+        self._dip = float(self._constants["dip"][0])
         self._make_room(0)
         self._read_static()
 
@@ -91,14 +94,58 @@ class ModelCore(FilterCore):
         """Make room for m rows."""
         self._buffer.widen(m, m)
         self._own = np.zeros((self.count, m, WIDTH + self.input_set.n_u))
-        if self._prepared is not None and self._prepared.priority.shape == (self.count, m):
-            self._reserve(self._prepared)
+        self._reserved = False
+
+    def _check_uncertainty(self) -> None:
+        """Refuse what has no meaning for the model.
+
+        Raises:
+            InvalidInputError: if a lag in velocity is reserved, and nothing but the input changes
+                the velocity; or something of a speed limit, which the model has none of.
+        """
+        model, declared = self.plant.model, self.plant.uncertainty
+        f, g = model.terms_of(samples(model)[0])
+        moved = np.ptp(f[:, : model.n_p], axis=0).any() or np.ptp(g[:, : model.n_p], axis=0).any()
+        meaningless = {
+            "per_velocity": ("its velocity is the input", bool(moved)),
+            "speed": ("it has no speed limit", model.velocity_at == 2),
+            "speed_per_velocity": ("it has no speed limit", model.velocity_at == 2),
+        }
+        for name, (why, has_meaning) in meaningless.items():
+            value = getattr(declared, name)
+            if value > 0.0 and not has_meaning:
+                raise InvalidInputError(
+                    f"plant: uncertainty: {name}: got {value:g} with {model}, expected 0, "
+                    f"Uncertainty({name}=0.0): {why}"
+                )
 
     def _reserve(self, prepared: Prepared) -> None:
-        """Write what rows reserve, and which are on the position."""
-        kept = self.uncertainty.distance + self.uncertainty.body
-        self._own[..., MARGIN] = prepared.margins(kept)
-        self._own[..., PLACED] = prepared.share > 0.0
+        """Write what rows reserve: again where a sample said more than x, or h is another's own."""
+        taken, own = self._samples, self._own
+        declares = self.uncertainty.distance - self._dip + self.uncertainty.body > 0.0
+        if self._reserved and not taken.told and not (declares and prepared.entries):
+            return
+        self._reserved = not taken.told
+        plants, states, told = taken.plants, taken.states, self._buffer.plants
+        settings = self.uncertainty._replace(distance=self.uncertainty.distance - self._dip)
+        state = states.x, taken.time, states.model, states.lag, states.covariance
+        if not taken.told:
+            state = (*state[:2], states.x, *state[3:])
+        known = unknown.several(self.plant.model, self.input_set, settings.confidence, state)
+        if taken.told:
+            belief.grow_all(plants, told, known.drift, self.plant.model.n_p)
+        known = known._replace(growth=plants["growth"].copy())
+        gradient, bend = np.zeros((*own.shape[:2], self.plant.model.n)), np.zeros(own.shape[:2])
+        if taken.told or declares:
+            entries = prepared.entries
+            gradient, bend = unknown.slopes(entries, known, settings.confidence, own.shape[:2])
+        rows = margins.Rows(
+            prepared.scene.kind, prepared.scene.parameters, prepared.margins(self._dip),
+            gradient, bend, self.plant.model.n_p,
+        )  # fmt: skip
+        period = self.plant.period or 0.0
+        margins.of_models(settings, rows, known, period, own[..., MARGIN : FAST + 1])
+        own[..., PLACED] = prepared.share > 0.0
 
     def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Look at a scene that is news, and return its barriers and how inputs reach them."""
@@ -115,9 +162,7 @@ class ModelCore(FilterCore):
         period = self.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self.alpha1)
-        self._prepared = prepared
-        if prepared.priority.shape == self._own.shape[:2]:
-            self._reserve(prepared)
+        self._prepared, self._reserved = prepared, False
         distinct = prepared.scenes[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
@@ -153,6 +198,8 @@ class ModelCore(FilterCore):
         if not known.all():
             told["reason"][(told["reason"] == 0) & ~known] = Reason.BARRIERS
         believed = told["reason"] == 0
+        if self._prepared is not None:
+            self._reserve(self._prepared)
         self._monitor.watch(records, states, samples.input, terms, believed, not samples.told)
         if self._prepared is not None:
             self._rows_of.write(self._prepared, states.x, samples.time, terms, self._own)

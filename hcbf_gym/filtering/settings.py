@@ -12,7 +12,6 @@ from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 ROW_OPTIONS = ("alpha1", "alpha2")
 """Options that are not the program's."""
@@ -92,7 +91,7 @@ def dip_of(plant: Plant, input_set: InputSet) -> float:
     if plant.period is None:
         return USUAL_ROWS_MARGIN
     model, half = plant.model, 0.5 * plant.period
-    placed = slice(model.n_u) if isinstance(model, DoubleIntegrator) else slice(2)
+    placed = slice(model.n_p)
     hardest = 0.0
     for x in samples(model)[0]:
         for u in input_set.vertices()[:MOST_CORNERS]:

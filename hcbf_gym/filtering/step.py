@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask, Record, Records
 from hcbf_gym.barriers import general_kernels, layout, margins, row_kernels
-from hcbf_gym.barriers.general_kernels import CONDITIONING, DIP, PLACED, WIDTH
+from hcbf_gym.barriers.general_kernels import CONDITIONING, DIP, FAST, PLACED, REACH, WIDTH
 from hcbf_gym.barriers.mapped import Scene
 from hcbf_gym.barriers.margins import LEANING
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
@@ -337,6 +337,7 @@ def _take_rows(c: Record, drives: Drives, p: Plants, w: Work) -> None:
             for q in range(4):  # b, h, α₂(ψ) and ψ
                 w.rows[q, i, k] = row[q]
             w.margin[0, i, k] = row[general_kernels.MARGIN]
+            w.margin[LEANING, i, k] = row[general_kernels.LEANING]
             w.strict[i, k] = row[PLACED] != 0.0 and p.priority[i, k] == 1
             if drives is not None:
                 axle_step.turn_row(c, p, w, i, k)
@@ -476,18 +477,32 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
         short = verdict.shortfall(w.strict[i], *of_rows, c.dip, c.sway, alpha1)
         violated = verdict.is_violated(plant, short, plant.elapsed, c.settles)
         told.proved = 0 if verdict.lacks(short) else 1
+    unsafe = False
     if drives is not None:
         for k in range(m):
             violated |= p.priority[i, k] == 1 and slack[k] > 0.0
+        axle = axle_step.place(c, plant)
         h_body = axle_step.of_body(c, p, i, h, w.strict[i])
-        unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h_body, c.body, True)
-    else:
-        unsafe = verdict.is_unsafe(p.priority[i], w.strict[i], w.a[i], h, c.body, c.made)
-    if not c.made:
         for k in range(m):
+            reach = c.body if w.strict[i, k] else 0.0  # a is not ∇h
             limit = p.parameters[i, k, layout.V_MAX]
-            fast = verdict.speeds(p.kind[i, k], limit, h[k], plant.x, plant.lag)
-            unsafe |= fast and p.priority[i, k] == 1
+            out = h_body[k] < reach
+            out |= verdict.speeds(p.kind[i, k], limit, h[k], axle.x, axle.lag)
+            unsafe |= out and p.priority[i, k] == 1
+    elif c.made:
+        for k in range(m):
+            reach = p.own[i, k, REACH] if w.strict[i, k] else 0.0
+            out = h[k] < reach or p.own[i, k, FAST] != 0.0
+            unsafe |= out and p.priority[i, k] == 1
+    else:
+        for k in range(m):
+            reach = 0.0
+            if c.body > 0.0 and w.strict[i, k]:
+                reach = c.body * np.sqrt(w.a[i, k, 0] ** 2 + w.a[i, k, 1] ** 2)
+            limit = p.parameters[i, k, layout.V_MAX]
+            out = h[k] < reach
+            out |= verdict.speeds(p.kind[i, k], limit, h[k], plant.x, plant.lag)
+            unsafe |= out and p.priority[i, k] == 1
     moved = furthest > NOMINAL * (1.0 + c.radius)
     told.status = verdict.conclude(w.answer.status[i], moved, unsafe, violated, slack[:m])
     told.intervention = np.sqrt(change2)

@@ -19,6 +19,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask, Record
 from hcbf_gym.barriers import class_k, layout
+from hcbf_gym.barriers.margins import SHORT, is_fast
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.constants import ASKING, STANDING
@@ -27,9 +28,6 @@ from hcbf_gym.programs.result import FilterStatus
 NOMINAL, SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 VIOLATED, UNSAFE = int(FilterStatus.VIOLATED), int(FilterStatus.UNSAFE)
 BACKUP = int(FilterStatus.BACKUP)
-
-SHORT = 1e-4
-"""By how much h − m [m] and ψ [m/s] may be below zero: both return to it without end."""
 
 COMPARED, NEWS = 1, 2
 """What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
@@ -153,34 +151,12 @@ def conclude(status: int, moved: bool, unsafe: bool, violated: bool, slack: Arra
 
 
 @kernel(inline="always")
-def is_unsafe(
-    priority: Integers, strict: Mask, a: Array, h: Array, body: float, made: bool
-) -> bool:
-    """Return whether a strict h is below zero, or ``h − ρ`` of one on the position.
-
-    Args:
-        priority: (m,).
-        strict: (m,) which conditions are of rank 1 and on the position.
-        a: (M, n_u) of the rows; of planar double integrators ∇h, by which ρ is multiplied.
-        h: (m,) of the body's centre.
-        body: ρ, what the body reaches beyond its centre [m].
-        made: whether the rows are those of another model, whose a is not ∇h.
-    """
-    for k in range(h.size):
-        reach = 0.0
-        if body > 0.0 and strict[k]:
-            reach = body if made else body * np.sqrt(a[k, 0] * a[k, 0] + a[k, 1] * a[k, 1])
-        if priority[k] == 1 and h[k] < reach:
-            return True
-    return False
-
-
-@kernel(inline="always")
 def speeds(kind: int, limit: float, h: float, x: Array, lag: Array) -> bool:
     """Return whether a body is faster than a speed limit, or than that of a zone in which it is.
 
     Rows read the model's velocity, and reserve what the body may differ while it follows. What it
     does when the limit comes, or when nobody knows what it was told, only its own velocity shows.
+    h and x are of one point: the axle of a differential drive, all others' own.
 
     Args:
         kind: of the condition.
@@ -193,8 +169,7 @@ def speeds(kind: int, limit: float, h: float, x: Array, lag: Array) -> bool:
         return False
     model2 = x[2] * x[2] + x[3] * x[3]
     away = 2.0 * limit * h - limit * limit + model2  # of a zone, times what brakes before it
-    vx, vy = x[2] + lag[2], x[3] + lag[3]
-    return away < TINY and vx * vx + vy * vy > (limit + SHORT) ** 2
+    return away < TINY and is_fast(limit, x, lag)
 
 
 @kernel(inline="always")

@@ -31,6 +31,11 @@ class ReducedOrderModel(ABC):
     n_u: int
     velocity_at: int | None
 
+    @property
+    def n_p(self) -> int:
+        """How many states, from the first on, are the position."""
+        return min(2, self.n)
+
     @abstractmethod
     def f(self, x: Any) -> Any:
         """Return (n,) the drift."""
@@ -142,6 +147,11 @@ class SingleIntegrator(ReducedOrderModel):
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", count("n_u", self.n_u))
 
+    @property
+    def n_p(self) -> int:
+        """How many states are the position: all."""
+        return self.n
+
     def f(self, x: Any) -> Any:
         """Return (n,) the drift, 0."""
         return 0.0 * x
@@ -193,6 +203,11 @@ class DoubleIntegrator(ReducedOrderModel):
         object.__setattr__(self, "n", 2 * count("n_u", self.n_u))
         object.__setattr__(self, "drag", finite_float("drag", self.drag, minimum=0.0))
         object.__setattr__(self, "velocity_at", 2 if self.n_u == 2 else None)
+
+    @property
+    def n_p(self) -> int:
+        """How many states, from the first on, are the position."""
+        return self.n_u
 
     def f(self, x: Any) -> Any:
         """Return (n,) the drift (v, −c v)."""
