@@ -26,16 +26,16 @@ the end of the hold, g what it grew by since the last sample. ṁ stands in the 
 own growth m̈. The tracking error's part decays where the model is right, and is bounded by `cap`, so
 that one sample can take at most that much away.
 
-Any model ẋ = f(x) + g(x)u and any h(x) reserve the same. Let p be the position in x, a = ∇h with a_p
-not shorter than 1 where h reads p, e_v the difference of ṗ between body and model under one input,
-and V = (∂f/∂x) P (∂f/∂x)ᵀ the covariance of the drift, which is P_vv of a double integrator. Then
+Any model ẋ = f(x) + g(x)u and any h(x) reserve the same. Let p be the position in x, a = ∇h with
+‖a_p‖ ≥ 1 where h reads p, e_v the difference of ṗ between body and model under one input, and
+V = (∂f/∂x) P (∂f/∂x)ᵀ the covariance of the drift, which is P_vv of a double integrator. Then
 
 .. math::
-    m = ‖a_p‖ (d + ρ) + ‖a_p‖ \min(\mathrm{cap}, \dots) + \max(0, a·(x - x_b)) + κ σ(a, P),
+    m = ‖a_p‖ (d + ρ) + \min(‖a_p‖\,\mathrm{cap}, \dots) + \max(0, a·(x - x_b)) + κ σ(a, P),
     \qquad \dot m = κ σ(a, V),
 
-with σ(a, C) = √(aᵀ C a) beside a wall and ‖a_p‖ √λ(C_pp) + Σ_i |a_i| √C_ii, i beyond p, where a
-turns. Where g is not the same everywhere (a heading that is not known), a hold adds T κ Σ_j σ(a, W_j)
+with σ(a, C) = √(aᵀ C a) beside a wall, and ‖a_p‖ √λ(C_pp) + √(a_rᵀ C_rr a_r) elsewhere, r the rest
+of x. Where g is not the same everywhere (a heading that is not known), a hold adds T κ Σ σ(a, W_j)
 to m, W_j the covariance of g_j(x) u_j for the largest u_j. An h that is not convex adds what it may
 lose in second order.
 """
@@ -398,17 +398,13 @@ def _deviation(
         steep: ‖a_p‖.
         straight: whether a is the same everywhere.
     """
-    k = c.shape[0]
-    if straight:
-        variance = steep * steep * growth
-        for j in range(k):
-            for q in range(k):
-                variance += gradient[j] * c[j, q] * gradient[q]
-        return np.sqrt(max(0.0, variance))
-    deviation = steep * np.sqrt(worst(c, placed) + growth)
-    for j in range(placed, k):
-        deviation += abs(gradient[j]) * np.sqrt(c[j, j])
-    return deviation
+    first = 0 if straight else placed
+    variance = steep * steep * growth if straight else 0.0
+    for j in range(first, c.shape[0]):
+        for q in range(first, c.shape[0]):
+            variance += gradient[j] * c[j, q] * gradient[q]
+    deviation = np.sqrt(max(0.0, variance))
+    return deviation if straight else deviation + steep * np.sqrt(worst(c, placed) + growth)
 
 
 @kernel(error_model="numpy")

@@ -1,25 +1,78 @@
-"""What is not known of N plants of any model, and how h changes with it, for `margins.of_models`."""
+"""What is not known of N plants of any model, and what rows of any h reserve for it."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.barriers import margins
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.margins import Several
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 Entry = tuple[int, int, Barrier]
 """Scene, place and barrier of one that is no built-in shape."""
 
 
+class Reserve:
+    """What the rows of N plants of one model reserve.
+
+    Args:
+        model: ẋ = f(x) + g(x)u.
+        input_set: U.
+        uncertainty: what the rows reserve, `fixed` included in its distance.
+        fixed: the part of it that is in the unit of h: against dips, or given by hand.
+        period: T [s]; None where it is not known.
+    """
+
+    def __init__(
+        self,
+        model: ReducedOrderModel,
+        input_set: InputSet,
+        uncertainty: Uncertainty,
+        fixed: float,
+        period: float | None,
+    ) -> None:
+        self.fixed = fixed
+        self.settings = uncertainty._replace(distance=max(0.0, uncertainty.distance - fixed))
+        self.is_steep = self.settings.distance + self.settings.body > 0.0
+        self._model, self._input_set, self._period = model, input_set, period or 0.0
+
+    def know(self, *state: Array) -> Several:
+        """Return what is not known of N plants; see `several`."""
+        return several(self._model, self._input_set, self.settings.confidence, state)
+
+    def write(
+        self,
+        scene: tuple[Integers, Array],
+        least: Array,
+        entries: Sequence[Entry],
+        known: Several,
+        out: Array,
+    ) -> None:
+        """Write what the rows reserve.
+
+        Args:
+            scene: kind (N, m) and parameters (N, m, WIDTH).
+            least: (N, m) what a row reserves by itself.
+            entries: those that are no built-in shapes; none where nothing of them is reserved.
+            known: of the plants.
+            out: (N, m, 6) see `margins.of_models`.
+        """
+        confidence, shape = self.settings.confidence, out.shape[:2]
+        gradient, bend = slopes(entries, known, confidence, (shape[0], shape[1]))
+        rows = margins.Rows(*scene, least, gradient, bend, self._model.n_p)
+        margins.of_models(self.settings, rows, known, self._period, out)
+
+
 def several(
     model: ReducedOrderModel,
     input_set: InputSet,
     confidence: float,
-    state: tuple[Array, Array, Array, Array, Array],
+    state: Sequence[Array],
 ) -> Several:
     """Return what is not known of N plants; NaN where the model returns no numbers.
 

@@ -10,6 +10,7 @@ from hcbf_gym.arrays import Array, Records
 from hcbf_gym.barriers import axle_rows, braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.unknown import Reserve
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -106,6 +107,14 @@ class Configured:
         self._parts = plants.parts_of(self.count, threads)
         self._programs = self._of_parts()
         self._threads = Threads(len(self._parts))
+
+    @cached_property
+    def reserve(self) -> Reserve:
+        """What rows reserve whose h is no built-in shape of the planar double integrator."""
+        declared = self.plant.uncertainty.distance if self.settings.margin is None else 0.0
+        kept, period = self.uncertainty, self.plant.period
+        fixed = kept.distance - declared
+        return Reserve(self.plant.model, self.input_set, kept, fixed, period)
 
     @property
     def cell(self) -> float:

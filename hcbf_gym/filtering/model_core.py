@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import margins, unknown
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
@@ -56,7 +55,7 @@ class ModelCore(FilterCore):
         self._coasts = type(model).brake is not ReducedOrderModel.brake
         self._prepared: Prepared | None = None
         self._said_concave = False
-        self._dip = float(self._constants["dip"][0])
+        self._reserved = False
         self._make_room(0)
         self._read_static()
 
@@ -120,32 +119,23 @@ class ModelCore(FilterCore):
                 )
 
     def _reserve(self, prepared: Prepared) -> None:
-        """Write what rows reserve: again where a sample said more than x, or h is another's own."""
-        taken, own = self._samples, self._own
-        declares = self.uncertainty.distance - self._dip + self.uncertainty.body > 0.0
-        if self._reserved and not taken.told and not (declares and prepared.entries):
+        """Write what rows reserve: again where a sample said more than x, or ∇h may turn."""
+        taken, reserve = self._samples, self.reserve
+        changes = taken.told or (reserve.is_steep and bool(prepared.entries))
+        if self._reserved and not changes:
             return
-        self._reserved = not taken.told
-        plants, states, told = taken.plants, taken.states, self._buffer.plants
-        settings = self.uncertainty._replace(distance=self.uncertainty.distance - self._dip)
-        state = states.x, taken.time, states.model, states.lag, states.covariance
-        if not taken.told:
-            state = (*state[:2], states.x, *state[3:])
-        known = unknown.several(self.plant.model, self.input_set, settings.confidence, state)
+        self._reserved = not changes
+        states = taken.states
+        own = states.model if taken.told else states.x
+        known = reserve.know(states.x, taken.time, own, states.lag, states.covariance)
         if taken.told:
-            belief.grow_all(plants, told, known.drift, self.plant.model.n_p)
-        known = known._replace(growth=plants["growth"].copy())
-        gradient, bend = np.zeros((*own.shape[:2], self.plant.model.n)), np.zeros(own.shape[:2])
-        if taken.told or declares:
-            entries = prepared.entries
-            gradient, bend = unknown.slopes(entries, known, settings.confidence, own.shape[:2])
-        rows = margins.Rows(
-            prepared.scene.kind, prepared.scene.parameters, prepared.margins(self._dip),
-            gradient, bend, self.plant.model.n_p,
-        )  # fmt: skip
-        period = self.plant.period or 0.0
-        margins.of_models(settings, rows, known, period, own[..., MARGIN : FAST + 1])
-        own[..., PLACED] = prepared.share > 0.0
+            belief.grow_all(taken.plants, self._buffer.plants, known.drift, self.plant.model.n_p)
+            known = known._replace(growth=taken.plants["growth"].copy())
+        out, scene = self._own[..., MARGIN : FAST + 1], prepared.scene
+        entries = prepared.entries if changes else ()
+        least = prepared.margins(reserve.fixed)
+        reserve.write((scene.kind, scene.parameters), least, entries, known, out)
+        self._own[..., PLACED] = prepared.share > 0.0
 
     def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Look at a scene that is news, and return its barriers and how inputs reach them."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import braking, margins
+from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
-from hcbf_gym.barriers.general_kernels import MARGIN, PLACED, WIDTH
+from hcbf_gym.barriers.general_kernels import FAST, LEANING, MARGIN, PLACED, WIDTH
 from hcbf_gym.barriers.own_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.row_kernels import B
@@ -149,17 +149,22 @@ class PlanarCore(FilterCore):
         plants, out = self._samples.plants, self._own_rows
         for i in range(self.count):
             self._buffer.plants["reason"][i] = belief.believe(plants[i])
-        names = "x", "time", "model", "lag", "covariance", "growth"
-        state = [plants[name] for name in names]
+        names = "x", "time", "model", "lag", "covariance"
         reach = 0.0 if self.plant.axle is None else self.plant.axle.look_ahead
-        reserved = scene.reserved(self.uncertainty, *state, period=self.plant.period or 0.0)
-        out[..., MARGIN] = reserved[margins.MARGIN]
+        reserve, told = self.reserve, self._samples.told
+        known = reserve.know(*(plants[name].copy() for name in names))
+        known = known._replace(growth=plants["growth"].copy())
+        entries = [(i, k, barrier) for (i, k), barrier in scene.own.items()]
+        least = scene.own_margin + reserve.fixed
+        reserve.write(
+            (scene.kind, scene.parameters), least, entries if told or reserve.is_steep else (),
+            known, out[..., MARGIN : FAST + 1],
+        )  # fmt: skip
         x, time = plants["x"], plants["time"]
         for (i, k), barrier in scene.own.items():
             if barrier.reads_position:  # which binds the point before an axle
-                reserved[margins.MARGIN, i, k] += reach
                 out[i, k, MARGIN] += reach
-            of_row = reserved[: margins.LEANING, i, k].tolist()
+            of_row = out[i, k, MARGIN:LEANING].tolist()
             try:
                 with np.errstate(all="ignore"):
                     state = x[i], float(time[i])

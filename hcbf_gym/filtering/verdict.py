@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask, Record
+from hcbf_gym.arrays import Array, Mask, Record
 from hcbf_gym.barriers import class_k, layout
 from hcbf_gym.barriers.margins import SHORT, is_fast
 from hcbf_gym.barriers.shape import TINY

@@ -17,9 +17,9 @@ ROBOTS = {
     "holonomic": Robot(Command(0.8, 1.5, sideways=0.8), LATE, reach=0.2),
 }
 LIMIT, PERIOD = 0.4, 0.1
-CELLS = np.ones((20, 200), dtype=bool)
+CELLS = np.ones((200, 200), dtype=bool)
 ZONE = RankedMap(
-    Grid(0.1, (-5.0, -1.0, 0.0), CELLS.shape), (MapClass("slow", 1, "speed", CELLS, limit=LIMIT),)
+    Grid(0.1, (-10.0, -10.0, 0.0), CELLS.shape), (MapClass("slow", 1, "speed", CELLS, limit=LIMIT),)
 )
 
 
@@ -31,15 +31,16 @@ def zone(safe):
     safe.barriers = [ZONE]
 
 
+@pytest.mark.parametrize("turning", [0.0, 0.1, -0.8], ids=["straight", "turns", "turns fast"])
 @pytest.mark.parametrize("anew", [False, True], ids=["goes on", "reset"])
 @pytest.mark.parametrize("limits", [cap, zone])
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.filterwarnings("ignore:safety filter", "ignore:v_max")
-def test_no_step_above_a_strict_limit_is_called_calm(name, limits, anew):
+def test_no_step_above_a_strict_limit_is_called_calm(name, limits, anew, turning):
     safe, robot = VelocityFilter(ROBOTS[name], [], period=PERIOD), ROBOTS[name]
     driven = Lagged((0.0, 0.0, 0.0), 0.3, 0.1)
     asked = np.zeros(len(robot.command.limits))
-    asked[0], above, below = 0.8, 0, 0
+    asked[0], asked[-1], above, below = 0.8, turning, 0, 0
     for k in range(80):
         if k == 30:
             assert driven.velocity[0] > 0.7
