@@ -35,10 +35,6 @@ class Atlas:
         """Return whether there is any map."""
         return bool(self.held)
 
-    def forget(self, place: Place) -> None:
-        """Let go of what stands at (scene, place)."""
-        self.held.pop(place, None)
-
     def hold(self, place: Place, barrier: Mapped, parameters: Array) -> None:
         """Put a class of a map at (scene, place).
 

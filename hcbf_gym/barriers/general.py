@@ -213,6 +213,7 @@ class GeneralRows:
             for i in range(len(x)):
                 one = slice(i, i + 1)
                 part = self.prepared([prepared.scenes[i]])
+                part.scene.parameters[:] = prepared.scene.parameters[one]
                 self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one])
 
     def _write(

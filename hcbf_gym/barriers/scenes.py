@@ -41,13 +41,16 @@ def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) ->
         raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
     if any(isinstance(entry, Barrier | Shapes | Several) for entry in barriers) or not barriers:
         one = BarrierSet([tuple(barriers)], before if count == 1 else None)
+        one.is_kept = True
         return one if count == 1 else one.repeated(count)
     if len(barriers) != count or not all(_is_list(scene) for scene in barriers):
         raise InvalidInputError(
             f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
             f"barriers for all plants, or {count} lists, one for each"
         )
-    return BarrierSet([tuple(scene) for scene in barriers], before)
+    scenes = BarrierSet([tuple(scene) for scene in barriers], before)
+    scenes.is_kept = True
+    return scenes
 
 
 def scenes_of_arrays(
@@ -93,6 +96,7 @@ def scenes_of_arrays(
     scenes.priority = levels.astype(np.int64)
     scenes.keeps_margin = ((scenes.kind != layout.SPEED_LIMIT) & (levels == 1)).astype(np.float64)
     scenes.own_margin = np.zeros((count, m))
+    scenes.is_kept = True
     return scenes
 
 

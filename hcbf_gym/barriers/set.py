@@ -2,6 +2,7 @@
 
 import operator
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.margins import Known
 from hcbf_gym.barriers.own_rows import write_own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
-from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit, check_leaves_speed
 from hcbf_gym.errors import InvalidInputError
@@ -28,7 +28,8 @@ _Read = list[tuple[Several, tuple[Barrier, ...]]]
 """Entries of a scene that stand for several barriers, and those for which they stood."""
 
 _ARRAYS = ("kind", "parameters", "priority", "keeps_margin", "own_margin")
-_BUILT_IN = (*SHAPES, SpeedLimit)  # a user's own class may derive from one and change it
+_SHAPES = set(SHAPES)
+_BUILT_IN = {*SHAPES, SpeedLimit}  # a user's own class may derive from one and change it
 
 
 class Condition(NamedTuple):
@@ -56,6 +57,8 @@ class BarrierSet:
     Args:
         scenes: N sequences of at most m barriers; `Shapes` and what is `Several` count as so many.
         before: a set that nobody sets any more, whose pieces of maps stay where they stand.
+        since: the plant's time at which shapes are where they are put [s]; None is the time at
+            which a filter first sees a scene.
 
     Raises:
         InvalidInputError: if an entry is no `Barrier`.
@@ -69,12 +72,20 @@ class BarrierSet:
         version: (N,) how often each scene was set: a filter sees by it what is news.
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
+        since: as given.
+        is_kept: whether only its filter has it, so that its arrays stay as they are.
         entries: N sequences, what the scenes were set from; () where that were arrays.
         listed: N sequences, those barriers one by one, as they were read.
         atlas: where the pieces of maps stand.
     """
 
-    def __init__(self, scenes: Sequence[Sequence[Entry]], before: "BarrierSet | None" = None):
+    def __init__(
+        self,
+        scenes: Sequence[Sequence[Entry]],
+        before: "BarrierSet | None" = None,
+        since: float | None = None,
+    ):
+        self.since, self.is_kept = since, False
         shape = (len(scenes), max(map(_length, scenes), default=0))
         self.kind = np.zeros(shape, dtype=np.int64)
         self.parameters = np.zeros((*shape, layout.WIDTH))
@@ -98,13 +109,17 @@ class BarrierSet:
             InvalidInputError: if there are more than m, or an entry is no `Barrier`.
         """
         entries: Any = tuple(scene)
-        read = [(one, tuple(one.conditions)) for one in entries if isinstance(one, Several)]
+        read = [
+            (one, tuple(one.conditions))
+            for one in entries
+            if type(one) not in _BUILT_IN and isinstance(one, Several)
+        ]
         barriers = entries
         if read:
             stands_for = {id(one): conditions for one, conditions in read}
             barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
-        count = sum(len(b) if isinstance(b, Shapes) else 1 for b in map(_checked, barriers))
-        m = self.kind.shape[1]
+        runs = [(cls, list(run)) for cls, run in groupby(barriers, type)]
+        count, m = sum(_count(cls, run) for cls, run in runs), self.kind.shape[1]
         if count > m:
             raise InvalidInputError(
                 f"barrier set: got a scene of {count} barriers, expected at most {m}"
@@ -115,35 +130,44 @@ class BarrierSet:
         self._read.pop(i, None)
         if read:
             self._read[i] = read
+        for places in (self.own, self.atlas.held):
+            for k in range(m) if places else ():
+                places.pop((i, k), None)
         for array in (self.parameters, self.priority, self.keeps_margin, self.own_margin):
             array[i, count:] = 0
         self.kind[i, count:] = layout.NONE
-        for place in range(count, m):
-            self.own.pop((i, place), None)
-            self.atlas.forget((i, place))
         k = 0
-        for barrier in barriers:
-            end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
-            self.priority[i, k:end] = barrier.priority
-            self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
-            self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
-            for place in range(k, end) if self.own else ():
-                self.own.pop((i, place), None)
-            for place in range(k, end) if self.atlas else ():
-                self.atlas.forget((i, place))
-            if isinstance(barrier, Shapes):
-                self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
-            elif isinstance(barrier, Shape | SpeedLimit) and type(barrier) in _BUILT_IN:
-                self.kind[i, k] = barrier.write(self.parameters[i, k])
-            elif isinstance(barrier, Mapped):
-                self.atlas.hold((i, k), barrier, self.parameters)
-                self.kind[i, k] = barrier.code
-                if barrier.reads_position:
-                    self.own_margin[i, k] = barrier.margin
-            else:
-                self.own[i, k] = barrier
-                self.kind[i, k] = layout.CUSTOM
-            k = end
+        for cls, run in runs:
+            if cls in _SHAPES:
+                end = k + len(run)
+                self.kind[i, k:end] = cls.compiled.code
+                self.parameters[i, k:end] = cls.blocks_of(run)
+                self.priority[i, k:end] = ranks = np.array([one.priority for one in run])
+                self.keeps_margin[i, k:end], self.own_margin[i, k:end] = ranks == 1, 0.0
+                k = end
+                continue
+            for barrier in run:
+                k = self._set_one(i, k, barrier)
+
+    def _set_one(self, i: int, k: int, barrier: Barrier | Shapes) -> int:
+        """Put a barrier that is no built-in shape at (scene, place); return the place behind it."""
+        end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
+        self.priority[i, k:end] = barrier.priority
+        self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
+        self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
+        if isinstance(barrier, Shapes):
+            self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
+        elif type(barrier) is SpeedLimit:
+            self.kind[i, k] = barrier.write(self.parameters[i, k])
+        elif isinstance(barrier, Mapped):
+            self.atlas.hold((i, k), barrier, self.parameters)
+            self.kind[i, k] = barrier.code
+            if barrier.reads_position:
+                self.own_margin[i, k] = barrier.margin
+        else:
+            self.own[i, k] = barrier
+            self.kind[i, k] = layout.CUSTOM
+        return end
 
     @property
     def may_change(self) -> bool:
@@ -234,7 +258,8 @@ class BarrierSet:
 
     def repeated(self, count: int) -> "BarrierSet":
         """Return `count` scenes like scene 0."""
-        chosen = BarrierSet([()] * count)
+        chosen = BarrierSet([()] * count, since=self.since)
+        chosen.is_kept = self.is_kept
         for name in _ARRAYS:
             setattr(chosen, name, np.repeat(getattr(self, name)[:1], count, axis=0))
         everywhere = range(count)
@@ -248,7 +273,7 @@ class BarrierSet:
         """Return the masked scenes (N,), as a set of their own; this one where all are."""
         if mask.all():
             return self
-        chosen = BarrierSet([()] * int(mask.sum()))
+        chosen = BarrierSet([()] * int(mask.sum()), since=self.since)
         for name in (*_ARRAYS, "version"):
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
@@ -425,7 +450,21 @@ def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
         InvalidInputError: if an entry is no barrier.
     """
     for entry in scene:
-        yield from map(_checked, entry.conditions if isinstance(entry, Several) else (entry,))
+        if type(entry) in _BUILT_IN:
+            yield entry
+        else:
+            yield from map(_checked, entry.conditions if isinstance(entry, Several) else (entry,))
+
+
+def _count(cls: type, run: Sequence[Any]) -> int:
+    """Return how many barriers entries of one class are.
+
+    Raises:
+        InvalidInputError: if an entry is none.
+    """
+    if cls in _BUILT_IN:
+        return len(run)
+    return sum(len(b) if isinstance(b, Shapes) else 1 for b in map(_checked, run))
 
 
 def _checked(barrier: Any) -> Barrier | Shapes:
@@ -453,7 +492,7 @@ def _length(scene: Sequence[Entry]) -> int:
     Raises:
         InvalidInputError: if an entry is none.
     """
-    return sum(len(entry) if isinstance(entry, Shapes) else 1 for entry in each(scene))
+    return sum(_count(cls, list(run)) for cls, run in groupby(each(scene), type))
 
 
 def _seen(jet: Jet) -> Array:

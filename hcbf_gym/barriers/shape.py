@@ -7,7 +7,7 @@ nothing is allocated per state.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from types import ModuleType
@@ -131,9 +131,17 @@ class Shape(PlanarBarrier):
         return blocks
 
     @classmethod
+    def blocks_of(cls, shapes: Sequence[Self]) -> Array:
+        """Return (k, WIDTH) the blocks of k shapes of this class."""
+        blocks = np.zeros((len(shapes), layout.WIDTH))
+        for shape, block in zip(shapes, blocks, strict=True):
+            shape.write(block)
+        return blocks
+
+    @classmethod
     @abstractmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the shapes of blocks (k, WIDTH) by a step (2,) [m]."""
+        """Move the shapes of blocks (k, WIDTH) by a step (2,), or by (k, 2) one each [m]."""
 
     @abstractmethod
     def outline(self) -> Outline:
@@ -213,8 +221,22 @@ def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
     """
     for name in names:
         values = getattr(barrier, name)
-        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
-        object.__setattr__(barrier, name, tuple(pair.tolist()))
+        if type(values) is np.ndarray and values.dtype == np.float64:
+            values = tuple(values.tolist())
+        if not _is_plain(values, largest):  # `finite_array` takes most of a constructor's time
+            pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
+            values = tuple(pair.tolist())
+        object.__setattr__(barrier, name, values)
+
+
+def _is_plain(values: Any, largest: float) -> bool:
+    """Return whether a value is a tuple of two floats of that size; False says nothing."""
+    if type(values) is not tuple or len(values) != 2:
+        return False
+    x, y = values
+    if type(x) is not float or type(y) is not float:
+        return False
+    return -largest <= x <= largest and -largest <= y <= largest
 
 
 def set_positive(barrier: Barrier, name: str) -> None:
@@ -223,9 +245,12 @@ def set_positive(barrier: Barrier, name: str) -> None:
     Raises:
         InvalidInputError: if it is none.
     """
+    value = getattr(barrier, name)
+    if type(value) is float and 0.0 < value <= FARTHEST:
+        return
     number = finite_float(
         f"{barrier.name}: {name}",
-        getattr(barrier, name),
+        value,
         minimum=0.0,
         maximum=FARTHEST,
         exclusive=True,

@@ -15,6 +15,10 @@ class ReasonWarnings:
         self._brakes = brakes_on_alarm
         self._said: set[int] = set()
 
+    def forget(self, reason: int) -> None:
+        """Let a reason be warned of again."""
+        self._said.discard(int(reason))
+
     def warn(self, reason: int, count: int = 1) -> None:
         """Warn of a `Reason` that was not warned of yet.
 
@@ -25,12 +29,9 @@ class ReasonWarnings:
         if reason in self._said or reason == Reason.NONE:
             return
         self._said.add(int(reason))
-        if reason < FIRST_ALARM:
-            what = "the filter brakes until that ends"
-        elif self._brakes:
-            what = "the filter brakes until the next reset"
-        else:
-            what = "the filter goes on, and promises nothing until the next reset"
+        until = "until the next reset" if Reason(reason).lasts else "until that ends"
+        brakes = reason < FIRST_ALARM or self._brakes
+        does = "brakes" if brakes else "goes on, and promises nothing"
         many = "" if count == 1 else f" of {count} plants"
-        message = f"safety filter{many}: {Reason(reason).says}; {what}"
+        message = f"safety filter{many}: {Reason(reason).says}; the filter {does} {until}"
         warn_caller(message, SafetyWarning)

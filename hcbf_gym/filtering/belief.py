@@ -20,7 +20,7 @@ from hcbf_gym.models.reduced_order import double_integrator_step
 _FLOAT = np.dtype(np.float64)
 _ROUNDING = 1e-6
 """Of a covariance: how far its correlations may be from those of one."""
-KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason >= FIRST_ALARM))
+KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
 """What an `Estimate.fault` may be."""
 STATE, CLOCK, ALARM = int(Reason.STATE), int(Reason.CLOCK), int(FIRST_ALARM)
 

@@ -7,6 +7,7 @@ step stands here and in what this file calls.
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +18,7 @@ from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
@@ -26,13 +28,14 @@ from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.configured import Configured
 from hcbf_gym.filtering.covering import Covering
+from hcbf_gym.filtering.nearness import Nearness
 from hcbf_gym.filtering.plants import Plants
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.filtering.verdict import COMPARED, NEWS
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 
 SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
@@ -66,8 +69,10 @@ class FilterCore(Configured, ABC):
         self._buffer = ReportBuffer(batch, input_set.n_u)
         self._buffer.plants["alpha1_scale"] = self.alpha1_scale
         self._m = -1  # there was no scene yet
-        self._scene = BarrierSet([()] * self.count)
+        self._scene = BarrierSet([()] * self.count)  # as of time 0 of the plants' clocks
+        self._given = self._scene  # as it was returned or set
         self._version, self._edits = self._scene.version.copy(), -1
+        self._placing, self._nearness = Placing(self.count), Nearness(self.count)
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
@@ -84,31 +89,49 @@ class FilterCore(Configured, ABC):
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
-        self._samples.forget(mask)
+        self.join(mask)
+        self._placing.forget(mask)
         self._steps[mask] = 0.0
+        self._warnings.forget(Reason.MOVES)
+
+    def join(self, mask: Mask) -> None:
+        """Forget the states of the masked plants (N,), whose episodes and clocks go on."""
+        self._samples.forget(mask)
+        self._nearness.forget(mask)
+        self._placing.go_back(mask)
         self._fresh |= mask
+
+    def go_on_from(self, other: "FilterCore") -> None:
+        """Let shapes count from when they do in another filter of the same plants."""
+        self._placing = copy(other._placing)
+        self._placing.is_due = True
 
     def look_again(self) -> None:
         """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
         self._fresh[:] = True
 
-    def shift_clock(self, seconds: float) -> None:
-        """Count time from so many seconds later on than before."""
-        self._samples.plants["believed_at"] -= seconds
-
     def cover(self, said: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(said, self._fresh)
 
-    def begin(self, barriers: object, estimate: Estimate, goal: object, extent: object) -> Info:
+    def begin(
+        self,
+        barriers: object,
+        estimate: Estimate,
+        goal: object,
+        extent: object,
+        since: float | None = None,
+    ) -> Info:
         """Look at the first states of new episodes, and return what the infos of a reset say.
+
+        Args: as `step` takes them.
 
         Raises:
             InvalidInputError: if barriers ask for what cannot be, or leave an input to the policy
                 that moves them later.
         """
         self._renew()
-        self._take(barriers, estimate)
+        self._take(barriers, estimate, since)
         refusal = self._refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # where no input reaches them, or their code fails, they brake
@@ -118,7 +141,7 @@ class FilterCore(Configured, ABC):
         remembered, counted = self._remembered(), self._steps.copy()
         n_u = self.input_set.n_u
         nothing = np.zeros(n_u if self._alone else (self.count, n_u))
-        u, report = self.step(nothing, barriers, estimate)
+        u, report = self.step(nothing, barriers, estimate, since)
         self._restore(remembered)
         self._steps[:] = counted
         told = report["status"] >= FilterStatus.UNSAFE
@@ -128,11 +151,25 @@ class FilterCore(Configured, ABC):
             report[key] = np.zeros_like(report[key])[()]
         return report
 
-    def step(self, u_nominal: Array, barriers: object, estimate: Estimate) -> tuple[Array, Info]:
-        """Filter u* (n_u,) or (N, n_u), and return u with the report of it."""
+    def step(
+        self,
+        u_nominal: Array,
+        barriers: object,
+        estimate: Estimate,
+        since: float | None = None,
+    ) -> tuple[Array, Info]:
+        """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
+
+        Args:
+            u_nominal: u*.
+            barriers: as the plants' reader returns them.
+            estimate: of the plants.
+            since: the time from which shapes count that are others than before [s]; None is the
+                present.
+        """
         buffer = self._buffer
         self._renew()
-        self._take(barriers, estimate)
+        self._take(barriers, estimate, since)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
@@ -276,43 +313,58 @@ class FilterCore(Configured, ABC):
             return estimate.time
         return self._steps * (self.plant.period or 0.0)
 
-    def _take(self, barriers: object, estimate: Estimate) -> None:
+    def _take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
         """Note the states, and the barriers as they are now.
 
         What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
         Where barriers move, and neither the estimate nor the period tells the time, nor are they.
         """
-        samples = self._samples
+        samples, given = self._samples, self._given
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
-        scene = self._scene
-        if barriers is not scene or scene.edits != self._edits or scene.may_change:
-            self._take_barriers(barriers)
+        differs = barriers is not given or given.edits != self._edits or given.may_change
+        if differs or self._placing.is_due or self._placing.is_edited(given):
+            self._take_barriers(barriers, since)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.doubt(Reason.CLOCK)
+        if self._nearness.is_some:
+            self._note_moves()
 
-    def _take_barriers(self, barriers: object) -> None:
+    def _take_barriers(self, barriers: object, since: float | None) -> None:
         """Note barriers that may be others than the last ones."""
         try:
-            scene = self._read_barriers(barriers)
+            given = self._read_barriers(barriers)
         except Exception:  # whatever a user's own barriers raise, the robot has to stop
             self._listed, self._refused, self._refusal = None, True, None
             self._version, self._edits = np.full(self.count, -1), -1
         else:
-            self._note_news(scene)
+            self._note_news(given, since)
 
-    def _note_news(self, scene: BarrierSet) -> None:
-        """Take a scene for the present one; what is news in it is looked at."""
-        if scene is self._scene and scene.edits == self._edits:
+    def _note_news(self, given: BarrierSet, since: float | None = None) -> None:
+        """Take barriers for the present ones; what is news in them is looked at."""
+        in_place, placing = given is self._given, self._placing
+        news = given.version != self._version
+        if not in_place:
+            news = self._differs(given)
+        elif placing.is_edited(given):
+            news |= placing.edited(given).any(axis=1)
+        elif given.edits == self._edits and not placing.is_due:
             return
-        news = scene.version != self._version
-        if scene is not self._scene:
-            news = self._differs(scene)
-        plants = self._samples.plants
-        compared = scene is not self._scene and self._looks_back()
+        plants, before = self._samples.plants, self._scene
+        scene = placing.place(given, self._now(), since)
+        if scene is before and given.edits == self._edits:
+            return
+        if since is not None and scene.parameters.shape == before.parameters.shape:
+            news |= (scene.parameters != before.parameters).any(axis=(1, 2))
+        is_kept = scene is not before and not (in_place and given.atlas)
+        compared = is_kept and self._looks_back()
         plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
-        self._scene, self._version, self._edits = scene, scene.version.copy(), scene.edits
+        if news.any():
+            known = self._are_known()
+            self._nearness.compare(before, scene, self._samples.x, self._samples.time, known)
+        self._given, self._version, self._edits = given, given.version.copy(), given.edits
+        self._scene = scene
         self.covering.change(news & ~self._fresh)
         self.covering.tell(self._buffer.plants)
         self._refused, self._refusal = False, None
@@ -324,14 +376,34 @@ class FilterCore(Configured, ABC):
         except UNREADABLE as error:
             self._refused, self._refusal = True, error
 
-    def _differs(self, scene: BarrierSet) -> Mask:
+    def _differs(self, given: BarrierSet) -> Mask:
         """Return (N,) whose barriers are other objects than those of the present scenes."""
         if self._refused:
             return np.ones(self.count, dtype=np.bool_)
-        same = np.array(list(map(_same, scene.listed, self._scene.listed)))
-        known = [len(listed) > 0 for listed in scene.listed]  # those of arrays are not
-        empty = (scene.priority == 0).all(axis=1) & (self._scene.priority == 0).all(axis=1)
+        same = np.array(list(map(_same, given.listed, self._given.listed)))
+        known = [len(listed) > 0 for listed in given.listed]  # those of arrays are not
+        empty = (given.priority == 0).all(axis=1) & (self._given.priority == 0).all(axis=1)
         return ~(same & (known | empty))
+
+    def _now(self) -> Array:
+        """Return (N,) the times of the states [s]; those believed last where they are none."""
+        now, last = self._samples.time, self._samples.plants["believed_at"]
+        return np.where(np.isfinite(now), now, last)
+
+    def _are_known(self) -> Mask:
+        """Return (N,) of which plants the state is one, in an episode that has begun before."""
+        fault, x = self._samples.plants["fault"], self._samples.x
+        sound = (fault == 0) | (fault >= FIRST_ALARM)
+        return sound & np.isfinite(x).all(axis=1) & ~self._fresh
+
+    def _note_moves(self) -> None:
+        """Note at which plants a region moves undeclared."""
+        samples = self._samples
+        plants, covariance = samples.plants, samples.states.covariance
+        variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.told else 0.0
+        error = self.uncertainty.distance + self.uncertainty.confidence * np.sqrt(variance)
+        error = np.broadcast_to(error, self.count)
+        plants["moves"] = self._nearness.moves(plants["elapsed"], error).any(axis=1)
 
     def _looks_back(self) -> bool:
         """Write what strict conditions lack of the scene until now; return whether that is known.
@@ -350,8 +422,8 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
-        if _same(barriers, self._listed) and self._scene.is_as_read():
-            return self._scene
+        if _same(barriers, self._listed) and self._given.is_as_read():
+            return self._given
         if isinstance(barriers, BarrierSet):
             barriers.read_again()
         scene = self._scenes_of(barriers)
@@ -367,7 +439,7 @@ class FilterCore(Configured, ABC):
             InvalidInputError: if they are none.
         """
         listed = self._listed is not None  # and so the set was made here
-        return scenes_of(barriers, self.count, self._scene if listed else None)
+        return scenes_of(barriers, self.count, self._given if listed else None)
 
     def _read_static(self) -> None:
         """Take barriers that never change, and refuse what cannot be.

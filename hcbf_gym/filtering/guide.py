@@ -66,7 +66,7 @@ class Guide:
     def begin(
         self,
         scenes: BarrierSet,
-        x: Array,
+        samples: Samples,
         clearance: float,
         world: tuple[Any, Any],
         mask: Mask,
@@ -75,7 +75,7 @@ class Guide:
 
         Args:
             scenes: of all plants.
-            x: (N, 4) their states.
+            samples: of them.
             clearance: what strict edges keep [m].
             world: the goal and the extent, as the plant gives them [m].
             mask: (N,) which scenes begin.
@@ -83,9 +83,12 @@ class Guide:
         if isinstance(self._guidance, Local):
             self._guidance.reset(scenes, mask=mask)
         elif self._guidance is not None:
-            start = np.where(np.isfinite(x[:, :2]), x[:, :2], 0.0)
+            place = samples.x[:, :2]
+            start, time = (np.where(np.isfinite(a), a, 0.0) for a in (place, samples.time))
             goal, extent = world
-            self._guidance.reset(scenes, goal, extent, clearance, start=start, mask=mask)
+            self._guidance.reset(
+                scenes, goal, extent, clearance, start=start, mask=mask, time=time
+            )
 
     def lead(self, scenes: BarrierSet, samples: Samples, u_nominal: Array) -> None:
         """Write where guidance leads the plants now into their records."""

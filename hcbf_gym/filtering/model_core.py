@@ -148,6 +148,8 @@ class ModelCore(FilterCore):
             own = [one for one in first if isinstance(one, Function)]
             warn_of_concave(own, self.plant.model)
         prepared = self._rows_of.prepare(scenes)
+        shape = scene.is_region  # as of time 0
+        prepared.scene.parameters[shape] = scene.parameters[shape]
         reaches = [reach for one in prepared.reaches for reach in one]
         period = self.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):

@@ -107,7 +107,7 @@ class PlanarCore(FilterCore):
         """Look at the scenes that begin."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)
         world = goal, extent
-        self._guide.begin(self._scene, self._samples.x, self.clearance, world, self._fresh)
+        self._guide.begin(self._scene, self._samples, self.clearance, world, self._fresh)
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.

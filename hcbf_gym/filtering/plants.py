@@ -101,6 +101,7 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         ("known", "i8"),  # whether any was, since the reset
         *verdict.MEMORY,
         ("alarm", "i8"),  # a `Reason`, until the next reset
+        ("moves", "i8"),  # whether a region is nearer than its velocity explains
     ]
     return np.dtype((np.record, fields))
 

@@ -31,7 +31,7 @@ from hcbf_gym.filtering.plants import (
 from hcbf_gym.filtering.report import PLANT_WORDS, ROW
 from hcbf_gym.filtering.verdict import BACKUP
 from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models.plant import FIRST_ALARM, Reason
 from hcbf_gym.programs.planar.cascade import filter_range
 from hcbf_gym.programs.planar.polygon import nearest
 from hcbf_gym.programs.planar.records import Settings, own_of
@@ -44,7 +44,7 @@ TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
 BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.MOTION)
-RESPONSE = int(Reason.RESPONSE)
+RESPONSE, MOVES, ALARM = int(Reason.RESPONSE), int(Reason.MOVES), int(FIRST_ALARM)
 
 
 @kernel(nogil=True)
@@ -245,7 +245,7 @@ def close(
     for i in range(answered.size):
         plant, told = part.sensed[i], part.told[i]
         if not answered[i]:
-            if not _stops(told.reason, plant.alarm, c.brakes):
+            if not _stops(told.reason, c.brakes):
                 told.reason = SOLVER
                 _wish_to_stop(c, own_of(settings, i).vertices, plant, work.u[i])
             _apply(work, i)
@@ -357,11 +357,13 @@ def _ask(c: Record, settings: Settings, drives: Drives, p: Plants, w: Work, i: i
             exact = c.settles == 0.0 and drives is None
             watch(plant, c.radius, c.confidence, exact, c.observed)
         told.reason = plant.alarm
+        if told.reason == 0 and plant.moves != 0:
+            told.reason = MOVES
     else:
         plant.follows = 0
     told.model_error = np.sqrt(plant.error)
     told.reachable = 0.0
-    if _stops(told.reason, plant.alarm, c.brakes):
+    if _stops(told.reason, c.brakes):
         _wish_to_stop(c, own_of(settings, i).vertices, plant, w.u[i])
         _guide_nowhere(c, p, w, i)
         if drives is not None and c.by_level:
@@ -397,9 +399,9 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
 
 
 @kernel(inline="always")
-def _stops(reason: int, alarm: int, brakes: bool) -> bool:
-    """Return whether a plant is brought to rest: it is not known, or an alarm asks for that."""
-    return reason != 0 and (reason != alarm or brakes)
+def _stops(reason: int, brakes: bool) -> bool:
+    """Return whether a plant is brought to rest: it is not known, or braked on an alarm."""
+    return reason != 0 and (reason < ALARM or brakes)
 
 
 @kernel(inline="always")
@@ -453,8 +455,8 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     told = p.told[i]
     m = p.kind.shape[1]
     u = w.answer.u[i]
-    if _stops(told.reason, plant.alarm, c.brakes):
-        if told.reason != plant.alarm or told.reason == MOTION or told.reason == RESPONSE:
+    if _stops(told.reason, c.brakes):
+        if told.reason < ALARM or told.reason == MOTION or told.reason == RESPONSE:
             _apply(w, i)
         w.answer.status[i] = BACKUP
     furthest = change2 = asked2 = 0.0
@@ -470,7 +472,7 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     h, psi = w.rows[H, i, :m], w.rows[PSI, i, :m]
     told.proved = 0
     violated = False
-    believed = told.reason == 0 or told.reason == plant.alarm
+    believed = told.reason == 0 or told.reason >= ALARM
     if believed:
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
         of_rows = h, w.margin[0, i], w.margin[LEANING, i], psi

@@ -6,7 +6,7 @@ Its geometry (7,) says where the cells lie, see `guidance.field`.
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import kernels, shapes
+from hcbf_gym.barriers import kernels, layout, shapes
 from hcbf_gym.barriers.shapes import half_plane
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.grid import Grid
@@ -31,6 +31,7 @@ def scene_extent(
     priority: Integers,
     start: Array,
     goal: Array,
+    t: float,
     extent: Array,
 ) -> None:
     """Write ((x_min, y_min), (x_max, y_max)) around start, goal and the bounded regions.
@@ -43,6 +44,7 @@ def scene_extent(
         priority: (m,) 1 is strict.
         start: (2,) [m].
         goal: (2,) [m].
+        t: time [s].
         extent: (2, 2) to be written [m].
     """
     for axis in range(2):
@@ -51,6 +53,8 @@ def scene_extent(
     for k in range(kind.size):
         if kernels.is_region(kind[k]):
             low_x, low_y, high_x, high_y = shapes.bounds(kind[k], parameters[k])
+            dx, dy = parameters[k, layout.VELOCITY_X] * t, parameters[k, layout.VELOCITY_Y] * t
+            low_x, low_y, high_x, high_y = low_x + dx, low_y + dy, high_x + dx, high_y + dy
             extent[0, 0], extent[0, 1] = min(extent[0, 0], low_x), min(extent[0, 1], low_y)
             extent[1, 0], extent[1, 1] = max(extent[1, 0], high_x), max(extent[1, 1], high_y)
     for axis in range(2):

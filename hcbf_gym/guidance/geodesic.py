@@ -101,8 +101,9 @@ class Geodesic:
         *,
         start: ArrayLike = (0.0, 0.0),
         mask: Mask | None = None,
+        time: ArrayLike = 0.0,
     ) -> None:
-        """Compute the fields of scenes that begin, at time zero.
+        """Compute the fields of scenes that begin.
 
         Args:
             barriers: of N scenes; a sequence of barriers where N is 1.
@@ -113,6 +114,7 @@ class Geodesic:
                 or (N, m) for each.
             start: (2,) or (N, 2) [m], which the grid has to cover.
             mask: (N,) the scenes that begin; all unless given.
+            time: () or (N,) at which they do [s].
 
         Raises:
             InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
@@ -133,11 +135,12 @@ class Geodesic:
         goals = validation.points("goal", goal, count)
         starts = validation.points("start", start, count)
         grounds = self._grounds_of(chosen, scenes, clearance)
-        geometry = self._geometry(chosen, scenes, goals, starts, extent, grounds)
+        begun_at = np.array(np.broadcast_to(time, count), dtype=np.float64)
+        geometry = self._geometry(chosen, scenes, (goals, starts, begun_at), extent, grounds)
         self._clearances(scenes, clearance)  # fit
         validation.check_extent(chosen, goals, starts, geometry)
         validation.check_on_maps(chosen, grounds, goals)
-        validation.check_goal(chosen, scenes, goals)
+        validation.check_goal(chosen, scenes, goals, begun_at)
 
         self._set, self._grounds, self._asked = scenes, grounds, clearance
         self._held = dict(scenes.atlas.held)
@@ -146,9 +149,9 @@ class Geodesic:
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         planar = scenes.kind != layout.SPEED_LIMIT
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
-        self._next[chosen] = np.where(moves, self.period, np.inf)[chosen]
+        self._next[chosen] = np.where(moves, begun_at + self.period, np.inf)[chosen]
         self._moving = bool((self._next < np.inf).any())
-        t = np.where(moves, 0.5 * self.period, 0.0)
+        t = begun_at + np.where(moves, 0.5 * self.period, 0.0)
         self._solve(chosen, t)
         for n in np.flatnonzero(chosen).tolist():
             self._refuse(n, starts[n], float(t[n]))
@@ -240,19 +243,19 @@ class Geodesic:
         self,
         mask: Mask,
         scenes: BarrierSet,
-        goal: Array,
-        start: Array,
+        world: tuple[Array, Array, Array],
         extent: ArrayLike | None,
         grounds: Sequence[MapGround | None],
     ) -> Array:
-        """Return (N, 7) the grids, new where masked."""
+        """Return (N, 7) the grids, new where masked; the world is goals, starts and times."""
+        goal, start, time = world
         count = len(goal)
         corners = np.empty((count, 2, 2))
         if extent is None:
             for n in np.flatnonzero(mask).tolist():
                 extents.scene_extent(
                     scenes.kind[n], scenes.parameters[n], scenes.priority[n], start[n], goal[n],
-                    corners[n],
+                    time[n], corners[n],
                 )  # fmt: skip
         else:
             shape = (count, 2, 2) if as_array("extent", extent).ndim == 3 else (2, 2)

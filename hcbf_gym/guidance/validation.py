@@ -66,14 +66,14 @@ def check_on_maps(mask: Mask, grounds: Sequence[MapGround | None], goal: Array) 
             )
 
 
-def check_goal(mask: Mask, scenes: BarrierSet, goal: Array) -> None:
+def check_goal(mask: Mask, scenes: BarrierSet, goal: Array, time: Array) -> None:
     """Refuse goals that no field can serve.
 
     Raises:
         InvalidInputError: if one lies inside a strict region.
     """
     x = np.hstack([goal, np.zeros_like(goal)])
-    h = scenes.values(x, np.zeros(len(x)))
+    h = scenes.values(x, time)
     strict = (scenes.priority == 1) & (scenes.kind != layout.SPEED_LIMIT)
     inside = mask[:, None] & strict & (h < 0.0)
     if inside.any():

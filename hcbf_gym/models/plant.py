@@ -20,7 +20,8 @@ class Reason(IntEnum):
     """Why a filter brakes or has raised an alarm, and `says` in words; 0 where there is none.
 
     Below `FIRST_ALARM` the filter brakes for as long as the reason lasts. From there on they are
-    alarms, which last until the next reset: the plant is not the one that was declared.
+    alarms: the plant is not the one that was declared. They last until the next reset; MOVES, a
+    reason of the world, is decided at every step.
     """
 
     says: str
@@ -63,10 +64,21 @@ class Reason(IntEnum):
         "the robot does not do what it is told: expected it to follow as its response was "
         "measured, on the declared floor, and odometry of that robot that is up to date",
     )
+    MOVES = (
+        13,
+        "a region is nearer than its declared velocity explains: expected its velocity [m/s], such "
+        "as Disc(…, velocity=(vx, vy)), or the error of its position [m], "
+        "Plant(uncertainty=Uncertainty(distance=…))",
+    )
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it lasts until the next reset."""
+        return FIRST_ALARM <= self != Reason.MOVES
 
 
 FIRST_ALARM = Reason.INPUT
-"""From here on a `Reason` is an alarm and lasts until the next reset."""
+"""From here on a `Reason` is an alarm."""
 
 
 class Coverage(IntEnum):

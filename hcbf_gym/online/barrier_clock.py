@@ -1,4 +1,4 @@
-"""When barriers that move were where they are put: from then the filter's time counts."""
+"""The clock of a filter in a loop of the user's own: its time 0, and when barriers were seen."""
 
 import math
 
@@ -11,13 +11,14 @@ SEEN_FOR = 60.0
 
 
 class BarrierClock:
-    """Counts from when barriers were seen, or from the first present since the reset.
+    """Counts from the first present since the reset.
 
     Args:
         max_age: how far ahead of the present a stamp may be [s].
 
     Attributes:
-        seen_at: when the barriers were seen, on the robot's clock [s]; None for the first present.
+        seen_at: when the barriers were seen, on the robot's clock [s]; None for when a step first
+            reads them.
         is_sound: whether that can be a stamp of the robot's clock.
     """
 
@@ -29,38 +30,38 @@ class BarrierClock:
     def forget(self) -> None:
         """Let the next present be the first."""
         self._first = math.inf  # present since the reset [s]
-        self._zero: float | None = None  # from which time counts [s]
         self.is_sound = True
 
     def begin(self, present: float) -> None:
         """Begin anew at a present [s] that may be before the first."""
-        self._first, self._zero = min(self._first, present), None
+        self._first = min(self._first, present)
 
-    def look(self, present: float) -> float:
-        """Note a present [s], and return by how much later time counts from now on [s].
+    def go_on_from(self, other: "BarrierClock") -> None:
+        """Count from when another clock does."""
+        self._first = other._first
 
-        Warns of a stamp that is none of the robot's clock, once in a row.
-        """
+    def look(self, present: float) -> None:
+        """Note a present [s]; warn of a stamp that is none of the robot's clock, once in a row."""
         if not math.isfinite(present):
-            return 0.0
+            return
         if self._first == math.inf:
             self._first = present
-        zero = self._first if self.seen_at is None else self.seen_at
-        was_sound, ahead = self.is_sound, self._max_age + ROUNDING
-        self.is_sound = self.seen_at is None or -ahead <= present - zero <= SEEN_FOR
-        if not self.is_sound:
-            if was_sound:
-                warn_caller(
-                    f"velocity filter: seen_at: got {zero:.9g} s at {present:.9g} s, expected a "
-                    f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
-                    f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
-                    SafetyWarning,
-                )
-            return 0.0
-        later = 0.0 if self._zero is None else zero - self._zero
-        self._zero = zero
-        return later
+        was_sound, seen_at = self.is_sound, self.seen_at
+        ahead = self._max_age + ROUNDING
+        self.is_sound = seen_at is None or -ahead <= present - seen_at <= SEEN_FOR
+        if was_sound and not self.is_sound:
+            warn_caller(
+                f"velocity filter: seen_at: got {seen_at:.9g} s at {present:.9g} s, expected a "
+                f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
+                f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
+                SafetyWarning,
+            )
 
     def since(self, present: float) -> float:
         """Return the time at a present [s]."""
-        return present - (self._zero or 0.0)
+        return present - (0.0 if self._first == math.inf else self._first)
+
+    @property
+    def since_seen(self) -> float | None:
+        """The time at which the barriers were seen [s]; None for when a step first reads them."""
+        return None if self.seen_at is None else self.since(self.seen_at)

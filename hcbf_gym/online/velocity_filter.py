@@ -98,10 +98,10 @@ class VelocityFilter:
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
         barriers: the ranked conditions on the robot's position, in the frame of the pose, as far
-            from its origin as survey coordinates are. What moves is where it is put at the first
-            step since the reset, and functions of time count from then, whatever the clock;
-            `set_barriers` says another time. The attribute may be set anew at any time, as `goal`,
-            `v_max` and `program`.
+            from its origin as survey coordinates are. A shape that moves is where it is put at the
+            first step since it was set; `set_barriers` takes another time. Functions of time count
+            from the first step since the reset, whatever the clock. The attribute may be set anew
+            at any time, as `goal`, `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
         period: the longest regular time between two calls [s]; shorter ones do no harm. A command
             is good for that long.
@@ -217,10 +217,10 @@ class VelocityFilter:
 
         Args:
             barriers: as the class takes them.
-            seen_at: when what moves was where it is put, on the robot's clock [s]: from then on it
-                has moved on. Functions of time count from then. A stamp that is more than `max_age`
-                ahead of a step or a minute behind it is not believed, and the robot is told zero.
-                None is the first step since the reset, as for `barriers`.
+            seen_at: when all that moves was where it is put, on the robot's clock [s]: it has moved
+                on since. A stamp that is more than `max_age` ahead of a step or a minute behind it
+                is not valid, and the command is zero. None is the next step for new objects; those
+                that were set before move on.
             look: whether guidance takes them up in the next step, which may last longer then; False
                 lets it lead as before.
 
@@ -321,7 +321,7 @@ class VelocityFilter:
     def program(self, program: str) -> None:
         settings = self._settings._replace(program=program)
         core = self._core_of(settings)
-        core.restart(np.ones(1, dtype=np.bool_))
+        core.go_on_from(self._core)
         self._core, self._settings, self._begun = core, settings, False
 
     def _core_of(self, settings: FilterSettings) -> PlanarCore:
@@ -351,6 +351,7 @@ class VelocityFilter:
         self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._time: float | None = None  # of the last sample, while none is missing [s]
+        self._filtered: object = None  # the barriers of that step
         self._begun = self._is_framed = False
         self._follower.forget()
         self._odometry.forget()
@@ -371,6 +372,8 @@ class VelocityFilter:
         self._good_from, self._good_until = other._good_from, other._good_until
         self._time, self._last, self._leapt_from = other._time, other._last, other._leapt_from
         self._is_framed = other._is_framed
+        self._clock.go_on_from(other._clock)
+        self._core.go_on_from(other._core)
 
     def step(
         self,
@@ -421,7 +424,8 @@ class VelocityFilter:
             estimate = estimate._replace(elapsed=present - self._time)
         heading, velocity = seen.heading, estimate.x[2:]
         asked = follower.asked(wanted, heading, velocity)
-        u, report = self._core.step(asked, barriers, estimate)
+        u, report = self._core.step(asked, barriers, estimate, self._clock.since_seen)
+        self._filtered = barriers
         if report["status"] == FilterStatus.BACKUP:
             self._time, told = None, follower.stop()
         else:
@@ -437,9 +441,7 @@ class VelocityFilter:
     def _go_on(self, present: float) -> None:
         """Let the clocks go on to the present [s], and note where samples are missing."""
         self._look_back(present)
-        later = self._clock.look(present)
-        if later != 0.0:
-            self._core.shift_clock(later)
+        self._clock.look(present)
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
 
@@ -512,7 +514,8 @@ class VelocityFilter:
             InvalidInputError: if no filter can begin with them.
         """
         self._led_from, self._unseen = present, False
-        self._core.begin(barriers, estimate, self._from.goal(self._goal), None)
+        seen_at = self._clock.since_seen
+        self._core.begin(barriers, estimate, self._from.goal(self._goal), None, seen_at)
 
     def _look_back(self, present: float) -> None:
         """Begin anew where the last present was far ahead, and time goes on before it."""
@@ -520,7 +523,7 @@ class VelocityFilter:
         if math.isinf(self._leapt_from):
             leapt = self._last - present > LEAP
         if leapt:
-            self._core.restart(np.ones(1, dtype=np.bool_))
+            self._core.join(np.ones(1, dtype=np.bool_))
             self._odometry.compare_anew()
             self._follower.pause()
             self._begun, self._time = False, None
@@ -543,7 +546,7 @@ class VelocityFilter:
         """Note that samples are missing: what the robot did meanwhile is not known."""
         last = None if self._time is None else self._clock.since(self._time)
         old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
-        self._core.step(np.zeros(2), self._scene(), old)
+        self._core.step(np.zeros(2), self._filtered, old, self._clock.since_seen)
         self._follower.stop()
         self._time = None
 

@@ -10,7 +10,7 @@ from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers.layout import MAPPED
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.models.plant import FIRST_ALARM, Reason
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.play.settings import Settings
 from hcbf_gym.programs import FilterResult, FilterStatus
 from hcbf_gym.scenarios import Scenario
@@ -124,7 +124,7 @@ def sentence(
     if status == FilterStatus.UNSAFE.name:
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
-        lasts = "; a restart ends that" if reason >= FIRST_ALARM else ""
+        lasts = "; a restart ends that" if Reason(reason).lasts else ""
         return f"The filter brakes{lasts}: {Reason(reason).says.partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
         return f"No input satisfies rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."

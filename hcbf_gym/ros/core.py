@@ -364,7 +364,7 @@ class NodeCore:
         stamp = min(last.stamp, now.ros)  # by no more than the tolerance ahead
         told, report = self._filter.step(wanted, last.local, last.twist, stamp, now.ros, last.frame)
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
-        if reason >= FIRST_ALARM:
+        if reason.lasts:
             fault = Fault("robot", reason.says)
             self._alarm = now.steady + self.settings.alarm_pause, fault
             self._begin_anew()

@@ -102,13 +102,22 @@ class FilterBase:
             observation, info = copied(observation), copied(info)
         self._observation, self._info = observation, info
 
-    def _begin(self, mask: Mask) -> Info:
-        """Begin the masked episodes (N,), and return the report of their first states."""
-        self._core.restart(mask)
+    def _begin(self, mask: Mask, joins: bool = False) -> Info:
+        """Begin the masked episodes (N,), and return the report of their first states.
+
+        Args:
+            mask: which.
+            joins: whether the episodes run already; the clock goes on where the plant has one.
+        """
         plant, seen = self.plant, (self._inner, self._observation, self._info)
+        barriers, estimate = self._readers(*seen)
+        if joins and estimate.time is not None:
+            self._core.join(mask)
+        else:
+            self._core.restart(mask)
         self._core.cover(self._limits or read(plant.covered, *seen))
         goal, extent = read(plant.goal, *seen), read(plant.extent, *seen)
-        return self._core.begin(*self._readers(*seen), goal, extent)
+        return self._core.begin(barriers, estimate, goal, extent)
 
     def _filtered(self, action: Any) -> tuple[Any, Info]:
         """Return what the environment is told in the place of an action, and the report.

@@ -115,7 +115,7 @@ class SafetyFilter(
         """Start a new episode, and report on its first state."""
         self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
-        return self.join(observation, info)
+        return self._report_first(observation, info, joins=False)
 
     def join(self, observation: ObsType, info: Info) -> tuple[ObsType, Info]:
         """Begin to filter an episode that runs already, or whose scene has just changed.
@@ -124,8 +124,14 @@ class SafetyFilter(
             observation: the environment's last one.
             info: the environment's last one; it gets the filter's entry.
         """
+        return self._report_first(observation, info, joins=True)
+
+    def _report_first(
+        self, observation: ObsType, info: Info, *, joins: bool
+    ) -> tuple[ObsType, Info]:
+        """Begin to filter an episode, and write the report of its first state."""
         self._see(observation, info)
-        info["safety_filter"] = self._begin(np.ones(1, dtype=np.bool_))
+        info["safety_filter"] = self._begin(np.ones(1, dtype=np.bool_), joins)
         self._begun = True
         return observation, info
 

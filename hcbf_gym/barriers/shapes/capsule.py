@@ -134,7 +134,7 @@ class Capsule(Shape):
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the capsules of blocks (k, WIDTH) by a step (2,) [m]."""
+        """Move the capsules of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
         blocks[:, [START_X, START_Y]] += step
 
     def outline(self) -> Array:

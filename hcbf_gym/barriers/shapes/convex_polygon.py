@@ -179,9 +179,10 @@ class ConvexPolygon(Shape):
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the polygons of blocks (k, WIDTH), all of as many corners, by a step (2,) [m]."""
-        count = int(blocks[0, COUNT]) if len(blocks) else 0
-        blocks[:, FIRST : FIRST + 2 * count] += np.tile(step, count)
+        """Move the polygons of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
+        corners = np.arange(MAX_VERTICES) < blocks[:, COUNT, None]
+        steps = np.broadcast_to(step, (len(blocks), 2))[:, None] * corners[..., None]
+        blocks[:, FIRST : FIRST + 2 * MAX_VERTICES] += steps.reshape(len(blocks), -1)
 
     def outline(self) -> Array:
         """Return (k, 2) the corners."""

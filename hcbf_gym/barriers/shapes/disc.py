@@ -1,5 +1,6 @@
 """A disc."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import ClassVar, Self
@@ -104,8 +105,17 @@ class Disc(Shape):
         return blocks
 
     @classmethod
+    def blocks_of(cls, shapes: Sequence[Self]) -> Array:
+        """Return (k, WIDTH) the blocks of k discs."""
+        blocks = np.zeros((len(shapes), layout.WIDTH))
+        numbers = [(*one.velocity, *one.center, one.radius) for one in shapes]
+        columns = [layout.VELOCITY_X, layout.VELOCITY_Y, CENTER_X, CENTER_Y, RADIUS]
+        blocks[:, columns] = np.reshape(numbers, (-1, 5))
+        return blocks
+
+    @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the discs of blocks (k, WIDTH) by a step (2,) [m]."""
+        """Move the discs of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
         blocks[:, [CENTER_X, CENTER_Y]] += step
 
     def outline(self) -> Oval:

@@ -138,7 +138,7 @@ class Ellipse(Shape):
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the ellipses of blocks (k, WIDTH) by a step (2,) [m]."""
+        """Move the ellipses of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
         blocks[:, [CENTER_X, CENTER_Y]] += step
 
     def outline(self) -> Oval:

@@ -89,8 +89,8 @@ class HalfPlane(Shape):
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the walls of blocks (k, WIDTH) by a step (2,) [m]."""
-        blocks[:, OFFSET] += blocks[:, [NORMAL_X, NORMAL_Y]] @ step
+        """Move the walls of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
+        blocks[:, OFFSET] += (blocks[:, [NORMAL_X, NORMAL_Y]] * step).sum(axis=1)
 
     def outline(self) -> Wall:
         """Return the wall."""

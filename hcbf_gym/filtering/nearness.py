@@ -1,0 +1,233 @@
+r"""Whether a region is nearer than its declared velocity explains, by more than its margin.
+
+Where barriers are others than before, both are evaluated at the present state: with ĥ of a region
+as it was returned before, propagated with its velocity, and h as it is returned now, the step's
+undeclared approach is d = ĥ − h. What the robot did is in neither. The approach is counted as
+
+.. math::
+    g ← \min(\max(g + d − r T, 0), 2\, l), \qquad r = 0.02 + 0.1 ‖w‖, \qquad l = 2 n,
+
+d averaged over `SMOOTHS`, n the declared error of a position. Errors of at most n change the sum of
+all d by 2 n at most, so that a region at rest stays below l; so do normal errors of n/3. The step
+has the reason MOVES where g > l. r forgives what a velocity may be wrong by. g ends at 2 l, so that
+the reason ends within seconds after the region has come to rest.
+"""
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers import kernels, layout, shapes
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.many import Shapes
+from hcbf_gym.barriers.placing import Listed
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.compilation import kernel
+from hcbf_gym.errors import UNREADABLE
+
+SMOOTHS = 0.1
+"""Time constant over which undeclared approach is averaged [s]."""
+FORGIVEN, OF_SPEED = 0.02, 0.1
+"""Undeclared approach that is no motion [m/s], and as a share of the declared speed."""
+LEAST = 1e-3
+"""l where no error of a position is declared [m]."""
+BESIDE = 0.5
+"""A region without a name of its own was one of its kind that was so near to its place [m]."""
+_VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
+
+
+class Nearness:
+    """What of the approach of regions to N plants their velocities do not explain.
+
+    Args:
+        count: N.
+
+    Attributes:
+        is_some: whether there is any.
+    """
+
+    def __init__(self, count: int):
+        self._due: Array = np.zeros((count, 0))  # d that is not counted yet [m]
+        self._counted: Array = np.zeros((count, 0))  # g [m]
+        self._forgiven: Array = np.zeros((count, 0))  # r [m/s]
+        self.is_some = False
+
+    def forget(self, mask: Mask) -> None:
+        """Know nothing of the masked plants (N,)."""
+        self._due[mask] = self._counted[mask] = 0.0
+
+    def compare(
+        self, before: BarrierSet, now: BarrierSet, x: Array, t: Array, mask: Mask
+    ) -> None:
+        """Note which regions came nearer when barriers became others.
+
+        Args:
+            before: the scenes until now, as of time 0.
+            now: the scenes from now on, as of time 0.
+            x: (N, n) states, the position first.
+            t: (N,) [s].
+            mask: (N,) of which plants the state is known.
+        """
+        speed = np.linalg.norm(now.parameters[..., _VELOCITY], axis=2) * now.is_region
+        self._forgiven = FORGIVEN + OF_SPEED * speed
+        if not mask.any() or not before.kind.size or not now.kind.size:
+            self._due, self._counted = np.zeros((2, *now.kind.shape))
+            return
+        earlier, present = _heights(before, x, t), _heights(now, x, t)
+        source = _sources(before, now, earlier, t)
+        _write_own(before, now, source, (x, t), (earlier, present))
+        none = np.zeros((len(x), 1))
+        with np.errstate(invalid="ignore"):
+            nearer = np.take_along_axis(np.hstack([earlier, none]), source, axis=1) - present
+        is_known = mask[:, None] & (source >= 0) & np.isfinite(nearer)
+        self._due = np.take_along_axis(np.hstack([self._due, none]), source, axis=1)
+        self._counted = np.take_along_axis(np.hstack([self._counted, none]), source, axis=1)
+        self._due[is_known] += nearer[is_known]
+        self.is_some = bool(self._due.any() or self._counted.any())
+
+    def moves(self, elapsed: Array, error: Array) -> Mask:
+        """Let time pass, and return (N, m) which regions move undeclared.
+
+        Args:
+            elapsed: (N,) since the sample before [s]; 0 where that is not known.
+            error: (N,) n [m].
+        """
+        limit = np.maximum(2.0 * error, LEAST)[:, None]
+        with np.errstate(divide="ignore"):
+            share = np.where(elapsed > 0.0, -np.expm1(-elapsed / SMOOTHS), 1.0)[:, None]
+        counts = share * self._due
+        self._due -= counts
+        grown = self._counted + counts - self._forgiven * elapsed[:, None]
+        self._counted = np.clip(grown, 0.0, 2.0 * limit)
+        self.is_some = bool(self._counted.any() or (np.abs(self._due) > LEAST**2).any())
+        return self._counted > limit
+
+
+def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
+    """Return h (N, m) of built-in regions; infinity for all others."""
+    kind = np.where(scenes.is_region, scenes.kind, layout.CUSTOM)
+    placed, h = np.zeros((len(x), 4)), np.empty(kind.shape)
+    placed[:, :2] = x[:, :2]
+    kernels.values(kind, scenes.parameters, None, placed, t, h)
+    return h
+
+
+def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array) -> Integers:
+    """Return (N, m) which condition before was which now, −1 for none.
+
+    It is the one of the same name, where both lists have that name once; else, of all regions of
+    its kind that were `BESIDE` it, the nearest to the robot.
+    """
+    count, m = now.kind.shape
+    found = np.full((count, m), -1)
+    for i in range(count):
+        shared = i and all(one.listed[i] is one.listed[i - 1] for one in (before, now))
+        found[i] = found[i - 1] if shared else _named(before.listed[i], now.listed[i], m)
+    if (found < 0).any():
+        if before.kind.shape == now.kind.shape:  # what stayed as it was
+            same = (before.parameters == now.parameters).all(axis=2) & (before.kind == now.kind)
+            found = np.where((found < 0) & same, np.arange(m), found)
+        numbers = (before.kind, before.parameters), (now.kind, now.parameters)
+        _find_beside(*numbers, earlier, t, found)
+    return found
+
+
+def _named(before: Listed, now: Listed, m: int) -> Integers:
+    """Return (m,) the places before of the conditions of a scene, by their names; −1 for none."""
+    names, others = _names(before), _names(now)
+    if not names or not others:
+        return np.full(m, -1)
+    if names == others and len(set(names)) == m:
+        return np.arange(m)
+    how_often, of_others = Counter(names), Counter(others)
+    places = {name: k for k, name in enumerate(names) if how_often[name] == 1}
+    return np.array([places.get(name, -1) if of_others[name] == 1 else -1 for name in others])
+
+
+def _names(listed: Listed) -> list[str]:
+    """Return the names of the conditions of a scene; none of one that was set from arrays."""
+    names: list[str] = []
+    for one in listed:
+        if isinstance(one, Shapes):
+            names += [one.name] * len(one)
+        else:
+            names.append(one.name)
+    return names
+
+
+@kernel(error_model="numpy")
+def _find_beside(
+    before: tuple[Integers, Array],
+    now: tuple[Integers, Array],
+    earlier: Array,
+    t: Array,
+    found: Integers,
+) -> None:
+    """Write which regions before explain those without a name of their own.
+
+    Args:
+        before: kinds (N, k) and blocks (N, k, WIDTH).
+        now: kinds (N, m) and blocks (N, m, WIDTH).
+        earlier: (N, k) ĥ [m].
+        t: (N,) [s].
+        found: (N, m) −1 where one is missing, written to.
+    """
+    kind, blocks = before
+    others, others_blocks = now
+    for i in range(found.shape[0]):
+        taken = np.zeros(kind.shape[1], dtype=np.bool_)
+        for k in range(found.shape[1]):
+            if found[i, k] >= 0:
+                taken[found[i, k]] = True
+        places = np.empty((kind.shape[1], 2))
+        for j in range(kind.shape[1]):
+            places[j, 0], places[j, 1] = _place(kind[i, j], blocks[i, j], t[i])
+        for k in range(found.shape[1]):
+            if found[i, k] >= 0 or not kernels.is_region(others[i, k]):
+                continue
+            x, y = _place(others[i, k], others_blocks[i, k], t[i])
+            least = np.inf
+            for j in range(kind.shape[1]):
+                if taken[j] or kind[i, j] != others[i, k] or earlier[i, j] >= least:
+                    continue
+                if abs(places[j, 0] - x) <= BESIDE and abs(places[j, 1] - y) <= BESIDE:
+                    least, found[i, k] = earlier[i, j], j
+
+
+@kernel(error_model="numpy")
+def _place(kind: int, c: Array, t: float) -> tuple[float, float]:
+    """Return the middle of a region at time t [m]; 0 of one without end."""
+    low_x, low_y, high_x, high_y = shapes.bounds(kind, c)
+    x = 0.5 * (low_x + high_x) + c[layout.VELOCITY_X] * t
+    y = 0.5 * (low_y + high_y) + c[layout.VELOCITY_Y] * t
+    if not (np.isfinite(x) and np.isfinite(y)):
+        return 0.0, 0.0
+    return x, y
+
+
+def _write_own(
+    before: BarrierSet,
+    now: BarrierSet,
+    source: Integers,
+    at: tuple[Array, Array],
+    heights: tuple[Array, Array],
+) -> None:
+    """Write h of users' own barriers on the position that are others than before."""
+    (x, t), (earlier, present) = at, heights
+    for (i, k), one in now.own.items():
+        j = int(source[i, k])
+        was = before.own.get((i, j))
+        if was is None or was is one or not one.reads_position:
+            continue
+        earlier[i, j] = _height(was, x[i], float(t[i]))
+        present[i, k] = _height(one, x[i], float(t[i]))
+
+
+def _height(barrier: Barrier, x: Array, t: float) -> float:
+    """Return h of a user's own barrier; NaN where its code fails."""
+    try:
+        return float(barrier.h(x, t))
+    except UNREADABLE:
+        return math.nan
