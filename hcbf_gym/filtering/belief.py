@@ -22,6 +22,8 @@ _ROUNDING = 1e-6
 """Of a covariance: how far its correlations may be from those of one."""
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
 """What an `Estimate.fault` may be."""
+_SAME = 1e-9
+"""Of a covariance: by how much one that does not grow may differ from that before."""
 STATE, CLOCK, ALARM = int(Reason.STATE), int(Reason.CLOCK), int(FIRST_ALARM)
 
 
@@ -172,18 +174,20 @@ def grow_all(plants: Records, told: Records, drift: Array, n_p: int) -> None:
 def _grow(plant: Record, follows: int) -> None:
     """Note by how much the velocity's covariance grows in one period; a fix does not change that.
 
-    Of a sample that follows none all of it is taken, as nothing is known of how it grows.
+    Of a sample that follows none all of it is taken, as nothing is known of how it grows. One that
+    is the same as before does not grow.
     """
-    covariance = plant.covariance
+    covariance, vague = plant.covariance, plant.vague
     if follows == 0:
-        plant.vague[:] = 0.0
-    elif covariance[2, 2] + covariance[3, 3] + plant.vague[0] + plant.vague[2] == 0.0:
+        vague[:] = plant.growth = 0.0
+    xx, xy, yy = covariance[2, 2], covariance[2, 3], covariance[3, 3]
+    if xx + yy + vague[0] + vague[2] == 0.0:
         return  # the truth, as before
-    grown = margins.growth_of(covariance, plant.vague)
-    if grown > 0.0 or follows == 0:
+    changed = abs(xx - vague[0]) + abs(xy - vague[1]) + abs(yy - vague[2])
+    grown = margins.growth_of(covariance, vague)
+    if grown > 0.0 or changed <= _SAME * (xx + yy):
         plant.growth = grown
-    plant.vague[0], plant.vague[1] = covariance[2, 2], covariance[2, 3]
-    plant.vague[2] = covariance[3, 3]
+    vague[0], vague[1], vague[2] = xx, xy, yy
 
 
 @kernel(error_model="numpy")
