@@ -32,14 +32,12 @@ from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H, late
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.barriers.shape import Shape
-from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-BUILT_IN = (*SHAPES, SpeedLimit)
-"""What compiled code reads; a user's own class may derive from one and change it."""
+_BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their numbers are
 _NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
@@ -339,6 +337,10 @@ class GeneralRows:
             InvalidInputError: if none has appeared in the second derivative, or the barrier is a
                 speed limit and the model has no velocity.
         """
+        is_bounded = type(barrier) in _BOUNDED
+        key = type(barrier), b""
+        if is_bounded and key in self._reaches:
+            return self._reaches[key]
         if isinstance(barrier, Function):
             return self.functions.rows([[barrier]]).reaches[0]
         if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
@@ -350,7 +352,8 @@ class GeneralRows:
             jet = _checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
         except InvalidInputError as error:
             raise UnreachableError(str(error)) from error
-        key = type(barrier), (jet.gradient != 0.0).tobytes()
+        if not is_bounded:
+            key = type(barrier), (jet.gradient != 0.0).tobytes()
         if key not in self._reaches:
             self._reaches[key] = reach_by_jets(barrier, self.model)
         return self._reaches[key]
@@ -478,9 +481,17 @@ def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
     parameters = np.zeros((*kind.shape, layout.WIDTH))
     for i, scene in enumerate(scenes):
         kind[i, : len(scene)] = ELSEWHERE
-        for k, barrier in enumerate(scene):
-            if isinstance(barrier, Shape | SpeedLimit) and type(barrier) in BUILT_IN:
-                kind[i, k] = barrier.write(parameters[i, k])
-            elif not isinstance(barrier, Function):
-                kind[i, k] = layout.CUSTOM
+        k = 0
+        for cls, run in itertools.groupby(scene, type):
+            barriers = list(run)
+            end = k + len(barriers)
+            if cls in SHAPES:
+                kind[i, k:end] = cls.compiled.code
+                parameters[i, k:end] = cls.blocks_of(barriers)
+            elif cls is SpeedLimit:
+                for place, barrier in enumerate(barriers, k):
+                    kind[i, place] = barrier.write(parameters[i, place])
+            elif not issubclass(cls, Function):
+                kind[i, k:end] = layout.CUSTOM
+            k = end
     return kind, parameters

@@ -94,6 +94,15 @@ class Placing:
         self._begins[:] = self._went_back[:] = self.is_due = False
         return placed
 
+    def as_of_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
+        """Return the barriers of plant 0, which were placed last, as of time 0 of its clock."""
+        return [
+            _elsewhere(one, -since * one.frame_velocity)
+            if isinstance(one, PlanarBarrier) and since and one.frame_velocity.any()
+            else one
+            for one, since in zip(barriers, self._since[0].tolist(), strict=True)
+        ]
+
     def _starts(self, given: BarrierSet, now: Array) -> Array:
         """Return (N, m) the times from which the shapes count [s]."""
         if self._given is None or self._begins.all():
@@ -119,6 +128,8 @@ class Placing:
             if i and listed is given.listed[i - 1] and before is self._listed[i - 1]:
                 found[i] = found[i - 1]
                 continue
+            if set(map(id, before)).isdisjoint(map(id, listed)):
+                continue
             known = {id(one): place for one, place, _ in _places(before)}
             for one, place, end in _places(listed):
                 was = known.get(id(one))
@@ -140,6 +151,8 @@ class Placing:
             self._content = [getattr(given, name).copy() for name in _COMPARED]
         for cls in SHAPES if moved.any() else ():
             these = moved & (given.kind == cls.compiled.code)
+            if not these.any():
+                continue
             blocks = placed.parameters[these]
             cls.shift(blocks, steps[these])
             placed.parameters[these] = blocks
@@ -156,10 +169,15 @@ class Placing:
                 continue
             since = float(self._since[place])
             known = before.get(place)
-            there = known[2] if known and known[0] is one and known[1] == since else None
-            there = there or (PlanarBarrier.moved(one, -since * one.frame_velocity) if since else one)
-            self._there[place] = one, since, there
+            if known is None or known[0] is not one or known[1] != since:
+                known = one, since, _elsewhere(one, -since * one.frame_velocity) if since else one
+            self._there[place] = known
         return {place: there for place, (one, _, there) in self._there.items() if there is not one}
+
+
+def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:
+    """Return a shape elsewhere; a user's own kind of shape is looked at as it is."""
+    return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)
 
 
 def _places(listed: Listed) -> Iterator[tuple[Barrier | Shapes, int, int]]:

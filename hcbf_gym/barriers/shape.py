@@ -131,7 +131,7 @@ class Shape(PlanarBarrier):
         return blocks
 
     @classmethod
-    def blocks_of(cls, shapes: Sequence[Self]) -> Array:
+    def blocks_of(cls, shapes: Sequence[Any]) -> Array:
         """Return (k, WIDTH) the blocks of k shapes of this class."""
         blocks = np.zeros((len(shapes), layout.WIDTH))
         for shape, block in zip(shapes, blocks, strict=True):
@@ -221,22 +221,16 @@ def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
     """
     for name in names:
         values = getattr(barrier, name)
-        if type(values) is np.ndarray and values.dtype == np.float64:
+        if type(values) is np.ndarray and values.dtype == np.float64 and values.shape == (2,):
             values = tuple(values.tolist())
-        if not _is_plain(values, largest):  # `finite_array` takes most of a constructor's time
-            pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
-            values = tuple(pair.tolist())
-        object.__setattr__(barrier, name, values)
-
-
-def _is_plain(values: Any, largest: float) -> bool:
-    """Return whether a value is a tuple of two floats of that size; False says nothing."""
-    if type(values) is not tuple or len(values) != 2:
-        return False
-    x, y = values
-    if type(x) is not float or type(y) is not float:
-        return False
-    return -largest <= x <= largest and -largest <= y <= largest
+            object.__setattr__(barrier, name, values)
+        if type(values) is tuple and len(values) == 2:
+            x, y = values
+            is_plain = type(x) is float and type(y) is float
+            if is_plain and -largest <= x <= largest and -largest <= y <= largest:
+                continue  # `finite_array` takes most of a constructor's time
+        pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
+        object.__setattr__(barrier, name, tuple(pair.tolist()))
 
 
 def set_positive(barrier: Barrier, name: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Shapes
+from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.set import BarrierSet, Condition, each
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.episode import Sample
@@ -78,7 +79,7 @@ class Reading(NamedTuple):
     along: Strict
 
 
-def reading(plant: Plant, env: Any, sample: Sample, counted: float) -> Reading:
+def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Reading:
     """Return what a plant's readers say of a sample.
 
     Args:
@@ -86,6 +87,7 @@ def reading(plant: Plant, env: Any, sample: Sample, counted: float) -> Reading:
         env: unwrapped.
         sample: the newest.
         counted: the time where the plant tells none [s].
+        placing: since when shapes count in this episode.
     """
     observation, info = sample.observation, sample.info
     estimate = plant.state(env, observation, info)
@@ -93,12 +95,14 @@ def reading(plant: Plant, env: Any, sample: Sample, counted: float) -> Reading:
         estimate = Estimate(estimate)
     x = np.asarray(estimate.x, dtype=np.float64)
     time = counted if estimate.time is None else float(estimate.time)
-    barriers = read(plant.barriers, env, observation, info)
+    barriers: Any = read(plant.barriers, env, observation, info)
+    given = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
+    scene = placing.place(given, np.array([time]))
     along: Strict
     if isinstance(plant.model, DoubleIntegrator) and plant.model.n == 4:
-        scene = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
         conditions, reads, along = scene.conditions(), scene.keeps_margin[0] > 0.0, scene.along
     else:
+        barriers = placing.as_of_zero(list(barriers))
         conditions = [Condition(b.name, b.priority) for b in barriers]
         reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
         along = lambda x, t: np.array([  # noqa: E731

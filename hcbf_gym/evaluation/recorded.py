@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
@@ -150,8 +151,12 @@ def rollout(
     if own and plant is None:
         plant = _plant_of(env)
     observed: list[tuple[_Look, Sample]] = []
+    placing = Placing(1)
     for sample in _limited(env, policy, seed, steps):
-        look = _look_own(plant, env, sample, observed) if own and plant else _look(inner, sample)
+        if own and plant:
+            look = _look_own(plant, env, sample, observed, placing)
+        else:
+            look = _look(inner, sample)
         observed.append((look, sample))
     looks, infos = [look for look, _ in observed], [sample.info for _, sample in observed]
     taken = [sample for _, sample in observed[1:]]
@@ -230,9 +235,12 @@ def _look(inner: Any, sample: Sample) -> _Look:
     return _Look(inner.time, inner.rom_state, h, min_h, conditions)
 
 
-def _look_own(plant: Plant, env: gym.Env, sample: Sample, before: list[Any]) -> _Look:
+def _look_own(
+    plant: Plant, env: gym.Env, sample: Sample, before: list[Any], placing: Placing
+) -> _Look:
     """Return what the plant of a user's environment says."""
-    said = reading(plant, env.unwrapped, sample, len(before) * (plant.period or CONTROL_DT))
+    counted = len(before) * (plant.period or CONTROL_DT)
+    said = reading(plant, env.unwrapped, sample, counted, placing)
     if before and len(said.h) != len(before[0][0].h):
         raise InvalidInputError(
             f"rollout: got {len(said.h)} barriers after {len(before[0][0].h)}, expected their "

@@ -73,6 +73,7 @@ class FilterCore(Configured, ABC):
         self._given = self._scene  # as it was returned or set
         self._version, self._edits = self._scene.version.copy(), -1
         self._placing, self._nearness = Placing(self.count), Nearness(self.count)
+        self._moving = ""  # the name of a region that moves undeclared
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
@@ -295,7 +296,7 @@ class FilterCore(Configured, ABC):
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons, counts = np.unique(told["reason"], return_counts=True)
         for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
-            self._warnings.warn(reason, count)
+            self._warnings.warn(reason, count, self._moving)
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""
@@ -403,7 +404,11 @@ class FilterCore(Configured, ABC):
         variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.told else 0.0
         error = self.uncertainty.distance + self.uncertainty.confidence * np.sqrt(variance)
         error = np.broadcast_to(error, self.count)
-        plants["moves"] = self._nearness.moves(plants["elapsed"], error).any(axis=1)
+        moving = self._nearness.moves(plants["elapsed"], error)
+        plants["moves"] = moving.any(axis=1)
+        if moving.any():
+            i, k = np.argwhere(moving)[0].tolist()
+            self._moving = self._scene.conditions(i)[k].name
 
     def _looks_back(self) -> bool:
         """Write what strict conditions lack of the scene until now; return whether that is known.
@@ -497,7 +502,7 @@ class FilterCore(Configured, ABC):
         return float(gain) * self.input_set.radius
 
 
-def _same(barriers: Any, listed: tuple[Any, ...] | None) -> bool:
+def _same(barriers: Any, listed: Sequence[Any] | None) -> bool:
     """Return whether a list holds the very entries that were read last."""
     if listed is None or type(barriers) not in (list, tuple) or len(barriers) != len(listed):
         return False

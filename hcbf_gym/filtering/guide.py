@@ -86,9 +86,7 @@ class Guide:
             place = samples.x[:, :2]
             start, time = (np.where(np.isfinite(a), a, 0.0) for a in (place, samples.time))
             goal, extent = world
-            self._guidance.reset(
-                scenes, goal, extent, clearance, start=start, mask=mask, time=time
-            )
+            self._guidance.reset(scenes, goal, extent, clearance, start=start, mask=mask, time=time)
 
     def lead(self, scenes: BarrierSet, samples: Samples, u_nominal: Array) -> None:
         """Write where guidance leads the plants now into their records."""

@@ -58,9 +58,7 @@ class Nearness:
         """Know nothing of the masked plants (N,)."""
         self._due[mask] = self._counted[mask] = 0.0
 
-    def compare(
-        self, before: BarrierSet, now: BarrierSet, x: Array, t: Array, mask: Mask
-    ) -> None:
+    def compare(self, before: BarrierSet, now: BarrierSet, x: Array, t: Array, mask: Mask) -> None:
         """Note which regions came nearer when barriers became others.
 
         Args:
@@ -136,14 +134,15 @@ def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array) -> I
 
 def _named(before: Listed, now: Listed, m: int) -> Integers:
     """Return (m,) the places before of the conditions of a scene, by their names; −1 for none."""
-    names, others = _names(before), _names(now)
-    if not names or not others:
-        return np.full(m, -1)
-    if names == others and len(set(names)) == m:
-        return np.arange(m)
+    names, others, found = _names(before), _names(now), np.full(m, -1)
+    if names == others and len(set(names)) == len(names):
+        found[: len(names)] = np.arange(len(names))
+        return found
     how_often, of_others = Counter(names), Counter(others)
     places = {name: k for k, name in enumerate(names) if how_often[name] == 1}
-    return np.array([places.get(name, -1) if of_others[name] == 1 else -1 for name in others])
+    for k, name in enumerate(others):
+        found[k] = places.get(name, -1) if of_others[name] == 1 else -1
+    return found
 
 
 def _names(listed: Listed) -> list[str]:

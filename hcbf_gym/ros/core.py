@@ -17,7 +17,7 @@ from hcbf_gym.barriers.set import each
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.models.plant import FIRST_ALARM, Reason
+from hcbf_gym.models.plant import Reason
 from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.ros import filters, sources

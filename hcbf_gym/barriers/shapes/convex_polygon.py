@@ -182,7 +182,7 @@ class ConvexPolygon(Shape):
         """Move the polygons of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
         corners = np.arange(MAX_VERTICES) < blocks[:, COUNT, None]
         steps = np.broadcast_to(step, (len(blocks), 2))[:, None] * corners[..., None]
-        blocks[:, FIRST : FIRST + 2 * MAX_VERTICES] += steps.reshape(len(blocks), -1)
+        blocks[:, FIRST : FIRST + 2 * MAX_VERTICES] += steps.reshape(len(blocks), 2 * MAX_VERTICES)
 
     def outline(self) -> Array:
         """Return (k, 2) the corners."""

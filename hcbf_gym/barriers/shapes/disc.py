@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Disc(Shape):
         return blocks
 
     @classmethod
-    def blocks_of(cls, shapes: Sequence[Self]) -> Array:
+    def blocks_of(cls, shapes: Sequence[Any]) -> Array:
         """Return (k, WIDTH) the blocks of k discs."""
         blocks = np.zeros((len(shapes), layout.WIDTH))
         numbers = [(*one.velocity, *one.center, one.radius) for one in shapes]

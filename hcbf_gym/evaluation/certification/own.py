@@ -9,6 +9,7 @@ import numpy as np
 
 from hcbf_gym import policies, wrappers
 from hcbf_gym.arrays import Array, Info
+from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
@@ -102,6 +103,7 @@ class Foresight:
 
     def __init__(self, source: str, plant: Plant, env: Any, input_set: InputSet):
         self._source, self._plant, self._env = source, plant, env
+        self._placing = Placing(1)
         every = input_set.vertices()
         self.corners: Array = every[:: -(-len(every) // CORNERS)]
         self.path: list[Array] = []
@@ -127,7 +129,7 @@ class Foresight:
             InvalidInputError: if the number of barriers changes, or none is strict.
         """
         counted = len(self.path) * (self._plant.period or 0.0)
-        found = _truth(self._plant, self._env, sample, counted)
+        found = _truth(self._plant, self._env, sample, counted, self._placing)
         h = found.along(found.x[None], np.array([found.time]))[0]
         if not self.path:
             self.first_h = found.h
@@ -173,7 +175,7 @@ class Foresight:
         return self._best
 
 
-def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
+def _truth(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Truth:
     """Return what a plant's readers say, and the infos' min_h where that is less.
 
     Args:
@@ -181,8 +183,9 @@ def _truth(plant: Plant, env: Any, sample: Sample, counted: float) -> Truth:
         env: unwrapped.
         sample: the newest.
         counted: the time where the plant tells none [s].
+        placing: since when shapes count in this episode.
     """
-    said = reading(plant, env, sample, counted)
+    said = reading(plant, env, sample, counted, placing)
     rank = np.array([condition.rank for condition in said.conditions], dtype=np.int64)
     if not ((rank == 1) & said.reads_position).any():
         raise InvalidInputError(
