@@ -19,13 +19,13 @@ class ReasonWarnings:
         """Let a reason be warned of again."""
         self._said.discard(int(reason))
 
-    def warn(self, reason: int, count: int = 1, of: str = "") -> None:
+    def warn(self, reason: int, count: int = 1, why: str = "") -> None:
         """Warn of a `Reason` that was not warned of yet.
 
         Args:
             reason: what happened.
             count: how many plants of a batch it happened to.
-            of: the name of the region that moves, for MOVES.
+            why: more of it; "" where no more is known.
         """
         if reason in self._said or reason == Reason.NONE:
             return
@@ -34,6 +34,6 @@ class ReasonWarnings:
         brakes = reason < FIRST_ALARM or self._brakes
         does = "brakes" if brakes else "goes on, and promises nothing"
         many = "" if count == 1 else f" of {count} plants"
-        named = f"{of!r}: " if of and reason == Reason.MOVES else ""
-        message = f"safety filter{many}: {named}{Reason(reason).says}; the filter {does} {until}"
+        says = f"{Reason(reason).says}{f': {why}' if why else ''}"
+        message = f"safety filter{many}: {says}; the filter {does} {until}"
         warn_caller(message, SafetyWarning)

@@ -91,6 +91,17 @@ class BatchFilter:
         self._extent = extent
         self._begun: Mask = np.zeros(self._count, dtype=np.bool_)
 
+    @property
+    def goal(self) -> Array | None:
+        """(N, 2) where guidance leads [m]; it may be set to (2,) or (N, 2) at any time."""
+        return None if self._goal is None else self._goal.copy()
+
+    @goal.setter
+    def goal(self, goal: object) -> None:
+        given = numpy_of("goal", goal)
+        goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
+        self._goal = np.broadcast_to(goals, (self._count, 2)).copy()
+
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of each row in the report of plant `i`."""
         return [] if self._barriers is None else self._barriers.conditions(i)
@@ -205,7 +216,10 @@ class BatchFilter:
         back = like(u_nominal)
         self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
         estimate = self._estimate(x, time, elapsed, missing)
-        u, report = self._core.step(wanted.astype(np.float64), self._barriers, estimate)
+        world = self._goal, self._extent
+        u, report = self._core.step(
+            wanted.astype(np.float64), self._barriers, estimate, world=world
+        )
         return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
 
     def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:

@@ -68,6 +68,7 @@ class FilterCore(Configured, ABC):
         self._samples = Samples(plant, input_set.n_u, self.count, apart=not self._is_planar)
         self._buffer = ReportBuffer(batch, input_set.n_u)
         self._buffer.plants["alpha1_scale"] = self.alpha1_scale
+        self._world: tuple[object, object] | None = None  # of this step
         self._m = -1  # there was no scene yet
         self._scene = BarrierSet([()] * self.count)  # as of time 0 of the plants' clocks
         self._given = self._scene  # as it was returned or set
@@ -122,10 +123,18 @@ class FilterCore(Configured, ABC):
         goal: object,
         extent: object,
         since: float | None = None,
+        is_first: bool = True,
     ) -> Info:
         """Look at the first states of new episodes, and return what the infos of a reset say.
 
-        Args: as `step` takes them.
+        Args:
+            barriers: as they are now.
+            estimate: of the states.
+            goal: where guidance leads [m].
+            extent: of the world [m]; None where none is known.
+            since: as `step` takes it.
+            is_first: whether a goal or an extent that is malformed is refused; if not, the plants
+                brake, as in a step.
 
         Raises:
             InvalidInputError: if barriers ask for what cannot be, or leave an input to the policy
@@ -136,7 +145,7 @@ class FilterCore(Configured, ABC):
         refusal = self._refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # where no input reaches them, or their code fails, they brake
-        self._enter(goal, extent)
+        self._enter(goal, extent, is_first)
         self._fresh[:] = False
         self.covering.tell(self._buffer.plants)
         remembered, counted = self._remembered(), self._steps.copy()
@@ -158,6 +167,7 @@ class FilterCore(Configured, ABC):
         barriers: object,
         estimate: Estimate,
         since: float | None = None,
+        world: tuple[object, object] | None = None,
     ) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
 
@@ -167,8 +177,10 @@ class FilterCore(Configured, ABC):
             estimate: of the plants.
             since: the time from which shapes count that are others than before [s]; None is the
                 present.
+            world: goal and extent as they are now [m]; None is as they were.
         """
         buffer = self._buffer
+        self._world = world
         self._renew()
         self._take(barriers, estimate, since)
         scene = self._scene
@@ -222,8 +234,8 @@ class FilterCore(Configured, ABC):
         """
 
     @abstractmethod
-    def _enter(self, goal: object, extent: object) -> None:
-        """Look at the scenes that begin."""
+    def _enter(self, goal: object, extent: object, is_first: bool) -> None:
+        """Look at the scenes that begin; see `begin`."""
 
     def _remembered(self) -> Any:
         """Return what is known of the plants, for `_restore`."""
@@ -296,7 +308,11 @@ class FilterCore(Configured, ABC):
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons, counts = np.unique(told["reason"], return_counts=True)
         for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
-            self._warnings.warn(reason, count, self._moving)
+            self._warnings.warn(reason, count, self._why(reason))
+
+    def _why(self, reason: int) -> str:
+        """Return more of a `Reason` that plants have now; "" where no more is known."""
+        return repr(self._moving) if reason == Reason.MOVES and self._moving else ""
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that asks for a state."""

@@ -158,7 +158,7 @@ class ModelCore(FilterCore):
         distinct = prepared.scenes[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
-    def _enter(self, goal: object, extent: object) -> None:
+    def _enter(self, goal: object, extent: object, is_first: bool) -> None:
         """Nothing more is known of scenes that begin."""
 
     def _remembered(self) -> Any:

@@ -14,13 +14,13 @@ from hcbf_gym.barriers.own_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.row_kernels import B
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, CoverageWarning, warn_caller
+from hcbf_gym.errors import UNREADABLE, CoverageWarning, InvalidInputError, warn_caller
 from hcbf_gym.filtering import belief
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.guide import Guide
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Coverage, Plant
+from hcbf_gym.models.plant import Coverage, Plant, Reason
 
 
 class PlanarCore(FilterCore):
@@ -103,11 +103,27 @@ class PlanarCore(FilterCore):
             plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
         return True
 
-    def _enter(self, goal: object, extent: object) -> None:
-        """Look at the scenes that begin."""
+    def _enter(self, goal: object, extent: object, is_first: bool) -> None:
+        """Look at the scenes that begin; see `begin`."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)
         world = goal, extent
-        self._guide.begin(self._scene, self._samples, self.clearance, world, self._fresh)
+        try:
+            self._guide.begin(self._scene, self._samples, self.clearance, world, self._fresh)
+        except InvalidInputError as error:
+            if is_first:
+                raise
+            self._guide.lose(str(error))
+
+    @property
+    def lost(self) -> str:
+        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
+        return self._guide.why(np.ones(self.count, dtype=np.bool_))
+
+    def _why(self, reason: int) -> str:
+        """Return more of a `Reason` that plants have now; "" where no more is known."""
+        if reason != Reason.GOAL:
+            return super()._why(reason)
+        return self._guide.why(self._buffer.plants["reason"] == reason)
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
@@ -140,7 +156,7 @@ class PlanarCore(FilterCore):
             if np.isfinite(u_nominal).all():
                 self._make_rows(scene)
         if self._guide.guides:
-            self._guide.lead(scene, self._samples, self._buffer.u_nominal)
+            self._guide.lead(scene, self._samples, self._buffer.u_nominal, self._world)
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         return (*numbers, scene.atlas.numbers), own
 

@@ -85,6 +85,7 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         ("turns", "i8"),  # whether a differential drive turns to it, against u*
         ("turn", "f8"),  # by which acceleration across its heading then [m/s²]
         ("reachable", "f8"),  # through which rank
+        ("lost", "i8"),  # whether it finds no path to the goal
         ("zone", "f8"),  # the rank of the map's zone that it stands in, 0 for none
         # what is remembered from step to step
         *monitor.MEMORY,

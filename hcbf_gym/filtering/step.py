@@ -44,7 +44,8 @@ TOGETHER = 32
 """Plants that go through the filter together: few enough for a core's first cache."""
 
 BARRIERS, SOLVER, MOTION = int(Reason.BARRIERS), int(Reason.SOLVER), int(Reason.MOTION)
-RESPONSE, MOVES, ALARM = int(Reason.RESPONSE), int(Reason.MOVES), int(FIRST_ALARM)
+GOAL, RESPONSE, MOVES = int(Reason.GOAL), int(Reason.RESPONSE), int(Reason.MOVES)
+ALARM = int(FIRST_ALARM)
 
 
 @kernel(nogil=True)
@@ -359,6 +360,8 @@ def _ask(c: Record, settings: Settings, drives: Drives, p: Plants, w: Work, i: i
         told.reason = plant.alarm
         if told.reason == 0 and plant.moves != 0:
             told.reason = MOVES
+        if plant.lost != 0 and not _stops(told.reason, c.brakes):
+            told.reason = GOAL
     else:
         plant.follows = 0
     told.model_error = np.sqrt(plant.error)
@@ -400,7 +403,7 @@ def _are_finite(p: Plants, w: Work, i: int) -> bool:
 
 @kernel(inline="always")
 def _stops(reason: int, brakes: bool) -> bool:
-    """Return whether a plant is brought to rest: it is not known, or braked on an alarm."""
+    """Return whether a plant is brought to rest: it or its path is unknown, or for an alarm."""
     return reason != 0 and (reason < ALARM or brakes)
 
 
@@ -456,7 +459,8 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     m = p.kind.shape[1]
     u = w.answer.u[i]
     if _stops(told.reason, c.brakes):
-        if told.reason < ALARM or told.reason == MOTION or told.reason == RESPONSE:
+        unsure = told.reason < ALARM or told.reason == MOTION or told.reason == RESPONSE
+        if unsure and told.reason != GOAL:
             _apply(w, i)
         w.answer.status[i] = BACKUP
     furthest = change2 = asked2 = 0.0
@@ -472,7 +476,7 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
     h, psi = w.rows[H, i, :m], w.rows[PSI, i, :m]
     told.proved = 0
     violated = False
-    believed = told.reason == 0 or told.reason >= ALARM
+    believed = told.reason == 0 or told.reason >= ALARM or told.reason == GOAL
     if believed:
         alpha1 = c.rows[ALPHA1 : ALPHA1 + 4]
         of_rows = h, w.margin[0, i], w.margin[LEANING, i], psi
@@ -535,8 +539,8 @@ def _conclude(c: Record, drives: Drives, p: Plants, w: Work, i: int) -> None:
 def _apply(w: Work, i: int) -> None:
     """Make the braking input the answer, as it is: the rows say nothing, or no solver answered.
 
-    After an alarm the state is believed, but the plant no longer: what it does by itself may bring
-    it to a region, and the program's answer to the braking input keeps it away.
+    After an alarm, and where guidance finds no path, the state is believed: braking may bring the
+    plant to a region, and the program's answer to the braking input keeps it away.
     """
     put(w.answer.u[i], w.u[i])
     w.answer.slack[i, :], w.answer.delta[i, :] = 0.0, 0.0

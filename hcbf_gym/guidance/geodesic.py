@@ -31,10 +31,10 @@ _Question = tuple[MapGround | None, bytes]
 class Geodesic:
     """The shortest paths to the goal in N scenes, as the guidance row of N states.
 
-    A scene's field is computed when it is reset, and when the cells of its map change; where
-    regions move, again after every `period`, with the regions where they will be half a period
-    later. Scenes that are equal share one computation, and a scene that comes back unchanged needs
-    none. Where a scene has a map, the field's cells are the map's.
+    A scene's field is computed when it is reset, when its goal moves by more than a cell, and when
+    the cells of its map change; where regions move, again after every `period`, with the regions
+    where they will be half a period later. Scenes that are equal share one computation, and a scene
+    that comes back unchanged needs none. Where a scene has a map, the field's cells are the map's.
 
     Args:
         count: N.
@@ -53,6 +53,7 @@ class Geodesic:
         zone: (N, capacity) the rank of the map's zone that a cell lies in, 0 in none or rank 1.
         geometry: (N, 7) of the grids, see `guidance.field`.
         goal: (N, 2) [m].
+        lost: scene → why no path leads to its goal; scenes that are not in it have one.
 
     Examples:
         >>> from hcbf_gym import guidance, scenarios
@@ -83,14 +84,15 @@ class Geodesic:
         self.through = np.zeros((count, 0), dtype=np.int8)
         self.zone = np.zeros((count, 0), dtype=np.int8)
         self._opened = through
+        self.lost: dict[int, str] = {}
+        self._aim = np.full((count, 2), np.nan)  # the goals that were looked at last [m]
+        self._scenes: list[BarrierSet | None] = [None] * count  # with which fields are computed
         self._grounds: list[MapGround | None] = [None] * count
         self._solved: list[_Question | None] = [None] * count
         self._held: dict[tuple[int, int], Mapped] = {}
         self._next = np.full(count, np.inf)
         self._moving = False
-        self._set: BarrierSet | None = None
         self._asked: ArrayLike = 0.0  # what edges reserve [m]
-        self._clearance = np.zeros((count, 0))  # of the scenes whose fields were computed last
 
     def reset(
         self,
@@ -101,9 +103,37 @@ class Geodesic:
         *,
         start: ArrayLike = (0.0, 0.0),
         mask: Mask | None = None,
-        time: ArrayLike = 0.0,
+        t: ArrayLike = 0.0,
     ) -> None:
         """Compute the fields of scenes that begin.
+
+        Args: as `begin` takes them.
+
+        Raises:
+            InvalidInputError: as `begin` does; or if no path leads from a start to its goal.
+        """
+        chosen = np.ones(len(self.goal), dtype=np.bool_) if mask is None else mask
+        self.begin(barriers, goal, extent, clearance, start=start, mask=chosen, t=t)
+        for n in np.flatnonzero(chosen).tolist():
+            if n in self.lost:
+                raise InvalidInputError(self.lost[n])
+
+    def begin(
+        self,
+        barriers: BarrierSet | Sequence[Barrier | Shapes | Several],
+        goal: ArrayLike | None,
+        extent: ArrayLike | None = None,
+        clearance: ArrayLike = 0.0,
+        *,
+        start: ArrayLike = (0.0, 0.0),
+        mask: Mask | None = None,
+        t: ArrayLike = 0.0,
+    ) -> None:
+        """Compute the fields of scenes that begin, or whose goals have moved.
+
+        No path leads to a goal that is not finite, lies outside the extent or the map, or inside a
+        strict region, nor from a start outside of them. On a map none leads, either, where a region
+        that is closed lies on every path. `lost` then says why.
 
         Args:
             barriers: of N scenes; a sequence of barriers where N is 1.
@@ -113,14 +143,12 @@ class Geodesic:
             clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
                 or (N, m) for each.
             start: (2,) or (N, 2) [m], which the grid has to cover.
-            mask: (N,) the scenes that begin; all unless given.
-            time: () or (N,) at which they do [s].
+            mask: (N,) of which scenes; all unless given.
+            t: () or (N,) the present [s].
 
         Raises:
-            InvalidInputError: if a barrier is a user's own, there is no goal, a goal or start lies
-                outside the extent or the map, or a goal inside a strict region; the fields stay as
-                they were. On a map, too, if no path leads from the start to the goal; the message
-                says what lies on it.
+            InvalidInputError: if a barrier is a user's own, there is no goal, or an array is
+                malformed; the fields stay as they were.
         """
         count = len(self.geometry)
         scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
@@ -132,35 +160,86 @@ class Geodesic:
                 f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
             )
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
+        now = np.array(np.broadcast_to(t, count), dtype=np.float64)
         goals = validation.points("goal", goal, count)
         starts = validation.points("start", start, count)
-        grounds = self._grounds_of(chosen, scenes, clearance)
-        begun_at = np.array(np.broadcast_to(time, count), dtype=np.float64)
-        geometry = self._geometry(chosen, scenes, (goals, starts, begun_at), extent, grounds)
-        self._clearances(scenes, clearance)  # fit
-        validation.check_extent(chosen, goals, starts, geometry)
-        validation.check_on_maps(chosen, grounds, goals)
-        validation.check_goal(chosen, scenes, goals, begun_at)
+        known = chosen & np.isfinite(goals + starts).all(axis=1)
+        grounds = self._grounds_of(known, scenes, clearance)
+        geometry = self._geometry(known, scenes, (goals, starts, now), extent, grounds)
+        self._check_clearance(scenes, clearance)
+        refused = validation.refusals(chosen, scenes, grounds, (goals, starts, geometry), now)
 
-        self._set, self._grounds, self._asked = scenes, grounds, clearance
-        self._held = dict(scenes.atlas.held)
-        self.goal[chosen], self.geometry[chosen] = goals[chosen], geometry[chosen]
-        self._reserve(int((geometry[chosen, 3] * geometry[chosen, 4]).max(initial=0.0)))
+        self._asked, self._held = clearance, dict(scenes.atlas.held)
+        self._aim[chosen], self._next[chosen] = goals[chosen], now[chosen] + self.period
+        for n in np.flatnonzero(chosen).tolist():
+            self.lost.pop(n, None)
+        self.lost |= refused
+        fresh = chosen.copy()
+        fresh[list(refused)] = False
+        for n in np.flatnonzero(fresh).tolist():
+            self._scenes[n], self._grounds[n] = scenes, grounds[n]
+        self.goal[fresh], self.geometry[fresh] = goals[fresh], geometry[fresh]
+        self._reserve(int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0)))
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         planar = scenes.kind != layout.SPEED_LIMIT
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
-        self._next[chosen] = np.where(moves, begun_at + self.period, np.inf)[chosen]
+        self._next[fresh & ~moves] = np.inf
+        later = now + np.where(moves, 0.5 * self.period, 0.0)
+        self._solve(fresh, later)
+        for n in np.flatnonzero(fresh).tolist():
+            why = self._blocked(n, starts[n], float(later[n]))
+            if why:
+                self.lost[n], self._next[n] = why, now[n] + self.period
         self._moving = bool((self._next < np.inf).any())
-        t = begun_at + np.where(moves, 0.5 * self.period, 0.0)
-        self._solve(chosen, t)
-        for n in np.flatnonzero(chosen).tolist():
-            self._refuse(n, starts[n], float(t[n]))
+
+    def pursue(
+        self,
+        scenes: BarrierSet,
+        goal: ArrayLike | None,
+        extent: ArrayLike | None,
+        start: Array,
+        t: Array,
+        anew: bool = False,
+    ) -> None:
+        """Compute anew the fields of goals that have moved by more than a cell.
+
+        Of a scene without a path to its goal that is tried again after every `period`.
+
+        Args:
+            scenes: of all N, as they are now.
+            goal: (2,) or (N, 2), where the goals are now [m].
+            extent: as `begin` takes it.
+            start: (N, 2) where the robots are [m]; NaN where that is not known.
+            t: (N,) [s].
+            anew: whether all fields are computed anew.
+
+        Raises:
+            InvalidInputError: as `begin` does.
+        """
+        goals = validation.points("goal", goal, len(self.goal))
+        cell = np.maximum(self.geometry[:, 2], self.cell)
+        near = np.abs(goals - self._aim).max(axis=1) <= cell
+        again = anew | ~near
+        for n in self.lost:
+            again[n] |= bool(t[n] >= self._next[n])
+        again &= np.isfinite(start).all(axis=1)
+        led = near.copy()
+        led[list(self.lost)] = False
+        self.goal[led] = goals[led]
+        if again.any():
+            self.begin(scenes, goals, extent, self._asked, start=start, mask=again, t=t)
+
+    def lose(self, why: str) -> None:
+        """Note why no path is known to any goal."""
+        self.lost = dict.fromkeys(range(len(self.goal)), why)
+        self._aim[:] = np.nan
 
     def update(self, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields that are a period old and move."""
         if not self._moving:  # a step has no microsecond to spare for what never comes
             return
         due = t >= self._next
+        due[list(self.lost)] = False
         if due.any():
             self._next[due] = t[due] + self.period
             self._solve(due, t + 0.5 * self.period)
@@ -191,7 +270,8 @@ class Geodesic:
                 followed[key] = ground.with_regions(regions)
             grounds[n] = followed[key]
             changed[n] = True
-        self._set, self._grounds = scenes, grounds
+        for n in np.flatnonzero(changed).tolist():
+            self._scenes[n], self._grounds[n] = scenes, grounds[n]
         self._solve(changed, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
 
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
@@ -200,7 +280,7 @@ class Geodesic:
         Raises:
             InvalidInputError: before the first reset.
         """
-        if self._set is None:
+        if None in self._scenes:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
         out = np.zeros((len(x), 3))
@@ -273,14 +353,17 @@ class Geodesic:
                 geometry[n] = ground.geometry
         return geometry
 
-    def _clearances(self, scenes: BarrierSet, clearance: ArrayLike) -> Array:
-        """Return (N, m) what each edge reserves."""
+    def _check_clearance(self, scenes: BarrierSet, clearance: ArrayLike) -> None:
+        """Refuse what edges cannot reserve.
+
+        Raises:
+            InvalidInputError: if it is no number from 0 on, and not one for each edge.
+        """
         given = as_array("clearance", clearance)
         if given.ndim == 0:
-            kept = scenes.keeps_margin * finite_float("clearance", given.item(), minimum=0.0)
+            finite_float("clearance", given.item(), minimum=0.0)
         else:
-            kept = finite_array("clearance", given, scenes.kind.shape)
-        return np.maximum(kept, scenes.keeps_margin * LEAST_CLEARANCE)
+            finite_array("clearance", given, scenes.kind.shape)
 
     def _reserve(self, cells: int) -> None:
         """Make room for fields of so many cells, retaining those that there are."""
@@ -292,17 +375,12 @@ class Geodesic:
 
     def _solve(self, mask: Mask, t: Array) -> None:
         """Compute the masked scenes' fields at the times t (N,), none of them twice."""
-        scenes = self._set
-        assert scenes is not None
-        self._clearance = self._clearances(scenes, self._asked)  # there may be others than before
-        parts = (
-            scenes.kind, scenes.parameters, scenes.priority, self._clearance, t, self.goal,
-            self.geometry,
-        )  # fmt: skip
         first: dict[_Question, int] = {}
         for n in np.flatnonzero(mask).tolist():
-            base = self._grounds[n]
-            question = base, b"".join(part[n].tobytes() for part in parts)
+            base, parts = self._grounds[n], self._parts(n)
+            place = t[n], self.goal[n], self.geometry[n]
+            question = base, b"".join(part.tobytes() for part in (*parts, *place))
+            self._aim[n] = self.goal[n]
             if question == self._solved[n]:
                 continue
             self._solved[n] = question
@@ -312,50 +390,51 @@ class Geodesic:
                     array[n] = array[of]
                 continue
             ground = self._ground(n, float(t[n]))
-            place = self.geometry[n], self.goal[n], self._opened
-            fields.solve(ground, *place, self.field[n], self.through[n])
+            where = self.geometry[n], self.goal[n], self._opened
+            fields.solve(ground, *where, self.field[n], self.through[n])
             self.zone[n] = 0
             if base is not None:
                 rank = base.ground.rank[1:-1, 1:-1]
                 fields.grid(self.zone[n], base.geometry)[:] = np.where(rank > 1, rank, 0)
 
+    def _parts(self, n: int) -> tuple[Integers, Array, Integers, Array]:
+        """Return kind, parameters, priority and clearance of a scene's edges."""
+        scenes = self._scenes[n]
+        assert scenes is not None
+        keeps, asked = scenes.keeps_margin[n], np.asarray(self._asked)
+        kept = np.maximum(asked[n] if asked.ndim else keeps * asked, keeps * LEAST_CLEARANCE)
+        return scenes.kind[n], scenes.parameters[n], scenes.priority[n], kept
+
     def _ground(self, n: int, t: float) -> Ground:
         """Return what a scene's field walks on at time t: the map's ground, with its barriers."""
-        base, scenes, geometry = self._grounds[n], self._set, self.geometry[n]
-        assert scenes is not None
+        base, parts, geometry = self._grounds[n], self._parts(n), self.geometry[n]
         if base is None:
             ground = open_ground(int(geometry[3]), int(geometry[4]), geometry[2])
-        elif not scenes.is_region[n].any():
+        elif not (parts[0] < layout.SPEED_LIMIT).any():
             return base.ground
         else:
             ground = Ground(base.ground.cost.copy(), base.ground.rank.copy())
-        paint_barriers(
-            ground, geometry, scenes.kind[n], scenes.parameters[n], scenes.priority[n],
-            self._clearance[n], t, self._opened,
-        )  # fmt: skip
+        paint_barriers(ground, geometry, *parts, t, self._opened)
         return ground
 
-    def _refuse(self, n: int, start: Array, t: float) -> None:
-        """Refuse a scene on a map where no path leads from the start to the goal.
-
-        Raises:
-            InvalidInputError: if there is none; the message says what lies on the cheapest.
-        """
+    def _blocked(self, n: int, start: Array, t: float) -> str:
+        """Return why no path leads from the start to the goal on a map; "" where one does."""
         base = self._grounds[n]
         if base is None:
-            return
+            return ""
         field = fields.grid(self.field[n], base.geometry)
         at = fields.cell_of(start[0], start[1], base.geometry)
         rank, j, i = fields.crossing(self._ground(n, t).rank, field, *at, self._opened)
-        if rank > 0:
-            x, y = fields.to_world(j, i, base.geometry)
-            what = "the body does not fit through there" if rank == 1 else "it may not be crossed"
-            remedy = "" if rank == 1 else f", or guidance with through={rank}"
-            raise InvalidInputError(
-                f"goal: got {self.goal[n].tolist()}: every way from {start.tolist()} leads through "
-                f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
-                f"expected a goal that can be reached{remedy}"
-            )
+        if rank == 0:
+            return ""
+        x, y = fields.to_world(j, i, base.geometry)
+        what = "the body does not fit through there" if rank == 1 else "it may not be crossed"
+        remedy = f', or guidance={{"kind": "geodesic", "through": {rank}}}' if rank > 1 else ""
+        return (
+            f"goal: got {self.goal[n].tolist()}: every path from {start.tolist()} leads through "
+            f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
+            f"expected a goal that can be reached{remedy}"
+        )
 
 
 def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:

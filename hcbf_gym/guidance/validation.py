@@ -1,4 +1,4 @@
-"""Which goals and starts guidance takes: others are refused before anything changes."""
+"""Why guidance finds no path to a goal, as far as that is known before a field is computed."""
 
 from collections.abc import Sequence
 
@@ -14,71 +14,96 @@ from hcbf_gym.guidance.map_ground import MapGround
 
 
 def points(name: str, value: ArrayLike | None, count: int) -> Array:
-    """Return (N, 2) points of one point or N.
+    """Return (N, 2) points of one point or N; NaN for coordinates that are not finite.
 
     Raises:
-        InvalidInputError: if there is none, or it is not made of finite numbers.
+        InvalidInputError: if there is none, or it is not made of real numbers.
     """
     if value is None:
         raise InvalidInputError(
             f'{name}: got None, expected (2,) [m]; guidance "geodesic" needs a {name}, '
             '"local" does not'
         )
-    shape = (count, 2) if as_array(name, value).ndim == 2 else (2,)
-    return np.broadcast_to(finite_array(name, value, shape), (count, 2)).copy()
+    given = as_array(name, value)
+    shape = (count, 2) if given.ndim == 2 else (2,)
+    if given.dtype.kind in "f":
+        unknown = ~np.isfinite(given)
+        found = finite_array(name, np.where(unknown, 0.0, given), shape)
+        found = np.where(unknown, np.nan, found)
+    else:
+        found = finite_array(name, given, shape)
+    return np.broadcast_to(found, (count, 2)).copy()
 
 
-def check_extent(mask: Mask, goal: Array, start: Array, geometry: Array) -> None:
-    """Refuse goals and starts that no grid covers.
+def refusals(
+    mask: Mask,
+    scenes: BarrierSet,
+    grounds: Sequence[MapGround | None],
+    place: tuple[Array, Array, Array],
+    t: Array,
+) -> dict[int, str]:
+    """Return scene → why no path leads to its goal, for those of which that is known at once.
 
-    Raises:
-        InvalidInputError: if one lies outside its grid.
+    Args:
+        mask: (N,) which scenes are looked at.
+        scenes: of all N.
+        grounds: of their maps.
+        place: goals (N, 2) [m], starts (N, 2) [m] and the geometry (N, 7) of the grids.
+        t: (N,) [s].
     """
-    for name, point in (("goal", goal), ("start", start)):
-        for n in np.flatnonzero(mask).tolist():
-            place = geometry[n]
-            cell = np.array(fields.to_cells(point[n, 0], point[n, 1], place))
-            last = place[3:5] - 1.0
-            if (cell < -1e-9).any() or (cell > last + 1e-9).any():
-                low = fields.to_world(0.0, 0.0, place)
-                high = fields.to_world(last[0], last[1], place)
-                raise InvalidInputError(
-                    f"{name}: got {point[n].tolist()}, expected a point within the extent "
-                    f"({low}, {high})"
-                )
-
-
-def check_on_maps(mask: Mask, grounds: Sequence[MapGround | None], goal: Array) -> None:
-    """Refuse goals that a body's centre cannot be at.
-
-    Raises:
-        InvalidInputError: if one is nearer to cells of rank 1 than the clearance.
-    """
-    for n in np.flatnonzero(mask).tolist():
-        base = grounds[n]
-        if base is None:
-            continue
-        j, i = fields.cell_of(goal[n, 0], goal[n, 1], base.geometry)
-        if base.ground.rank[j + 1, i + 1] == 1:
-            raise InvalidInputError(
-                f"goal: got {goal[n].tolist()}, too close to {base.name_at(j, i, 1)}, rank 1, "
-                f"expected {base.clearance:.3f} m and the class's own margin of room around it"
-            )
-
-
-def check_goal(mask: Mask, scenes: BarrierSet, goal: Array, time: Array) -> None:
-    """Refuse goals that no field can serve.
-
-    Raises:
-        InvalidInputError: if one lies inside a strict region.
-    """
-    x = np.hstack([goal, np.zeros_like(goal)])
-    h = scenes.values(x, time)
+    goal, start, geometry = place
+    known = np.isfinite(goal).all(axis=1)
+    x = np.hstack([np.where(known[:, None], goal, 0.0), np.zeros_like(goal)])
+    h = scenes.values(x, t)
     strict = (scenes.priority == 1) & (scenes.kind != layout.SPEED_LIMIT)
-    inside = mask[:, None] & strict & (h < 0.0)
-    if inside.any():
-        n, k = np.argwhere(inside)[0].tolist()
-        raise InvalidInputError(
-            f"goal: got {goal[n].tolist()}, {-h[n, k]:.3f} m inside the strict region number "
-            f"{k + 1}, expected a goal outside every region of rank 1"
-        )
+    found: dict[int, str] = {}
+    for n in np.flatnonzero(mask).tolist():
+        why = _unknown("goal", goal[n]) or _unknown("start", start[n])
+        why = why or _beyond("goal", goal[n], geometry[n]) or _beyond("start", start[n], geometry[n])
+        why = why or _beside_walls(grounds[n], goal[n]) or _inside(goal[n], h[n], strict[n])
+        if why:
+            found[n] = why
+    return found
+
+
+def _unknown(name: str, point: Array) -> str:
+    """Return why a point (2,) is none; "" where it is finite."""
+    if np.isfinite(point).all():
+        return ""
+    return f"{name}: got {point.tolist()}, expected finite numbers"
+
+
+def _beyond(name: str, point: Array, geometry: Array) -> str:
+    """Return why a point (2,) is none on a grid (7,); "" where it lies on it."""
+    cell = np.array(fields.to_cells(point[0], point[1], geometry))
+    last = geometry[3:5] - 1.0
+    if not ((cell < -1e-9).any() or (cell > last + 1e-9).any()):
+        return ""
+    low = fields.to_world(0.0, 0.0, geometry)
+    high = fields.to_world(last[0], last[1], geometry)
+    return f"{name}: got {point.tolist()}, expected a point within the extent ({low}, {high})"
+
+
+def _beside_walls(base: MapGround | None, goal: Array) -> str:
+    """Return why a body's centre cannot be at a goal (2,) on a map; "" where it can."""
+    if base is None:
+        return ""
+    j, i = fields.cell_of(goal[0], goal[1], base.geometry)
+    if base.ground.rank[j + 1, i + 1] != 1:
+        return ""
+    return (
+        f"goal: got {goal.tolist()}, too close to {base.name_at(j, i, 1)}, rank 1, "
+        f"expected {base.clearance:.3f} m and the class's own margin of room around it"
+    )
+
+
+def _inside(goal: Array, h: Array, strict: Mask) -> str:
+    """Return in which strict region a goal (2,) lies, by h (m,) there; "" where in none."""
+    inside = np.flatnonzero(strict & (h < 0.0))
+    if len(inside) == 0:
+        return ""
+    k = int(inside[0])
+    return (
+        f"goal: got {goal.tolist()}, {-h[k]:.3f} m inside the strict region number "
+        f"{k + 1}, expected a goal outside every region of rank 1"
+    )

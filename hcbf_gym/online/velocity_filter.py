@@ -266,6 +266,11 @@ class VelocityFilter:
         self._begun = False
 
     @property
+    def lost(self) -> str:
+        """Why guidance finds no path to the goal; "" where it finds one, or has not looked."""
+        return self._core.lost
+
+    @property
     def v_max(self) -> float | None:
         """Strict cap on the speed [m/s]; None for none but what the robot may be told."""
         return self._limit[0].v_max if self._limit else None

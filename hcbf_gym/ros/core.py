@@ -284,9 +284,11 @@ class NodeCore:
             _, report = made.step(
                 still, newest.local, newest.twist, newest.stamp, frame=newest.frame
             )
+            if report["reason"] == Reason.GOAL:
+                raise InvalidInputError(made.lost)
             if report["reason"] == Reason.BARRIERS:
                 raise InvalidInputError(
-                    f"goal: got {np.asarray(goal).tolist()}, expected a goal that can be reached"
+                    f"goal: got {np.asarray(goal).tolist()}, expected barriers that are believed"
                 )
         return made
 
@@ -370,7 +372,8 @@ class NodeCore:
             self._begin_anew()
             return self._stopped([fault], now)
         if status == FilterStatus.BACKUP:
-            says = f"filter: {reason.says}"
+            why = f": {self._filter.lost}" if reason == Reason.GOAL else ""
+            says = f"filter: {reason.says}{why}"
             return Decision(told, wanted, Level.ERROR, says, Action.STOP, "filter", report)
         if status <= FilterStatus.SAFE:
             level = Level.OK

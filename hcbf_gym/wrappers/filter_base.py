@@ -83,8 +83,11 @@ class FilterBase:
         self._observation: object = None
         self._info: Info = {}
         self._begun = False
-        self._readers = Readers(self.plant)
-        self._copies = (self.plant.barriers, self.plant.state) != READERS
+        self._is_first = True  # no episode has begun yet
+        self._readers = Readers(self.plant, self._core.guides)
+        plant = self.plant
+        read_now = plant.barriers, plant.state, plant.goal, plant.extent
+        self._copies = any(callable(one) and one not in READERS for one in read_now)
 
     @property
     def input_set(self) -> InputSet:
@@ -110,14 +113,17 @@ class FilterBase:
             joins: whether the episodes run already; the clock goes on where the plant has one.
         """
         plant, seen = self.plant, (self._inner, self._observation, self._info)
-        barriers, estimate = self._readers(*seen)
+        barriers, estimate, world = self._readers(*seen, first=self._is_first)
         if joins and estimate.time is not None:
             self._core.join(mask)
         else:
             self._core.restart(mask)
         self._core.cover(self._limits or read(plant.covered, *seen))
-        goal, extent = read(plant.goal, *seen), read(plant.extent, *seen)
-        return self._core.begin(barriers, estimate, goal, extent)
+        report = self._core.begin(
+            barriers, estimate, *(world or (None, None)), is_first=self._is_first
+        )
+        self._is_first = False
+        return report
 
     def _filtered(self, action: Any) -> tuple[Any, Info]:
         """Return what the environment is told in the place of an action, and the report.
@@ -129,8 +135,9 @@ class FilterBase:
         plant = self.plant
         wanted = action if plant.from_action is None else plant.from_action(action)
         u_nominal = real_input(wanted, self._shape)
-        sensed = self._readers(self._inner, self._observation, self._info)
-        u, report = self._core.step(u_nominal, *sensed)
+        seen = self._inner, self._observation, self._info
+        barriers, estimate, world = self._readers(*seen)
+        u, report = self._core.step(u_nominal, barriers, estimate, world=world)
         if plant.to_action is None:
             return u.astype(self._dtype), report
         return plant.to_action(u.copy()), report

@@ -16,6 +16,7 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.filter_base import FilterBase
+from hcbf_gym.wrappers.readers import joined, reported
 
 
 class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
@@ -101,14 +102,30 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
     ) -> tuple[Any, Info]:
         """Start new episodes and report on their first states."""
         begun, self._begun = self._begun, False
-        observation, info = self.env.reset(seed=cast(Any, seed), options=options)
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = as_array("reset_mask", options["reset_mask"])
-        self._see(observation, info)
+        given = None if options is None else dict(options)  # Gymnasium takes the mask out of it
+        observation, info = self.env.reset(seed=cast(Any, seed), options=given)
+        self._see(observation, info, mask)
         self._reporter.at_reset(info, self._begin(mask), options)
         self._begun = begun or bool(mask.all())
         return observation, info
+
+    def _see(self, observation: object, info: Info, begins: Mask | None = None) -> None:
+        """Note what readers look at, NaN for what is not reported.
+
+        Args:
+            observation: of all N.
+            info: of all N.
+            begins: (N,) who were reset, where the others were not stepped; None for none.
+        """
+        before = self._info
+        super()._see(observation, info)
+        if self._copies:
+            self._info = reported(self._info)
+            if begins is not None and not begins.all():
+                self._info = joined(self._info, before, begins)
 
     def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
         """Filter u* (N, n_u) and step the environments with the result.

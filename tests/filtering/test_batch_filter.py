@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from needs import needs
+from unequal import Bowl
 
 import hcbf_gym
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
@@ -233,8 +234,10 @@ def test_a_reset_that_fails_leaves_no_episode():
     filt.set_scene(*DISC)
     x = np.zeros((2, 4))
     filt.reset(x=x, goal=(3.0, 0.0))
-    with pytest.raises(InvalidInputError, match="goal"):
-        filt.reset([False, True], x, goal=(1.0, 0.0))  # within the strict disc
+    filt.set_scene([Bowl("own", 2)])
+    with pytest.raises(InvalidInputError, match="own kind"):
+        filt.reset([False, True], x)
+    filt.set_scene(*DISC)
     with pytest.raises(InvalidInputError, match="1 of 2"):
         filt(np.ones((2, 2)), x)
     for bad in ("there", [1.0], np.full(2, np.nan), np.zeros((3, 2))):

@@ -336,13 +336,13 @@ def test_after_a_jump_the_field_is_computed_beside_the_commands(monkeypatch):
     d.run(1.0)
     assert d.velocity[0] > 0.1  # guidance leads
     looks, steps = [], []
-    reset, step = Geodesic.reset, d.core.step
+    begin, step = Geodesic.begin, d.core.step
 
     def looked(self, *args, **named):
         looks.append(len(steps))
-        return reset(self, *args, **named)
+        return begin(self, *args, **named)
 
-    monkeypatch.setattr(Geodesic, "reset", looked)
+    monkeypatch.setattr(Geodesic, "begin", looked)
 
     def stepped(now):
         steps.append(now)
