@@ -6,6 +6,7 @@ and as seldom as a `Link` says.
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -23,6 +24,8 @@ from hcbf_gym.studies.identification.record import Runner
 
 PERIOD = 0.05
 """Of the commands [s]."""
+START = 100.0
+"""On the robot's clock [s]."""
 LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
 """From one command to the next, as robots look for one at every control step [s]."""
 Planner = Callable[[Array], Array]
@@ -35,10 +38,12 @@ class Body(NamedTuple):
     Attributes:
         robot: what the filter knows of it.
         lag: τ [s].
+        delay: δ [s].
     """
 
     robot: Robot
     lag: float
+    delay: float = 0.0
 
 
 class Moving:
@@ -53,6 +58,8 @@ class Moving:
     def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
         self._runner = Runner(body, seed) if isinstance(body, Walker) else None
         self._lag = 0.0 if isinstance(body, Walker) else body.lag
+        late = 0 if isinstance(body, Walker) else round(body.delay / CONTROL_DT)
+        self._waiting = deque([np.zeros(3)] * late)
         self.pose, self.twist = np.array(start, dtype=np.float64), np.zeros(3)
         self.fallen = False
         if self._runner is not None:
@@ -67,6 +74,8 @@ class Moving:
             self._look()
             return
         three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])
+        self._waiting.append(three)
+        three = self._waiting.popleft()
         share = 1.0 - math.exp(-CONTROL_DT / self._lag) if self._lag > 0.0 else 1.0
         for _ in range(4):
             part = 0.25 * CONTROL_DT
@@ -116,6 +125,7 @@ class Driven(NamedTuple):
         least: the least distance of the robot's circle from a strict region [m].
         statuses: (6,) how often each was said.
         alarms: reasons from the first alarm on.
+        alarmed: when the first was raised [s]; infinite for never.
         longest: 99th percentile of a step [s].
         fell: whether the robot fell, where the loop ends.
         told: (k, n) commands.
@@ -125,6 +135,7 @@ class Driven(NamedTuple):
     least: float
     statuses: Array
     alarms: set[int]
+    alarmed: float
     longest: float
     fell: bool
     told: Array
@@ -146,8 +157,13 @@ def loop(
     until: Callable[[Array], bool] = lambda pose: False,
     walls: Sequence[Barrier] | None = None,
     sees: Callable[[float, Moving], None] = lambda now, robot: None,
+    senses: Callable[[float, Moving], tuple[Array, Array]] = lambda now, robot: (
+        robot.pose,
+        robot.twist,
+    ),
+    period: float = PERIOD,
 ) -> Driven:
-    """Run a robot's own loop, as a node runs it: commands at 20 Hz, odometry as it comes.
+    """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
 
     Args:
         door: the filter.
@@ -160,6 +176,8 @@ def loop(
         until: pose → whether it has arrived.
         walls: what is there; None for what the filter knows.
         sees: called in every control step, with the time [s], before what the filter is asked.
+        senses: the time [s] and the robot → pose and twist of its odometry.
+        period: of the commands [s].
     """
     rng = np.random.default_rng(seed)
     regions = BarrierSet([door.barriers if walls is None else walls])
@@ -168,9 +186,9 @@ def loop(
     newest: tuple[float, Array, Array] | None = None
     path, told, spent, alarms = [], [], [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
-    said, commanded = -np.inf, -np.inf
+    said, commanded, alarmed = -np.inf, -np.inf, np.inf
     for k in range(round(seconds / CONTROL_DT)):
-        now = 100.0 + CONTROL_DT * k
+        now = START + CONTROL_DT * k
         sees(now, robot)
         if now - said >= 1.0 / link.rate - 1e-9:
             said = now
@@ -180,18 +198,19 @@ def loop(
                 dropped -= 1
             else:
                 late = link.late * (1.0 + link.jitter * rng.uniform(-1.0, 1.0))
-                waiting.append((now + late, now, robot.pose, robot.twist))
+                waiting.append((now + late, now, *senses(now, robot)))
         for one in [one for one in waiting if one[0] <= now + 1e-9]:
             waiting.remove(one)
             newest = one[1:]  # the last to come, whatever its stamp
-        if newest is not None and now - commanded >= PERIOD - 1e-9:
-            commanded = now if now - commanded > 2.0 * PERIOD else commanded + PERIOD
+        if newest is not None and now - commanded >= period - 1e-9:
+            commanded = now if now - commanded > 2.0 * period else commanded + period
             began = time.perf_counter()
             _, report = door.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
             spent.append(time.perf_counter() - began)
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
+                alarmed = min(alarmed, now)
         robot.go(door.command_at(now))
         path.append(robot.pose)
         told.append(door.command_at(now))
@@ -202,7 +221,9 @@ def loop(
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
     fell = robot.fallen
-    return Driven(np.array(path), least, statuses, alarms, longest, fell, np.array(told))
+    return Driven(
+        np.array(path), least, statuses, alarms, alarmed - START, longest, fell, np.array(told)
+    )
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
@@ -266,14 +287,14 @@ def hostile(
     return plan
 
 
-def boxes_of(rng: np.random.Generator) -> list[Barrier]:
-    """Return six boxes in a room of 8 m, none at the start."""
+def boxes_of(rng: np.random.Generator, grown: float = 1.0) -> list[Barrier]:
+    """Return six boxes in a room of 8 m, or of a grown one, none at the start."""
     walls: list[Barrier] = [
-        HalfPlane(f"wall {k}", 1, normal, -4.0)
+        HalfPlane(f"wall {k}", 1, normal, -4.0 * grown)
         for k, normal in enumerate(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
     ]
     while len(walls) < 10:
-        (x, y), (w, h) = rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
+        (x, y), (w, h) = grown * rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
         if math.hypot(x, y) > 1.3:
             corners = ((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h))
             walls.append(ConvexPolygon(f"box {len(walls) - 4}", 1, corners))

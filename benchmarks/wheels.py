@@ -1,8 +1,8 @@
 """Robots in loops of their own behind `VelocityFilter`.
 
 What they are commanded and where they pass, what late and lost odometry costs, what a log shows,
-and what is refused. ``python -m benchmarks.wheels --part doors`` prints one part; ``--quick`` a
-little of each.
+which faults of unmeasured robots are reported (`unmeasured`), and what is refused.
+``python -m benchmarks.wheels --part doors`` prints one part; ``--quick`` a little of each.
 """
 
 import math
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import tyro
 
+from benchmarks import unmeasured
 from benchmarks.bent_files import bent
 from benchmarks.own_loop import (
     LONGEST,
@@ -289,7 +290,7 @@ def main(part: str = "all", quick: bool = False, count: int = 40, robot: str = "
     """Print what is seen.
 
     Args:
-        part: robots, doors, loops, logs, bent, or all.
+        part: robots, doors, loops, logs, faults, bent, or all.
         quick: a little of each.
         count: loops a row; logs are half as many, bent files 300 where it is 40.
         robot: of the loops, a contract's path or name.
@@ -300,6 +301,7 @@ def main(part: str = "all", quick: bool = False, count: int = 40, robot: str = "
         "doors": lambda: doors(quick),
         "loops": lambda: loops(quick, few, robot),
         "logs": lambda: logs(quick, count // 2),
+        "faults": lambda: unmeasured.lines(quick, 3 if quick else 5 * count // 2),
         "bent": lambda: bent(quick, 15 * count // 2),
     }
     warnings.simplefilter("ignore")

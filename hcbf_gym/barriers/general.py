@@ -27,6 +27,7 @@ from hcbf_gym.barriers.general_kernels import (
     jet_width,
     pack,
 )
+from hcbf_gym.barriers.kinks import SMOOTH, Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
@@ -38,6 +39,8 @@ from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their numbers are
+OF_H = -4
+"""Where the rows of functions have h."""
 _NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
@@ -125,6 +128,7 @@ class GeneralRows:
         conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
             where L_g ψ nearly vanishes, less than 1 at a kink of a function.
         functions: what was compiled for functions.
+        kinks: where derivatives are taken that are not finite at x.
 
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
@@ -143,6 +147,7 @@ class GeneralRows:
         self._somewhere = samples(model)[0][0]
         self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
+        self.kinks = Kinks()
 
     def __call__(
         self,
@@ -151,6 +156,7 @@ class GeneralRows:
         t: Any = 0.0,
         margin: ArrayLike = 0.0,
         margin_rate: ArrayLike = 0.0,
+        kinks: tuple[Kinks, int] | None = None,
     ) -> CbfRows:
         """Return the rows of one state, or of N.
 
@@ -161,6 +167,7 @@ class GeneralRows:
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
+            kinks: those of a filter, and the number of the first plant there; None for `kinks`.
 
         Raises:
             InvalidInputError: if no input reaches a barrier by the second derivative, the model has
@@ -178,7 +185,7 @@ class GeneralRows:
         out = np.zeros((len(states), m, WIDTH + self.model.n_u))
         out[..., MARGIN], out[..., RATE] = kept, margin_rate
         times = np.array(np.broadcast_to(t, len(states)), dtype=np.float64)
-        self._write(prepared, states, times, self.model.terms_of(states), out)
+        self._write(prepared, states, times, self.model.terms_of(states), out, kinks)
         if not np.isfinite(out[..., H]).all():
             for i, k in zip(*np.nonzero(~np.isfinite(out[..., H])), strict=True):
                 barrier = barriers[k]
@@ -191,7 +198,13 @@ class GeneralRows:
         return CbfRows(a, b, h, ranks, alpha2_psi)
 
     def write(
-        self, prepared: Prepared, x: Array, t: Array, terms: tuple[Array, Array], out: Array
+        self,
+        prepared: Prepared,
+        x: Array,
+        t: Array,
+        terms: tuple[Array, Array],
+        out: Array,
+        kinks: tuple[Kinks, int] | None = None,
     ) -> None:
         """Write the rows of N states; NaN into those of scenes that give none.
 
@@ -201,9 +214,10 @@ class GeneralRows:
             t: (N,) times [s].
             terms: f (N, n) and g (N, n, n_u) at x.
             out: (N, m, WIDTH + n_u) with m and ṁ, see `general_kernels.MARGIN`.
+            kinks: as in a call.
         """
         try:
-            self._write(prepared, x, t, terms, out)
+            self._write(prepared, x, t, terms, out, kinks)
         except UNREADABLE:
             if len(x) == 1:
                 out[..., B] = np.nan
@@ -212,31 +226,99 @@ class GeneralRows:
                 one = slice(i, i + 1)
                 part = self.prepared([prepared.scenes[i]])
                 part.scene.parameters[:] = prepared.scene.parameters[one]
-                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one])
+                here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
+                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
 
     def _write(
-        self, prepared: Prepared, x: Array, t: Array, terms: tuple[Array, Array], out: Array
+        self,
+        prepared: Prepared,
+        x: Array,
+        t: Array,
+        terms: tuple[Array, Array],
+        out: Array,
+        kinks: tuple[Kinks, int] | None,
     ) -> None:
         """Write the rows of N states; what users' own code raises is raised."""
         n, (f, g) = self.model.n, terms
+        known, first = kinks or (self.kinks, 0)
         count, m = prepared.priority.shape
         jets = np.zeros((count, m if prepared.custom else 0, jet_width(n)))
         for i, k, barrier in prepared.custom:
-            pack(_checked(barrier, barrier.jet(x[i], float(t[i])), n), jets[i, k])
+            pack(self._jet(barrier, x[i], float(t[i]), (known, first + i)), jets[i, k])
         jacobian = _NO_JACOBIAN
         if prepared.turns:
             jacobian = self.model.jacobians_of(x)
         at = Terms(f, g, jacobian)
         lags = general_kernels.write_rows(prepared.scene, jets, (x, t), at, self._alphas, out)
-        for scenes, places, rows in prepared.groups:
+        for group in prepared.groups:
+            scenes, places, rows = group
             here = np.ix_(scenes, places)
             reserved = out[here]
             made = rows(x[scenes], t[scenes], reserved[..., MARGIN], reserved[..., RATE])
+            if not math.isfinite(made.sum()):
+                made = self._beside(prepared, group, made, (x, t, reserved), (known, first))
             degrees = prepared.scene.degree[scenes[0], places]
             lags |= general_kernels.take_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
         if lags and self._most is not None:
             self._recover(prepared, self._most, out)
+
+    def _jet(self, barrier: Barrier, x: Array, t: float, kinks: tuple[Kinks, int]) -> Jet:
+        """Return h and its derivatives; those beside x where they are not finite there.
+
+        Raises:
+            InvalidInputError: if the barrier returns no jet, h is not finite, or neither are the
+                derivatives beside x.
+        """
+        jet, n = barrier.jet(x, t), self.model.n
+        if isinstance(jet, Jet) and _is_plain(jet, n):
+            return jet
+        jet = _checked(barrier, jet, n, finite=False)
+        if all(np.isfinite(field).all() for field in jet):
+            return jet
+        if not np.isfinite(jet.h):
+            raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
+        known, i = kinks
+        for beside in known.beside(self.model, x, i):
+            other = _checked(barrier, barrier.jet(beside, t), n, finite=False)
+            if all(np.isfinite(field).all() for field in other):
+                known.warn(barrier, x)
+                return other._replace(h=jet.h)
+        raise InvalidInputError(
+            f"{barrier.name}: the gradient of h is not finite at x = {x.tolist()}; {SMOOTH}"
+        )
+
+    def _beside(
+        self,
+        prepared: Prepared,
+        group: Group,
+        made: Array,
+        at: tuple[Array, Array, Array],
+        kinks: tuple[Kinks, int],
+    ) -> Array:
+        """Return rows of functions; those beside x where they are not finite there.
+
+        Args:
+            prepared: the barriers of N scenes.
+            group: the functions.
+            made: their rows, see `FunctionRows`.
+            at: x (N, n) and t (N,) of all scenes [s], and what rows of the group reserve.
+            kinks: as `_write` takes it.
+        """
+        (x, t, reserved), (known, first), made = at, kinks, made.copy()
+        for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):
+            i = int(group.scenes[j])
+            for beside in known.beside(self.model, x[i], first + i):
+                moved = x[group.scenes]
+                moved[j] = beside
+                times = t[group.scenes]
+                row = group.rows(moved, times, reserved[..., MARGIN], reserved[..., RATE])[j, k]
+                if np.isfinite(row).all():
+                    known.warn(prepared.scenes[i][group.places[k]], x[i])
+                    h, made[j, k] = made[j, k, OF_H], row
+                    made[j, k, OF_H] = h
+                    break
+        return made
 
     def _recover(self, prepared: Prepared, most: Callable[[Array], float], out: Array) -> None:
         """Let rows ask for a stop where ψ_1 is below zero."""

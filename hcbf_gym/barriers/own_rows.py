@@ -8,6 +8,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.general_kernels import DIP, WIDTH
+from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.row_kernels import (
     ALPHA2_PSI,
     PSI,
@@ -31,6 +32,7 @@ def write_own_row(
     settings: RowSettings,
     reserved: tuple[float, float, float],
     out: Array,
+    kinks: tuple[Kinks, int] | None = None,
 ) -> None:
     """Write a barrier's row.
 
@@ -45,6 +47,7 @@ def write_own_row(
         settings: α₁, α₂, and whether u is held.
         reserved: m between h and zero, its rate of change, and the rate of that.
         out: (WIDTH + 2,) see `general_kernels.MARGIN`; its margin is left as it is.
+        kinks: as `GeneralRows` takes it.
     """
     out[DIP] = 0.0
     if isinstance(barrier, PlanarBarrier) and _write_held_row(
@@ -53,7 +56,7 @@ def write_own_row(
         return
     margin, margin_rate, quickening = reserved
     dip = half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
-    row = usual(settings)([barrier], x, t, np.array([margin + dip]), margin_rate)
+    row = usual(settings)([barrier], x, t, np.array([margin + dip]), margin_rate, kinks)
     assert row.alpha2_psi is not None
     h, alpha2_psi = float(row.h[0]), float(row.alpha2_psi[0])
     kept = h - margin
@@ -82,6 +85,8 @@ def _write_held_row(
         return False
     margin, margin_rate, quickening = reserved
     h, gradient, hessian = barrier.planar_jet(q)
+    if not np.isfinite(np.sum(gradient) + np.sum(hessian)):
+        return False  # a kink, which the usual row looks beside
     bending = core.distance * float(r @ hessian @ r) if core.is_point else 0.0
     kept = float(h) - margin - beside_core(float(core.radius), packed)
     rate = float(gradient @ r) - margin_rate

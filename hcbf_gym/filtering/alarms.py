@@ -1,5 +1,7 @@
 """What a filter says when it brakes, or when the plant is not the one that was declared."""
 
+from collections.abc import Callable
+
 from hcbf_gym.errors import SafetyWarning, warn_caller
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
 
@@ -19,13 +21,13 @@ class ReasonWarnings:
         """Let a reason be warned of again."""
         self._said.discard(int(reason))
 
-    def warn(self, reason: int, count: int = 1, why: str = "") -> None:
+    def warn(self, reason: int, count: int, cause: Callable[[int], str]) -> None:
         """Warn of a `Reason` that was not warned of yet.
 
         Args:
             reason: what happened.
             count: how many plants of a batch it happened to.
-            why: more of it; "" where no more is known.
+            cause: reason → what exactly is wrong; "" where nothing more is known.
         """
         if reason in self._said or reason == Reason.NONE:
             return
@@ -34,6 +36,7 @@ class ReasonWarnings:
         brakes = reason < FIRST_ALARM or self._brakes
         does = "brakes" if brakes else "goes on, and promises nothing"
         many = "" if count == 1 else f" of {count} plants"
-        says = f"{Reason(reason).says}{f': {why}' if why else ''}"
+        why = cause(reason)
+        says = f"{Reason(reason).says}{f' ({why})' if why else ''}"
         message = f"safety filter{many}: {says}; the filter {does} {until}"
         warn_caller(message, SafetyWarning)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.placing import Placing
@@ -23,7 +24,7 @@ from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError, shown, warn_caller
-from hcbf_gym.filtering import solvers, step
+from hcbf_gym.filtering import causes, solvers, step
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.configured import Configured
@@ -77,6 +78,8 @@ class FilterCore(Configured, ABC):
         self._moving = ""  # the name of a region that moves undeclared
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
+        self._unread: Exception | None = None  # why barriers are none
+        self._kinks = Kinks()
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
 
     @property
@@ -188,6 +191,7 @@ class FilterCore(Configured, ABC):
             self._m = scene.kind.shape[1]
             self._make_room(self._m)
         buffer.u_nominal[...] = u_nominal
+        self._kinks.u = u_nominal
         arrays, own = self._made(scene, u_nominal)
         said = self._filter(arrays, own)
         if said == step.NOT_FINITE:
@@ -206,7 +210,7 @@ class FilterCore(Configured, ABC):
         if estimate.time is None:
             self._steps += 1.0
         if said == step.ASKS:
-            self._finish()
+            self._finish(estimate)
         report = buffer.report()
         return report["u_safe"], report
 
@@ -297,7 +301,7 @@ class FilterCore(Configured, ABC):
             self._threads.run(filter_part, list(zip(self._parts, self._programs, strict=True)))
         )
 
-    def _finish(self) -> None:
+    def _finish(self, estimate: Estimate) -> None:
         """Brake as the user asks, and warn."""
         told, rows = self._buffer.plants, self._buffer.rows
         if self.plant.brake is not None:
@@ -308,10 +312,24 @@ class FilterCore(Configured, ABC):
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons, counts = np.unique(told["reason"], return_counts=True)
         for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
-            self._warnings.warn(reason, count, self._why(reason))
+            self._warnings.warn(reason, count, lambda reason: self._cause(reason, estimate))
 
-    def _why(self, reason: int) -> str:
-        """Return more of a `Reason` that plants have now; "" where no more is known."""
+    def _cause(self, reason: int, estimate: Estimate) -> str:
+        """Return what exactly is wrong of the first plant with a reason; "" for no more."""
+        i = int(np.flatnonzero(self._buffer.plants["reason"] == reason)[0])
+        samples, plant, count = self._samples, self.plant, self.count
+        if reason == Reason.STATE:
+            return causes.of_state(estimate, plant, i, count)
+        if reason == Reason.AGE:
+            return causes.of_age(estimate, plant, i, count)
+        if reason == Reason.CLOCK:
+            last = float(samples.plants["believed_at"][i])
+            return causes.of_clock(estimate, last, i, count)
+        if reason == Reason.BARRIERS and self._refused:
+            return str(self._unread)
+        if reason == Reason.BARRIERS:
+            x, time = samples.x[i].copy(), float(samples.time[i])
+            return causes.of_barriers(self._scene, plant.model, x, time, i)
         return repr(self._moving) if reason == Reason.MOVES and self._moving else ""
 
     def _users_brake(self, i: int) -> Array:
@@ -352,7 +370,8 @@ class FilterCore(Configured, ABC):
         """Note barriers that may be others than the last ones."""
         try:
             given = self._read_barriers(barriers)
-        except Exception:  # whatever a user's own barriers raise, the robot has to stop
+        except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
+            self._unread = error
             self._listed, self._refused, self._refusal = None, True, None
             self._version, self._edits = np.full(self.count, -1), -1
         else:
@@ -391,7 +410,7 @@ class FilterCore(Configured, ABC):
                 self.check_limits(scene)
                 self._check_inputs(*self._accept(scene))
         except UNREADABLE as error:
-            self._refused, self._refusal = True, error
+            self._refused, self._refusal, self._unread = True, error, error
 
     def _differs(self, given: BarrierSet) -> Mask:
         """Return (N,) whose barriers are other objects than those of the present scenes."""

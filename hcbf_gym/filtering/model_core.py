@@ -48,6 +48,7 @@ class ModelCore(FilterCore):
                 "None: only the planar double integrator is guided"
             )
         self._rows_of = GeneralRows(model, self.alpha1, self.alpha2, input_set.support)
+        self._rows_of.kinks = self._kinks
         self._check_uncertainty()
         confidence = plant.uncertainty.confidence
         self._monitor = ModelMonitor(model, plant.period, input_set, confidence, self.count)

@@ -20,7 +20,7 @@ from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.guide import Guide
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Coverage, Plant, Reason
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, Reason
 
 
 class PlanarCore(FilterCore):
@@ -119,10 +119,10 @@ class PlanarCore(FilterCore):
         """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
         return self._guide.why(np.ones(self.count, dtype=np.bool_))
 
-    def _why(self, reason: int) -> str:
-        """Return more of a `Reason` that plants have now; "" where no more is known."""
+    def _cause(self, reason: int, estimate: Estimate) -> str:
+        """Return what exactly is wrong of the first plant with a reason; "" for no more."""
         if reason != Reason.GOAL:
-            return super()._why(reason)
+            return super()._cause(reason, estimate)
         return self._guide.why(self._buffer.plants["reason"] == reason)
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
@@ -184,6 +184,8 @@ class PlanarCore(FilterCore):
             try:
                 with np.errstate(all="ignore"):
                     state = x[i], float(time[i])
-                    write_own_row(barrier, *state, self.row_settings, of_row, out[i, k])
+                    write_own_row(
+                        barrier, *state, self.row_settings, of_row, out[i, k], (self._kinks, i)
+                    )
             except UNREADABLE:
                 out[i, k, B] = np.nan

@@ -77,9 +77,9 @@ class Odometry:
             sample: in a frame in which the pose goes on smoothly.
         """
         measured = self._follower.measured(sample.place, sample.motion)
-        at = np.array([measured[0], measured[1], sample.place[2]])
-        strays = self._response.observe(at, measured[2:], sample.stamp)
         drifts = self._motion.observe(measured, sample.stamp)
+        at = np.array([*self._motion.place, sample.place[2]])
+        strays = self._response.observe(at, measured[2:], sample.stamp, self._motion.noise)
         if self.fault == Reason.NONE and (strays or drifts):
             self.fault = Reason.RESPONSE if strays else Reason.MOTION
 

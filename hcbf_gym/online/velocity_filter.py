@@ -185,7 +185,7 @@ class VelocityFilter:
         self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
-            uncertainty=reserved, axle=axle,
+            uncertainty=reserved, axle=axle, max_age=self._max_age + ROUNDING,
             braking=None if axle else stops(response, known.command.fastest, input_set),
             fastest=None if axle else known.command.fastest,
         )  # fmt: skip
@@ -484,7 +484,7 @@ class VelocityFilter:
             x,
             lag,
             place[2],
-            age=math.inf if stale else max(0.0, age),
+            age=age if stale else max(0.0, age),
             fault=odometry.fault or None,
         )
         return _Seen(estimate, float(place[2]), float(motion[2]), sound and not stale)

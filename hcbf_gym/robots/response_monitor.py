@@ -16,8 +16,15 @@ with S = sway/(τ + δ), the greatest mean residual over the time in which the r
 what of it remains over long times (sway about it averages out): the response's residuals set both.
 d is what nobody knows: what a command that was not renewed in time still did; ``‖∫(v̂ - v_b) dt‖``,
 with v_b the velocity of a robot that follows as v̂ says, but changes it no harder than it brakes,
-and its overshoot meanwhile; and, of a response that nobody measured or that has complaints,
-``‖∫(c - v̂) dt‖`` over each sample, with c the command that was told last: it may show at once.
+and its overshoot meanwhile.
+
+An unmeasured robot follows with any τ and δ up to those that the rows assume. v̂ has the greatest
+of both, and with c the commands, those of a robot without either lead to
+
+.. math:: q ← (1 - T/W) q + ∫(c - v̂) \, dt.
+
+Every robot between the two is near the line from 0 to q: instead of ``‖r‖`` its distance from that
+line is compared, and the bound grows by A times the greatest ``‖q‖`` in the window.
 
 A gait sways more than many a fault shows in r. What follows late, by another share or in another
 direction correlates with v̂, which sway does not. With e the mean residual of a sample, J the
@@ -38,19 +45,36 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Pair, Records
 from hcbf_gym.compilation import kernel
-from hcbf_gym.robots.told import HELD, LAW, NOTES, WINDOWS, begin, doubt_of, follow, renew, tell
+from hcbf_gym.robots.told import (
+    HELD,
+    LAW,
+    NOTES,
+    WINDOWS,
+    at_once,
+    begin,
+    doubt_of,
+    follow,
+    renew,
+    tell,
+)
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
 SHORTEST = 0.1
 """The shortest window [s]: a few samples of any loop."""
+LASTING = 0.08
+"""D of an unmeasured robot, a share of its greatest speed."""
 BEYOND = 1.45
 """K: hours show more sway than the minutes of identification."""
 SWAYS = 2.0
 """Over how many W₀ sway adds up."""
-SHARE, DOUBTED = 0.15, 0.5
-"""a: share of the motion that may be missing or too much, and of a response that nobody measured
-or that has complaints."""
+SHARE, DOUBTED = 0.15, 0.2
+"""a: share of the motion that may be missing or too much, and of an unmeasured robot."""
+ARC = 0.4
+"""A: how far from the line, as a share of its length, a robot is whose τ and δ are between. Of
+commands that swing at up to 5 rad/s it is no more, of faster ones hardly anything shows."""
+NOISE = 2.5
+"""Standard deviations of the position that are no motion."""
 FAST = 0.25
 """Share of the greatest speed above which motion is compared with what was told: legs that are told
 less may stand."""
@@ -97,17 +121,19 @@ class ResponseMonitor:
         self._gains = np.array(known.gains(len(command.limits)))
         self._command = command
         follows = max(known.follows, 1e-3)
-        most = known.residual[2] if doubted else known.sway / follows
+        most = BEYOND * known.sway / follows
         lasting = known.residual[1] if known.lasting is None else known.lasting
         lasting = min(known.sway / follows, lasting)
         share = DOUBTED if doubted else SHARE
+        if doubted:
+            most, lasting = known.sway / (SWAYS * follows), LASTING * command.fastest
         law = np.zeros(1, dtype=LAW)
         law["tau"], law["delay"] = known.time_constant, known.delay
         law["first"] = max(follows, SHORTEST)
-        law["most"], law["lasting"] = widened * BEYOND * most, widened * lasting
+        law["most"], law["lasting"] = widened * most, widened * lasting
         law["share"], law["forward"] = widened * share, command.forward
         law["braking"], law["overshoot"] = known.braking, known.overshoot
-        law["guessed"] = widened if doubted else 0.0
+        law["arc"] = widened * ARC if doubted else 0.0
         self._law = law
         self.is_measured = not doubted
         self._notes = np.zeros(1, dtype=NOTES)
@@ -130,15 +156,16 @@ class ResponseMonitor:
         if until < math.inf:
             tell(self._notes, (0.0, 0.0, 0.0), until, True)
 
-    def observe(self, pose: Array, velocity: Array, time: float) -> bool:
+    def observe(self, pose: Array, velocity: Array, time: float, noise: float = 0.0) -> bool:
         """Compare odometry with what the robot was told, and return whether that alarms.
 
         Args:
             pose: (3,) x, y of the point that follows [m] and the heading [rad].
             velocity: (2,) of that point in the world [m/s], with which all begins.
             time: of both [s]; one that does not go on says nothing.
+            noise: standard deviation of x and y [m].
         """
-        return bool(_observe(self._notes, self._law, pose, velocity, time))
+        return bool(_observe(self._notes, self._law, pose, velocity, time, NOISE * noise))
 
     def carry(self, pose: Array, twist: Array, since: float, now: float) -> float:
         """Write where what it was told has brought a robot, and return what that may be off [m].
@@ -161,7 +188,9 @@ class ResponseMonitor:
 
 
 @kernel(error_model="numpy")
-def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: float) -> bool:
+def _observe(
+    notes: Records, laws: Records, pose: Array, velocity: Array, time: float, noise: float
+) -> bool:
     note, law = notes[0], laws[0]
     passed = time - note.time
     if note.begun and -PAUSE < passed <= 0.0:
@@ -182,39 +211,38 @@ def _observe(notes: Records, laws: Records, pose: Array, velocity: Array, time: 
         begin(note, law, time, (cos * vx + sin * vy, cos * vy - sin * vx))
         note.missed[:, :], note.moved[:], note.seen[:] = 0.0, 0.0, 0.0
         note.missing[:, :], note.asked[:] = 0.0, 0.0
-        note.doubt[:], note.hidden[:] = 0.0, 0.0
+        note.doubt[:], note.hidden[:] = 2.0 * noise, 0.0  # of the place where r begins
+        note.apart[:, :], note.widest[:] = 0.0, 0.0
         return False
     forward, sideways = note.velocity[0], note.velocity[1]
     went_ahead, went_aside, length, doubt = follow(note, law, began, time)
     speed = np.hypot(forward, sideways)
     for last in range(max(0, note.count - 2), note.count):  # the last command, and its end
         speed = max(speed, np.hypot(note.told[last % HELD, 0], note.told[last % HELD, 1]))
-    if law.guessed > 0.0:
-        x, y = _told_by(note, began)
-        doubt += law.guessed * np.hypot(x * passed - went_ahead, y * passed - went_aside)
+    apart, hidden = (0.0, 0.0), doubt
+    if law.arc > 0.0:
+        x, y = at_once(note, began, time)
+        apart = x - went_ahead, y - went_aside
+        hidden += np.hypot(apart[0], apart[1]) + law.lasting * passed
     off = ahead - went_ahead, aside - went_aside
-    strays = _strays(note, law, off, length, passed, doubt)
-    differs = _differs(note, law, off, (went_ahead, went_aside), passed, doubt * speed)
+    strays = _strays(note, law, off, apart, length, passed, doubt, noise)
+    differs = _differs(note, law, off, (went_ahead, went_aside), passed, hidden * speed, noise)
     note.worst = max(strays, differs)
     return note.worst > 1.0
 
 
-@kernel(error_model="numpy", inline="always")
-def _told_by(note: np.record, time: float) -> Pair:
-    """Return what the command leads to that was told last by a time [m/s]."""
-    k = note.count
-    while k > max(0, note.count - HELD) and note.told_at[(k - 1) % HELD] > time + 1e-9:
-        k -= 1
-    if k == 0:
-        return 0.0, 0.0
-    return note.told[(k - 1) % HELD, 0], note.told[(k - 1) % HELD, 1]
-
-
 @kernel(error_model="numpy")
 def _strays(
-    note: np.record, law: np.record, off: Pair, length: float, passed: float, doubt: float
+    note: np.record,
+    law: np.record,
+    off: Pair,
+    apart: Pair,
+    length: float,
+    passed: float,
+    doubt: float,
+    noise: float,
 ) -> float:
-    """Add a sample to r of every window, and return the greatest share of its bound."""
+    """Add a sample to r and q of every window, and return the greatest share of its bound."""
     worst = 0.0
     for i in range(WINDOWS):
         keep = max(0.0, 1.0 - passed / (law.first * 2.0**i))
@@ -223,10 +251,21 @@ def _strays(
         note.moved[i] = keep * note.moved[i] + length
         note.doubt[i] = keep * note.doubt[i] + doubt
         note.seen[i] = seen = keep * note.seen[i] + passed
+        note.apart[i, 0] = keep * note.apart[i, 0] + apart[0]
+        note.apart[i, 1] = keep * note.apart[i, 1] + apart[1]
+        length_of_q = np.hypot(note.apart[i, 0], note.apart[i, 1])
+        note.widest[i] = max(length_of_q, keep * note.widest[i])
         if seen < FILLED * law.first:
             continue
-        bound = _bound(law, seen, note.moved[i]) + note.doubt[i]
-        worst = max(worst, np.hypot(note.missed[i, 0], note.missed[i, 1]) / bound)
+        bound = _bound(law, seen, note.moved[i]) + note.doubt[i] + noise
+        r, q = note.missed[i], note.apart[i]
+        near = 0.0
+        if note.widest[i] > 0.0:
+            near = min(
+                1.0, max(0.0, (r[0] * q[0] + r[1] * q[1]) / max(q[0] ** 2 + q[1] ** 2, 1e-12))
+            )
+            bound += law.arc * note.widest[i]
+        worst = max(worst, np.hypot(r[0] - near * q[0], r[1] - near * q[1]) / bound)
     return worst
 
 
@@ -245,7 +284,13 @@ def _bound(law: np.record, seen: float, moved: float) -> float:
 
 @kernel(error_model="numpy")
 def _differs(
-    note: np.record, law: np.record, off: Pair, went: Pair, passed: float, hidden: float
+    note: np.record,
+    law: np.record,
+    off: Pair,
+    went: Pair,
+    passed: float,
+    hidden: float,
+    noise: float,
 ) -> float:
     """Add a sample to c of both windows, and return the lesser share of the bound."""
     least = FAST * law.forward
@@ -267,7 +312,7 @@ def _differs(
             return 0.0  # the shorter window begins where the longer one has seen enough
         bound = law.share * note.asked[i] + APART * law.most * np.sqrt(law.first * note.asked[i])
         off_by = np.hypot(note.missing[i, 0], note.missing[i, 1])
-        worst = min(worst, off_by / (bound + note.hidden[i]))
+        worst = min(worst, off_by / (bound + note.hidden[i] + noise * law.forward))
     return worst
 
 

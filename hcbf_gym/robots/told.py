@@ -29,6 +29,8 @@ NOTES = np.dtype(
         ("missed", "f8", (WINDOWS, 2)),  # r [m]
         ("moved", "f8", WINDOWS),  # m [m]
         ("doubt", "f8", WINDOWS),  # d [m]
+        ("apart", "f8", (WINDOWS, 2)),  # q [m]
+        ("widest", "f8", WINDOWS),  # the greatest ‖q‖ of late [m]
         ("seen", "f8", WINDOWS),  # w [s]
         ("missing", "f8", (2, 2)),  # c [m²/s]
         ("asked", "f8", 2),  # E [m²/s]
@@ -47,7 +49,7 @@ LAW = np.dtype(
         ("share", "f8"),  # a
         ("braking", "f8"),  # how hard a stop brakes [m/s²]
         ("overshoot", "f8"),  # by how much the speed exceeds all commands [m/s]
-        ("guessed", "f8"),  # how much of ∫(c − v̂)dt is not known, of the command c told last
+        ("arc", "f8"),  # A; 0 of a robot that was measured
         ("forward", "f8"),  # the greatest speed that the robot may be told [m/s]
     ]
 )
@@ -141,6 +143,25 @@ def begin(note: np.record, law: np.record, now: float, velocity: Pair) -> None:
     act(note, law, now)
     for k in range(2):
         note.velocity[k] = note.braked[k] = velocity[k]
+
+
+@kernel(error_model="numpy")
+def at_once(note: np.record, start: float, end: float) -> Pair:
+    """Return ∫c dt (2,), where a robot without τ and δ moves from a time to another [m]."""
+    k = note.count
+    least = max(0, note.count - HELD)
+    while k > least and note.told_at[(k - 1) % HELD] > start + 1e-9:
+        k -= 1
+    ahead = aside = 0.0
+    now = start
+    while now < end:
+        until = min(end, note.told_at[k % HELD]) if k < note.count else end
+        if k > least:
+            ahead += note.told[(k - 1) % HELD, 0] * (until - now)
+            aside += note.told[(k - 1) % HELD, 1] * (until - now)
+        now = until
+        k += 1
+    return ahead, aside
 
 
 @kernel(error_model="numpy")

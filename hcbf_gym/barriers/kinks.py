@@ -1,0 +1,58 @@
+"""Where derivatives are taken at a kink of h: a small step beside it.
+
+Where h(x) is finite and a derivative is not, as of ‖v‖ at rest, the derivatives are those at
+``x + STEP d``: d is the direction of the velocity, at rest that of u*, and else the first axis. The
+row is then that of the part of h into which the plant moves.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.errors import SafetyWarning, warn_caller
+from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
+
+STEP = 1e-6
+"""In units of the state."""
+SMOOTH = "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s)"
+"""The remedy."""
+
+
+class Kinks:
+    """Names the states beside a kink, and warns once of each barrier that has one.
+
+    Attributes:
+        u: (n_u,) or (N, n_u) u* of the plants; None where it is not known.
+    """
+
+    def __init__(self) -> None:
+        self.u: Array | None = None
+        self._known: set[str] = set()
+
+    def beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
+        """Yield states beside x (n,) of plant i, the preferred one first."""
+        u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[i]
+        f, g = model.terms(x)
+        if isinstance(model, DoubleIntegrator):
+            v = x[model.n_u :]
+            moves = np.tile(v if v.any() else u, 2)
+        else:
+            moves = f if f.any() else g @ u
+        axis = np.eye(model.n)[0] + g[:, 0]
+        for d in (moves, axis):
+            size = float(np.linalg.norm(d))
+            if 0.0 < size < np.inf:
+                yield x + STEP / size * d
+
+    def warn(self, barrier: Barrier, x: Array) -> None:
+        """Warn that the derivatives of a barrier are not those at x (n,), once."""
+        if barrier.name in self._known:
+            return
+        self._known.add(barrier.name)
+        warn_caller(
+            f"{barrier.name}: h is finite and its gradient is not at x = {x.tolist()}: it is taken "
+            f"{STEP:g} beside, along the motion; {SMOOTH}",
+            SafetyWarning,
+        )
