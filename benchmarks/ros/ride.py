@@ -110,6 +110,6 @@ def write_map(
     Image.fromarray(shade).save(file.with_suffix(".pgm"))
     file.write_text(
         f"image: {file.stem}.pgm\nresolution: {resolution}\norigin: [{origin[0]}, {origin[1]}, 0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n",
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
         encoding="utf-8",
     )

@@ -132,7 +132,21 @@ class MappedRegion(OnGrid):
 
 @dataclass(frozen=True, eq=False)
 class SeenRegion(Mapped):
-    """The outside of what a scan shows, for the moment: guidance plans no path around it."""
+    """The outside of what a scan shows, for the moment: guidance plans no path around it.
+
+    Args:
+        stamp: when it was seen [s]; None counts from the first step that has it.
+        period: up to this age its margin is enough [s].
+        speed: of the fastest thing around [m/s].
+    """
+
+    stamp: float | None = None
+    period: float = 0.0
+    speed: float = 0.0
+
+    def margin_at(self, age: float) -> float:
+        """Return what is reserved at an age [s]: what may have come in the meantime, too [m]."""
+        return min(self.margin + self.speed * max(0.0, age - self.period), FARTHEST)
 
 
 @dataclass(frozen=True, eq=False)

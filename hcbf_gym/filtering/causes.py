@@ -47,17 +47,6 @@ def of_state(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
     return ""
 
 
-def of_age(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
-    """Return how old plant i's state is."""
-    age = _one_of(estimate.age, (), i, count)
-    if age is None or not np.isfinite(age):
-        return "there is none"
-    if age < 0.0:
-        return f"its stamp is {-float(age):.3g} s ahead of the present"
-    most = "" if plant.max_age is None else f", expected at most {plant.max_age:.3g} s"
-    return f"it is {float(age):.3g} s old{most}"
-
-
 def of_clock(estimate: Estimate, last: float, i: int, count: int) -> str:
     """Return what is wrong with the time of plant i's state.
 

@@ -4,6 +4,7 @@
 step stands here and in what this file calls.
 """
 
+import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
@@ -35,6 +37,8 @@ from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.filtering.verdict import COMPARED, NEWS
+from hcbf_gym.models import clocks
+from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
@@ -81,6 +85,9 @@ class FilterCore(Configured, ABC):
         self._unread: Exception | None = None  # why barriers are none
         self._kinks = Kinks()
         self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
+        self._scans: list[tuple[int, int, SeenRegion]] = []  # of the scene, that may have moved
+        self._first: dict[tuple[int, SeenRegion], float] = {}  # when one without a stamp came [s]
+        self.began = 0.0  # when the plant's time was 0, on the clock of its scans [s]
 
     @property
     def guides(self) -> bool:
@@ -105,6 +112,7 @@ class FilterCore(Configured, ABC):
         self._nearness.forget(mask)
         self._placing.go_back(mask)
         self._fresh |= mask
+        self._first = {key: first for key, first in self._first.items() if not mask[key[0]]}
 
     def go_on_from(self, other: "FilterCore") -> None:
         """Let shapes count from when they do in another filter of the same plants."""
@@ -321,7 +329,7 @@ class FilterCore(Configured, ABC):
         if reason == Reason.STATE:
             return causes.of_state(estimate, plant, i, count)
         if reason == Reason.AGE:
-            return causes.of_age(estimate, plant, i, count)
+            return samples.says
         if reason == Reason.CLOCK:
             last = float(samples.plants["believed_at"][i])
             return causes.of_clock(estimate, last, i, count)
@@ -359,12 +367,31 @@ class FilterCore(Configured, ABC):
         differs = barriers is not given or given.edits != self._edits or given.may_change
         if differs or self._placing.is_due or self._placing.is_edited(given):
             self._take_barriers(barriers, since)
+        wrong = self._age_scans()
+        if wrong:
+            samples.doubt(Reason.AGE, wrong)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.doubt(Reason.CLOCK)
         if self._nearness.is_some:
             self._note_moves()
+
+    def _age_scans(self) -> str:
+        """Reserve what may have come since scans were taken; return what is wrong with a stamp."""
+        first, self._first, wrong = self._first, {}, ""
+        hold = self.plant.period or 0.0
+        for i, k, scan in self._scans:
+            now = float(self._samples.time[i]) + self.began
+            if not math.isfinite(now):
+                continue
+            seen = scan.stamp
+            if seen is None:
+                seen = self._first[i, scan] = first.get((i, scan), now)
+            if not clocks.is_accepted(now - seen, SEEN_FOR):
+                wrong = f"the scan {scan.name!r}: {clocks.says(now - seen, SEEN_FOR)}"
+            self._scene.own_margin[i, k] = scan.margin_at(now + hold - seen)
+        return wrong
 
     def _take_barriers(self, barriers: object, since: float | None) -> None:
         """Note barriers that may be others than the last ones."""
@@ -393,6 +420,7 @@ class FilterCore(Configured, ABC):
             return
         if since is not None and scene.parameters.shape == before.parameters.shape:
             news |= (scene.parameters != before.parameters).any(axis=(1, 2))
+        self._age_scans()
         is_kept = scene is not before and not (in_place and given.atlas)
         compared = is_kept and self._looks_back()
         plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
@@ -401,6 +429,10 @@ class FilterCore(Configured, ABC):
             self._nearness.compare(before, scene, self._samples.x, self._samples.time, known)
         self._given, self._version, self._edits = given, given.version.copy(), given.edits
         self._scene = scene
+        held = scene.atlas.held.items()
+        self._scans = [
+            (i, k, one) for (i, k), one in held if isinstance(one, SeenRegion) and one.speed > 0.0
+        ]
         self.covering.change(news & ~self._fresh)
         self.covering.tell(self._buffer.plants)
         self._refused, self._refusal = False, None

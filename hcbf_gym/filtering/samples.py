@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
 from hcbf_gym.filtering.plants import plant_dtype
+from hcbf_gym.models import clocks
 from hcbf_gym.models.constants import LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
@@ -34,6 +35,7 @@ class Samples:
         input: (N, n_u) that was applied last.
         time: (N,) of the states [s].
         told: whether a sample said more than x.
+        says: what is wrong with a stamp, for plants of the reason AGE.
     """
 
     def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
@@ -42,6 +44,7 @@ class Samples:
         self._drives = plant.axle is not None
         # whether there is anything to take back
         self._faulty, self.told, self._varies = False, False, False
+        self.says = ""
         n = plant.model.n
         shapes = (n,), (n,), (n,), (n, n), (n,)
         own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
@@ -85,7 +88,10 @@ class Samples:
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; it names the parts of its own records."""
-        kept = ("plants", "_own", "_max_age", "_period", "_drives", "_faulty", "told", "_varies")
+        kept = (
+            *("plants", "_own", "_max_age", "_period", "_drives"),
+            *("_faulty", "told", "_varies", "says"),
+        )
         return {name: value for name, value in vars(self).items() if name in kept}
 
     def __setstate__(self, state: dict[str, object]) -> None:
@@ -145,8 +151,9 @@ class Samples:
         if bad.any():
             self.blame(Reason.STATE, bad)
 
-    def doubt(self, reason: Reason) -> None:
+    def doubt(self, reason: Reason, says: str = "") -> None:
         """Note why plants are not believed that would be: an alarm does not hide it."""
+        self.says = says or self.says
         fault = self.plants["fault"]
         self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
 
@@ -196,10 +203,13 @@ class Samples:
         return np.where(np.isin(alarms, KNOWN_FAULTS), alarms, Reason.STATE)
 
     def _check_age(self, age: object) -> None:
-        """Note which states are older than the plant allows, or of no age at all."""
+        """Note which states are older than the plant allows, ahead of it, or of no age at all."""
         ages = np.full(len(self.plants), np.nan)
         self._note(_bare(ages), age)
-        self.blame(Reason.AGE, ~(np.isfinite(ages) & (ages >= 0.0) & (ages <= self._max_age)))
+        wrong = ~clocks.is_accepted(ages, self._max_age)
+        self.blame(Reason.AGE, wrong)
+        if wrong.any():
+            self.says = f"the state: {clocks.says(float(ages[wrong][0]), self._max_age)}"
 
 
 def _bare(numbers: Array) -> Array:

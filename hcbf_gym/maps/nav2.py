@@ -22,6 +22,8 @@ from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
+GREY = 205
+"""Of a pixel by which map savers write a cell that was never seen."""
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
@@ -49,14 +51,17 @@ class Raster(NamedTuple):
     occupancy: NDArray[np.int16]
 
 
-def read(path: str | Path) -> Raster:
+def read(path: str | Path, *, drawn: bool = False) -> Raster:
     """Read a map. Warns of keys that it does not know.
 
     Modes are the map server's: "trinary" knows free, occupied and unknown; "scale" the shares
-    between both thresholds; "raw" takes a pixel from 0 to 100 for the occupancy itself.
+    between both thresholds; "raw" takes a pixel from 0 to 100 for the occupancy itself. In trinary
+    maps a cell of the grey 205 (50 where `negate` is set) was never seen: it is unknown whatever
+    the thresholds. In the other modes no grey of such a cell depends on them.
 
     Args:
         path: of the YAML file; its image lies beside it unless the path in it is absolute.
+        drawn: whether it is a mask: a grey that somebody has drawn means what thresholds say.
 
     Raises:
         InvalidInputError: if a file cannot be read or is too large, a key is missing or
@@ -105,6 +110,8 @@ def read(path: str | Path) -> Raster:
         values[occupied < low] = FREE
         values[occupied > high] = OCCUPIED
         values[clear] = UNKNOWN
+        if mode == "trinary" and not drawn:
+            values[np.rint(255.0 * occupied) == 255 - GREY] = UNKNOWN
     return Raster(grid, values.astype(np.int16)[::-1])
 
 
@@ -145,7 +152,7 @@ def parse(text: str, name: str) -> dict[str, Any]:
         if not bare.strip() or bare in ("---", "..."):
             continue
         if listed is not None and re.match(r"\s*-\s", bare):
-            listed.append(_value(bare.strip()[1:].strip()))
+            listed.append(_scalar(bare.strip()[1:].strip()))
             continue
         found = _KEY.match(bare)
         if found is None or found[1] in keys:
@@ -161,10 +168,15 @@ def parse(text: str, name: str) -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """Return a number, a truth value, a text, or a list of them."""
+    """Return a number, a truth value, a text, or a list of them; of lists in a list the text."""
     if text.startswith("[") and text.endswith("]"):
         inner = text[1:-1].strip().rstrip(",")
-        return [_value(item.strip()) for item in inner.split(",")] if inner else []
+        return [_scalar(item.strip()) for item in inner.split(",")] if inner else []
+    return _scalar(text)
+
+
+def _scalar(text: str) -> Any:
+    """Return a number, a truth value or a text."""
     if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
         return text[1:-1]
     if text.lower() in ("true", "false"):

@@ -19,6 +19,7 @@ from hcbf_gym.errors import InvalidInputError, as_array, check_options, choose, 
 from hcbf_gym.maps import packing, reading
 from hcbf_gym.maps.cover import Cover
 from hcbf_gym.maps.map_class import MapClass
+from hcbf_gym.maps.reading import Cells
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
 
@@ -35,6 +36,7 @@ class RankedMap(Several):
         grid: where the cells lie.
         classes: what cells mean; a cell may be of several classes.
         source: the files that it was read from, as `from_dict` takes them; None for arrays.
+        counted: how many cells of the map's file are free, occupied and unknown; None for arrays.
 
     Raises:
         InvalidInputError: if two classes share a name, or cells are not of the grid's shape.
@@ -52,6 +54,7 @@ class RankedMap(Several):
     grid: Grid
     classes: tuple[MapClass, ...]
     source: Mapping[str, Any] | None = field(default=None, repr=False)
+    counted: Cells | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
@@ -86,6 +89,9 @@ class RankedMap(Several):
     ) -> Self:
         """Read a map of Nav2, and masks, which are looked up by position as Nav2 does.
 
+        A cell that was never seen is unknown, whatever the thresholds of the file. How many cells
+        are free, occupied and unknown is logged, and is `counted` of the map.
+
         Args:
             file: YAML of the map server.
             masks: YAML of a mask → its rank as a keepout, or its fields: "rank", "kind", "name",
@@ -101,8 +107,8 @@ class RankedMap(Several):
             InvalidInputError: if a file cannot be read, a field is missing, unknown or out of
                 range, or every cell is strict.
         """
-        grid, classes = reading.read(file, masks or {}, rank, unknown, margin)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
+        grid, classes, counted = reading.read(file, masks or {}, rank, unknown, margin)
+        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin), counted)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

@@ -1,13 +1,15 @@
 """Classes of a map from its files: the map itself, and masks over it."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym import records
+from hcbf_gym.arrays import Mask
 from hcbf_gym.errors import InvalidInputError, check_options, finite_float, warn_caller
 from hcbf_gym.maps import nav2
 from hcbf_gym.maps.map_class import MapClass
@@ -16,6 +18,8 @@ from hcbf_gym.maps.regrid import onto
 from hcbf_gym.models.grid import Grid
 
 Classes = tuple[MapClass, ...]
+
+_LOGGER = logging.getLogger("hcbf_gym.maps")
 
 USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
 """Arguments of `RankedMap.load` that need not be given."""
@@ -29,6 +33,33 @@ OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
 
 MOST_LIMITS = 16
 """Speed limits in one mask, each of which becomes a class."""
+
+
+class Cells(NamedTuple):
+    """How many cells of a map's own file are what, whatever their ranks and the masks.
+
+    Attributes:
+        free: those that were seen free.
+        occupied: those that were seen occupied.
+        unknown: the others.
+    """
+
+    free: int
+    occupied: int
+    unknown: int
+
+    @classmethod
+    def of(cls, raster: Raster) -> "Cells":
+        """Return the counts of a map."""
+        occupied, doubtful = (int(cells.sum()) for cells in _split(raster))
+        return cls(raster.occupancy.size - occupied - doubtful, occupied, doubtful)
+
+
+def log(file: str | Path, raster: Raster) -> Cells:
+    """Log and return how many cells a map shows free, occupied and unknown."""
+    cells = Cells.of(raster)
+    _LOGGER.info("map %s: %d cells free, %d occupied, %d unknown", file, *cells)
+    return cells
 
 
 def source(
@@ -53,8 +84,8 @@ def read(
     rank: int,
     unknown: int | None,
     margin: float,
-) -> tuple[Grid, Classes]:
-    """Read a map and its masks; see `RankedMap.load`."""
+) -> tuple[Grid, Classes, Cells]:
+    """Read a map and its masks, and count and log what the map shows; see `RankedMap.load`."""
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
     file = records.expanded("map: file", str(file))
@@ -71,17 +102,22 @@ def read(
             f"map {file}: got no cell that a robot may be in, expected some that are not strict: "
             "see negate and the thresholds, or unknown=None"
         )
-    return raster.grid, tuple(found)
+    return raster.grid, tuple(found), log(file, raster)
 
 
 def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
     """Return the classes "occupied" and, where it has a rank, "unknown"."""
-    occupied = raster.occupancy > SURELY_OCCUPIED
-    doubtful = (raster.occupancy < 0) | (~occupied & (raster.occupancy >= KNOWN_FREE))
+    occupied, doubtful = _split(raster)
     found = [MapClass("occupied", rank, "keepout", occupied, margin=margin)]
     if unknown is not None:
         found.append(MapClass("unknown", unknown, "unknown", doubtful, margin=margin))
     return found
+
+
+def _split(raster: Raster) -> tuple[Mask, Mask]:
+    """Return which cells (rows, columns) of a map are occupied, and which are unknown."""
+    occupied = raster.occupancy > SURELY_OCCUPIED
+    return occupied, (raster.occupancy < 0) | (~occupied & (raster.occupancy >= KNOWN_FREE))
 
 
 def _of_mask_file(
@@ -107,7 +143,7 @@ def _of_mask_file(
     check_options(label, fields, OF_MASK)
     if "rank" not in fields:
         raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
-    raster, classes = nav2.read(path), []
+    raster, classes = nav2.read(path, drawn=True), []
     for one in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
         cells, beyond = onto(grid, one.cells, raster.grid)
         classes.append(replace(one, cells=cells))

@@ -24,21 +24,25 @@ REACH = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Scan(Several):
-    """The surfaces on which points lie, as straight pieces. Without a point all is free.
+    r"""The surfaces on which points lie, as straight pieces. Without a point all is free.
 
     Stands in a list of barriers as one strict condition. Around its pieces
 
-    .. math:: m + n + b + v T
+    .. math:: m + 2 n + b + v \max(T, a)
 
-    is reserved as long as the scan is the newest: the margin m, the noise n, by how much pieces may
-    miss their points (b, `FINE`), and how far something may have come (speed v times period T).
+    is reserved as long as the scan is the newest: the margin m; the noise n, by which points miss
+    what was met; n + b, by which pieces may miss their points (b is `FINE`); and how far something
+    may have come. The latter is the speed v times the scan's age a at the end of the input's
+    period, and at least v T. A scan of another clock, or one older than a minute, is not accepted
+    unless nothing moves.
 
     Args:
         name: what infos and messages call it.
         points: (k, 2) in the sensor's axes [m], in the order in which its beam turns, as
             `points_of` makes them of ranges; those that are not finite were not measured.
         pose: x [m], y [m] and yaw [rad] of the sensor in the world, when it measured.
-        period: how old the scan is at most before another one takes its place [s].
+        period: how old the scan is at most before another one takes its place [s]; where it becomes
+            older, more is reserved.
         speed: of the fastest thing around [m/s]; 0 where nothing moves.
         rank: 1 is strict.
         margin: reserved in any case [m].
@@ -47,6 +51,8 @@ class Scan(Several):
             changes no distance; who has been pushed in is led out by the nearer side.
         reach: how far away from the sensor something is taken, ahead and aside [m]; what a robot
             must see is `VelocityFilter.horizon`.
+        stamp: when it was measured, on the clock of the plant or of `VelocityFilter.step` [s];
+            None counts from the first step that has it.
 
     Raises:
         InvalidInputError: if a number is not finite or out of range, or the points are no (k, 2).
@@ -68,6 +74,7 @@ class Scan(Several):
     noise: float = 0.0
     depth: float = 0.05
     reach: float = REACH
+    stamp: float | None = None
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -77,16 +84,27 @@ class Scan(Several):
             least = EDGE if name == "depth" else 0.0
             number = finite_float(f"{self.name}: {name}", getattr(self, name), minimum=least)
             object.__setattr__(self, name, number)
+        if self.stamp is not None:
+            stamp = finite_float(f"{self.name}: stamp", self.stamp)
+            object.__setattr__(self, "stamp", stamp)
         points = np.array(_numbers(f"{self.name}: points", self.points, 2))
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
         pieces = self._pieces(self.noise + self.period * self.speed)
-        seen = SeenRegion(self.name, self.rank, pieces=pieces, margin=self.reserved)
+        seen = SeenRegion(
+            self.name,
+            self.rank,
+            pieces=pieces,
+            margin=self.reserved,
+            stamp=self.stamp,
+            period=self.period,
+            speed=self.speed,
+        )
         object.__setattr__(self, "_seen", seen)
 
     @property
     def reserved(self) -> float:
-        """What is reserved around its pieces, m + n + b + v T [m]."""
+        """What is reserved around its pieces up to the age T, m + 2 n + b + v T [m]."""
         return reserved(self.noise, self.period, self.speed, self.margin)
 
     @property
@@ -109,12 +127,19 @@ class Scan(Several):
         x, y, yaw = self.pose
         cos, sin = np.cos(yaw), np.sin(yaw)
         turn = np.array([[cos, sin], [-sin, cos]])
-        corners = surfaces.pieces(near, self.noise + FINE, self.depth) @ turn + (x, y)
+        corners = surfaces.pieces(near, tolerance(self.noise), self.depth) @ turn + (x, y)
         return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
 
 
+def tolerance(noise: float) -> float:
+    """Return n + b, how far a piece may be from the points that it fits [m]."""
+    return noise + FINE
+
+
 def reserved(noise: float, period: float, speed: float, margin: float) -> float:
-    """Return m + n + b + v T, what a scan reserves around its pieces [m].
+    """Return m + 2 n + b + v T, what a scan reserves around its pieces [m].
+
+    A point is off by n from what was met, and its piece by the tolerance n + b from the point.
 
     Args:
         noise: n, by how much a range is wrong at most [m].
@@ -122,10 +147,12 @@ def reserved(noise: float, period: float, speed: float, margin: float) -> float:
         speed: v, of the fastest thing around [m/s].
         margin: m, in any case [m].
     """
-    return margin + FINE + (noise + period * speed)
+    return margin + tolerance(noise) + (noise + period * speed)
 
 
-def points_of(ranges: ArrayLike, angles: ArrayLike, name: str = "scan") -> Array:
+def points_of(
+    ranges: ArrayLike, angles: ArrayLike, name: str = "scan", moved: ArrayLike | None = None
+) -> Array:
     """Return the points (k, 2) that beams see, in the sensor's axes [m].
 
     Args:
@@ -133,6 +160,8 @@ def points_of(ranges: ArrayLike, angles: ArrayLike, name: str = "scan") -> Array
             measured, which is taken for the sensor's own place. NaN is a beam that failed.
         angles: (n,) of the beams in the sensor's axes [rad], in their order.
         name: what messages call them.
+        moved: (n, 3) x, y [m] and yaw [rad] of the sensor at each beam, in its axes at the stamp;
+            None for a sensor that measures all at once, or is at rest.
 
     Raises:
         InvalidInputError: if there are not as many angles as ranges, or one is no number.
@@ -143,7 +172,12 @@ def points_of(ranges: ArrayLike, angles: ArrayLike, name: str = "scan") -> Array
     if (far < 0.0).any():
         raise InvalidInputError(f"{name}: ranges: got {far.min()} m, expected none below 0")
     seen = np.isfinite(far)
-    return far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
+    poses = np.zeros((far.size, 3))
+    if moved is not None:
+        poses = finite_array(f"{name}: moved", moved, poses.shape)
+    turn = turn + poses[:, 2]
+    points = poses[seen, :2]
+    return points + far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:

@@ -38,7 +38,11 @@ class Reason(IntEnum):
         "the state is not finite, farther away than anything is, or of another shape than the "
         "model's, or a differential drive's heading is missing",
     )
-    AGE = 2, "the state is older than the plant's max_age"
+    AGE = (
+        2,
+        "the stamp of the state is older than the plant's max_age or more than 0.1 s ahead of the "
+        "clock, or that of a scan is not of this clock",
+    )
     CLOCK = 3, "the time of the state does not go on"
     BARRIERS = (
         4,

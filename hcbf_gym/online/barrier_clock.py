@@ -3,18 +3,12 @@
 import math
 
 from hcbf_gym.errors import SafetyWarning, warn_caller
-
-ROUNDING = 1e-9
-"""By how much a present may seem to be before its past [s]."""
-SEEN_FOR = 60.0
-"""Barriers that were seen longer ago, or on another clock, are not believed [s]."""
+from hcbf_gym.models import clocks
+from hcbf_gym.models.clocks import SEEN_FOR
 
 
 class BarrierClock:
     """Counts from the first present since the reset.
-
-    Args:
-        max_age: how far ahead of the present a stamp may be [s].
 
     Attributes:
         seen_at: when the barriers were seen, on the robot's clock [s]; None for when a step first
@@ -22,8 +16,7 @@ class BarrierClock:
         is_sound: whether that can be a stamp of the robot's clock.
     """
 
-    def __init__(self, max_age: float):
-        self._max_age = max_age
+    def __init__(self) -> None:
         self.seen_at: float | None = None
         self.forget()
 
@@ -47,19 +40,24 @@ class BarrierClock:
         if self._first == math.inf:
             self._first = present
         was_sound, seen_at = self.is_sound, self.seen_at
-        ahead = self._max_age + ROUNDING
-        self.is_sound = seen_at is None or -ahead <= present - seen_at <= SEEN_FOR
-        if was_sound and not self.is_sound:
+        age = present - (present if seen_at is None else seen_at)
+        self.is_sound = bool(clocks.is_accepted(age, SEEN_FOR))
+        if was_sound and not self.is_sound and seen_at is not None:
             warn_caller(
                 f"velocity filter: seen_at: got {seen_at:.9g} s at {present:.9g} s, expected a "
-                f"stamp of the robot's clock, {self._max_age:g} s ahead at most and "
-                f"{SEEN_FOR:g} s behind; the robot is told zero until there is one",
+                f"stamp of the robot's clock ({clocks.says(age, SEEN_FOR)}); the command is "
+                "zero until there is one",
                 SafetyWarning,
             )
 
+    @property
+    def zero(self) -> float:
+        """The present at which time was 0 [s]."""
+        return 0.0 if self._first == math.inf else self._first
+
     def since(self, present: float) -> float:
         """Return the time at a present [s]."""
-        return present - (0.0 if self._first == math.inf else self._first)
+        return present - self.zero
 
     @property
     def since_seen(self) -> float | None:

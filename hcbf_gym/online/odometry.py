@@ -6,8 +6,8 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.models.clocks import AHEAD, ROUNDING
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.online.barrier_clock import ROUNDING
 from hcbf_gym.online.follower import Follower
 from hcbf_gym.online.motion_monitor import MotionMonitor
 from hcbf_gym.online.robot import Robot
@@ -42,7 +42,7 @@ class Odometry:
         """Know nothing."""
         self.told: Array = np.zeros(len(self._follower.limits))
         self.fault = Reason.NONE
-        self._newest = Sample()
+        self._newest, self._stamp = Sample(), -math.inf
         self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
         self.compare_anew()
 
@@ -54,20 +54,26 @@ class Odometry:
     def go_on_from(self, other: "Odometry") -> None:
         """Take over what is known; the other is not to be used on."""
         self.told, self.fault = other.told, other.fault
-        self._newest, self._missed_by = other._newest, other._missed_by
+        self._newest, self._stamp = other._newest, other._stamp
+        self._missed_by = other._missed_by
         self._response, self._motion = other._response, other._motion
 
     def newest(self, given: Sample, now: float) -> Sample:
         """Return the newest data that were not from the future: what was given, or what was kept.
 
+        What is ahead by no more than `clocks.AHEAD` is of now.
+
         Args:
             given: with this call.
             now: the present [s].
         """
-        if not given.is_sound or not given.stamp <= now + ROUNDING:
+        latest = now + AHEAD + ROUNDING
+        if not given.is_sound or not given.stamp <= latest:
             return given
-        if given.stamp > self._newest.stamp or self._newest.stamp > now + ROUNDING:
-            self._newest = given
+        if given.stamp > self._stamp or self._stamp > latest:
+            self._newest, self._stamp = given, given.stamp
+            if given.stamp > now:
+                self._newest = given._replace(stamp=now)
         return self._newest
 
     def watch(self, sample: Sample) -> None:

@@ -27,10 +27,12 @@ from hcbf_gym.errors import (
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.maps.scan import Scan
+from hcbf_gym.models import clocks
+from hcbf_gym.models.clocks import ROUNDING
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.online.barrier_clock import ROUNDING, BarrierClock
+from hcbf_gym.online.barrier_clock import BarrierClock
 from hcbf_gym.online.follower import Follower
 from hcbf_gym.online.odometry import Odometry
 from hcbf_gym.online.origin import Origin
@@ -112,7 +114,7 @@ class VelocityFilter:
             told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
         radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
             takes the robot's reach, which that of legs counts by their stride.
-        max_age: the greatest age of data that are believed [s].
+        max_age: the greatest age of data that are accepted [s]; a stamp may be 0.1 s ahead.
         on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
         margin: as `wrappers.SafetyFilter` takes it.
@@ -163,7 +165,7 @@ class VelocityFilter:
         if known.response:
             warn_of_lateness(known.command, known.response)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
-        self._from, self._clock = Origin(), BarrierClock(self._max_age)
+        self._from, self._clock = Origin(), BarrierClock()
         self._barriers: object = None
         self._looked_at: object = None  # as they were when guidance was told to look
         self._looks = True  # whether guidance takes up barriers that are handed over
@@ -185,7 +187,7 @@ class VelocityFilter:
         self.v_max = v_max
         self._plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=self._period,
-            uncertainty=reserved, axle=axle, max_age=self._max_age + ROUNDING,
+            uncertainty=reserved, axle=axle, max_age=self._max_age,
             braking=None if axle else stops(response, known.command.fastest, input_set),
             fastest=None if axle else known.command.fastest,
         )  # fmt: skip
@@ -218,8 +220,8 @@ class VelocityFilter:
         Args:
             barriers: as the class takes them.
             seen_at: when all that moves was where it is put, on the robot's clock [s]: it has moved
-                on since. A stamp that is more than `max_age` ahead of a step or a minute behind it
-                is not valid, and the command is zero. None is the next step for new objects; those
+                on since. A stamp that is more than 0.1 s ahead of a step or a minute behind it is
+                not accepted: the command is zero. None is the next step for new objects; those
                 that were set before move on.
             look: whether guidance takes them up in the next step, which may last longer then; False
                 lets it lead as before.
@@ -422,7 +424,8 @@ class VelocityFilter:
         age = 0.0 if now is None else present - sample.stamp
         self._is_framed = self._is_framed or frame is not None
         correction = frame_of(frame) if frame is not None or not self._is_framed else UNKNOWN
-        seen = self._look(sample, correction, present, age, is_new=sample is given)
+        is_new = sample.place is given.place
+        seen = self._look(sample, correction, present, age, is_new=is_new)
         barriers = self._taken(self._scene(), seen, present)
         estimate = seen.estimate
         if self._time is not None and present > self._time:
@@ -447,6 +450,7 @@ class VelocityFilter:
         """Let the clocks go on to the present [s], and note where samples are missing."""
         self._look_back(present)
         self._clock.look(present)
+        self._core.began = self._clock.zero
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
 
@@ -470,7 +474,7 @@ class VelocityFilter:
             odometry.watch(sample)
         if sound:
             follower.turn(correction[2])
-        stale = not -ROUNDING <= age <= self._max_age + ROUNDING
+        stale = not clocks.is_accepted(age, self._max_age)
         if sound and not stale and age > 0.0:
             place, motion = odometry.carried(place, motion, sample.stamp, present)
         body = follower.measured(place, motion)
@@ -484,7 +488,7 @@ class VelocityFilter:
             x,
             lag,
             place[2],
-            age=age if stale else max(0.0, age),
+            age=age,
             fault=odometry.fault or None,
         )
         return _Seen(estimate, float(place[2]), float(motion[2]), sound and not stale)

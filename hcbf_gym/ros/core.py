@@ -178,7 +178,7 @@ class NodeCore:
         expected = self.frame_of(source.settings)
         if pose is None or not source.watch.hear(stamp, now, frame, expected):
             return False
-        source.measured = Measured(entries, pose)
+        source.measured = Measured(entries, pose, min(stamp, now.ros))
         self._frame = None  # it lies nowhere yet
         if newest is not None:
             self._place_scans(newest.frame)
@@ -230,21 +230,30 @@ class NodeCore:
 
     # -- what is prepared beside ------------------------------------------------------------------
 
-    def of_scan(self, name: str, beams: Beams, mount: ArrayLike | None = None) -> Entries:
-        """Return what a scan shows in the robot's axes.
+    def of_scan(
+        self, name: str, beams: Beams, mount: ArrayLike | None = None, stamp: float | None = None
+    ) -> Entries:
+        """Return what a scan shows in the robot's axes at its stamp.
+
+        Each beam counts from where the robot was at the time of that beam.
 
         Args:
             name: of the source.
             beams: the scan.
             mount: (3,) of the sensor on the robot; None takes the parameter.
+            stamp: of the first beam [s]; None for beams of one time.
 
         Raises:
-            InvalidInputError: if it cannot be believed.
+            InvalidInputError: if it cannot be accepted, or odometry does not say where the robot
+                was at each beam.
         """
         settings = self.sources[name].settings
         x, y, yaw = np.asarray(settings.mount if mount is None else mount).tolist()
         horizon = self._filter.horizon + math.hypot(x, y)
-        return sources.of_scan(settings, beams, (x, y, yaw), horizon)
+        horizon += settings.obstacle_speed * self.sources[name].watch.timeout  # as it becomes older
+        sweep = beams.sweep
+        path = None if stamp is None or sweep == 0.0 else self.localization.path(stamp, sweep)
+        return sources.of_scan(settings, beams, (x, y, yaw), horizon, path)
 
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None

@@ -107,9 +107,10 @@ class Intake:
                     f"tf has no transform from {core.settings.base_frame_id!r} to {frame!r}, and "
                     f"{name}.mount is not set"
                 )
-        if not messages.seconds(message.header.stamp):
+        stamp = messages.seconds(message.header.stamp)
+        if not stamp:
             raise InvalidInputError("header.stamp: got 0, expected when the scan was measured")
-        return Shown(core.of_scan(name, beams, mount), frame)
+        return Shown(core.of_scan(name, beams, mount, stamp), frame)
 
     def _on_grid(self, name: str, message: Any) -> None:
         def shown() -> Shown:

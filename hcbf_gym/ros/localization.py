@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import shown
+from hcbf_gym.errors import InvalidInputError, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.online.sample import placed
 from hcbf_gym.ros.parameters import Settings
 from hcbf_gym.ros.watches import Fault, Now, Watch
 
-EXPECTED = f"expected three finite numbers of at most {FARTHEST:g}"
+EXPECTED = f"expected three finite numbers of at most {FARTHEST:g}, and a quaternion of the norm 1"
+KNOTS = 9
+"""Poses along the sweep of a scan; between them the robot moves straight."""
 REMEMBERED = 3.0
 """How long poses are kept, to place scans [s]."""
 EXTRAPOLATED, LOOKED_BACK = 0.3, 0.1
@@ -90,6 +92,22 @@ class Localization:
         """Return (3,) where odometry had the robot at a stamp [s]; None where nobody knows."""
         return _at(self._track.copy(), stamp)
 
+    def path(self, stamp: float, seconds: float) -> Array:
+        """Return (`KNOTS`, 3) where odometry had the robot within so many seconds of a stamp [s].
+
+        Raises:
+            InvalidInputError: if it does not say so.
+        """
+        track = self._track.copy()
+        poses = [_at(track, stamp + after) for after in np.linspace(0.0, seconds, KNOTS)]
+        known = [pose for pose in poses if pose is not None]
+        if len(known) < KNOTS:
+            raise InvalidInputError(
+                f"time_increment: got beams within {seconds:g} s of the stamp, expected odometry "
+                "of that time"
+            )
+        return np.array(known)
+
     def hear_odometry(
         self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
     ) -> bool:
@@ -148,7 +166,9 @@ class Localization:
             stamp: of it; 0 of one that never changes [s].
         """
         given = _plausible(correction)
-        if given is not None and stamp > 0.0 and stamp <= self._needed:
+        if correction is not None and given is None:
+            says = f"got {shown(correction)} of tf, {EXPECTED}"
+        elif given is not None and stamp > 0.0 and stamp <= self._needed:
             given, says = None, JUMPED
         else:
             says = "tf has no transform to the odometry's frame"

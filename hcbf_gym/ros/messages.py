@@ -12,6 +12,8 @@ from hcbf_gym.ros.sources import Beams, grid_of
 
 LEANS = 0.1
 """By how much a scan's plane may lean [rad]."""
+NORM = 0.05
+"""By which the norm of a quaternion may differ from 1; within that it is normalised."""
 
 
 def seconds(stamp: Any) -> float:
@@ -19,10 +21,29 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
+def unit_of(orientation: Any) -> Array:
+    """Return (4,) x, y, z, w of a quaternion, normalised; NaN where its norm is not 1 (`NORM`)."""
+    numbers = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
+    norm = float(np.linalg.norm(numbers))
+    return numbers / norm if abs(norm - 1.0) <= NORM else np.full(4, np.nan)
+
+
 def yaw_of(orientation: Any) -> float:
-    """Return the yaw of a quaternion [rad]."""
-    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    """Return the yaw of a quaternion [rad]; NaN where its norm is not 1 (`NORM`)."""
+    x, y, z, w = unit_of(orientation).tolist()
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _check_norm(name: str, orientation: Any) -> None:
+    """Refuse a quaternion.
+
+    Raises:
+        InvalidInputError: if its norm is not 1, see `NORM`.
+    """
+    if np.isnan(unit_of(orientation)).any():
+        raise InvalidInputError(
+            f"{name}: got {orientation}, expected a quaternion of the norm 1 within {NORM:.0%}"
+        )
 
 
 def pose_of(pose: Any) -> Array:
@@ -54,10 +75,11 @@ def mount_of(transform: Any) -> tuple[Array, bool]:
     Its plane is the floor's: what leans sees the floor, or over what stands there.
 
     Raises:
-        InvalidInputError: if it leans by more than `LEANS`.
+        InvalidInputError: if it leans by more than `LEANS`, or its quaternion is none.
     """
-    turned = transform.rotation
-    up = 1.0 - 2.0 * (turned.x**2 + turned.y**2)  # of the third axis
+    _check_norm("tf", transform.rotation)
+    x, y, _, _ = unit_of(transform.rotation).tolist()
+    up = 1.0 - 2.0 * (x * x + y * y)  # of the third axis
     if not abs(up) >= math.cos(LEANS):
         raise InvalidInputError(
             f"tf: the scan's plane leans by {math.acos(min(1.0, abs(up))):.2f} rad, expected at "
@@ -80,7 +102,8 @@ def beams_of(scan: Any) -> Beams:
             f"got {ranges.size} ranges, expected {expected:.0f}: from angle_min {scan.angle_min:g} "
             f"to angle_max {scan.angle_max:g} by angle_increment {scan.angle_increment:g}"
         )
-    return Beams(ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+    limits = scan.range_min, scan.range_max
+    return Beams(ranges, scan.angle_min, scan.angle_increment, *limits, scan.time_increment)
 
 
 def raster_of(grid: Any) -> Raster:
@@ -91,6 +114,7 @@ def raster_of(grid: Any) -> Raster:
         ValueError: if it does not hold as many cells as it says.
     """
     info = grid.info
+    _check_norm("origin", info.origin.orientation)
     cells = np.array(grid.data, dtype=np.int16).reshape(info.height, info.width)
     return Raster(grid_of(info.resolution, pose_of(info.origin), info.height, info.width), cells)
 

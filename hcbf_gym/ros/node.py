@@ -8,6 +8,7 @@ show is prepared in others and handed over under a lock that is held for microse
 
 import contextlib
 import gc
+import logging
 import sys
 import threading
 import time
@@ -41,6 +42,25 @@ SWITCH = 2e-4
 """After which Python lets the other thread go on [s]."""
 
 DONE, REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+_MAPS = logging.getLogger("hcbf_gym.maps")
+
+
+class _Shown(logging.Handler):
+    """Passes what is logged to ROS.
+
+    Args:
+        logger: of the node.
+    """
+
+    def __init__(self, logger: Any):
+        super().__init__()
+        self._logger = logger
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log it."""
+        self._logger.info(record.getMessage())
 
 
 class FilterNode(LifecycleNode):
@@ -106,6 +126,10 @@ class FilterNode(LifecycleNode):
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read the parameters and compile; a value or a file that does not fit is FAILURE."""
+        shown = _Shown(self.get_logger())
+        self._undo.append((_MAPS.removeHandler, shown))
+        _MAPS.setLevel(logging.INFO)
+        _MAPS.addHandler(shown)
         try:
             settings = read(self._given())
             _check_imports(settings)

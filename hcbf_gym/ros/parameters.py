@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.errors import InvalidInputError, check_options, shown
+from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.ros.parameter import Parameter, parameter, table
 
 GRIDS = ("map", "keepout", "speed")
@@ -53,7 +54,10 @@ class SourceSettings:
         0.1, "of a scan: how old it is at most when the next one comes [s]", low=0.0, high=10.0
     )
     obstacle_speed: float = parameter(
-        0.0, "of a scan: the fastest thing around [m/s], reserved for scan_period", low=0.0, high=10
+        0.0,
+        "of a scan: the fastest thing around [m/s], reserved for its age, at least scan_period",
+        low=0.0,
+        high=10,
     )
     range_noise: float = parameter(
         0.0, "of a scan: what a range is off by at most [m], reserved", low=0.0, high=1.0
@@ -96,7 +100,7 @@ class Settings:
     goal_topic: str = parameter("goal_pose", "PoseStamped, where guidance leads")
     state_topic: str = parameter("", 'the collision monitor\'s state; "": none')
     transform_tolerance: float = parameter(
-        0.1, "by which a stamp may be ahead of the clock [s]", low=0.0, high=10.0
+        AHEAD, "by which a stamp may be ahead of the clock [s]", low=0.0, high=10.0
     )
     source_timeout: float = parameter(2.0, "of scans [s]; 0: never stale", low=0.0, high=60.0)
     cmd_vel_timeout: float = parameter(0.25, "of the velocity wanted [s]", low=0.01, high=10.0)

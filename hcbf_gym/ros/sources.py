@@ -30,6 +30,8 @@ Entries = tuple[Barrier | Several, ...]
 
 FAILED = 0.5
 """Share of a scan's beams that may be NaN; from there on the sensor is taken for broken."""
+LONGEST_SWEEP = 0.3
+"""From the first beam of a scan to the last [s]: so far a pose may be extrapolated."""
 
 
 class Measured(NamedTuple):
@@ -38,10 +40,12 @@ class Measured(NamedTuple):
     Attributes:
         entries: in the robot's axes.
         pose: (3,) of the robot in odometry's frame, when it was measured [m, rad].
+        stamp: when that was [s].
     """
 
     entries: Entries
     pose: Array
+    stamp: float
 
 
 @dataclass
@@ -111,6 +115,7 @@ class Beams(NamedTuple):
         step: between two beams [rad].
         least: ranges below it measure nothing [m].
         most: likewise above it [m].
+        between: time between two beams [s].
     """
 
     ranges: ArrayLike
@@ -118,12 +123,32 @@ class Beams(NamedTuple):
     step: float
     least: float
     most: float
+    between: float = 0.0
+
+    @property
+    def sweep(self) -> float:
+        """Time from the first beam to the last [s].
+
+        Raises:
+            InvalidInputError: if it is negative or longer than `LONGEST_SWEEP`.
+        """
+        lasts = self.between * max(np.size(self.ranges) - 1, 0)
+        if not 0.0 <= lasts <= LONGEST_SWEEP:
+            raise InvalidInputError(
+                f"time_increment: got {self.between:g} s between beams, {lasts:g} s from the first "
+                f"to the last, expected at most {LONGEST_SWEEP:g} s: 0 for beams of one time"
+            )
+        return lasts
 
 
 def of_scan(
-    source: SourceSettings, beams: Beams, mount: tuple[float, float, float], horizon: float
+    source: SourceSettings,
+    beams: Beams,
+    mount: tuple[float, float, float],
+    horizon: float,
+    path: Array | None = None,
 ) -> Entries:
-    """Return what a scan shows in the robot's axes.
+    """Return what a scan shows in the robot's axes at its stamp.
 
     A beam that failed, or is out of range, saw nothing.
 
@@ -132,6 +157,8 @@ def of_scan(
         beams: the scan.
         mount: of the sensor on the robot [m, rad].
         horizon: how far away from the sensor a robot must see a region [m].
+        path: (n, 3) poses of the robot, the first at the stamp, the last at the last beam, at equal
+            times between [m, rad]; None where it is at rest.
 
     Raises:
         InvalidInputError: if its limits or its angles are none, there is no beam, half of them
@@ -163,7 +190,7 @@ def of_scan(
     errors = source.range_noise, source.scan_period, source.obstacle_speed
     seen = Scan(
         source.name,
-        points_of(far, angles, source.name),
+        points_of(far, angles, source.name, _moved(path, mount, far.size)),
         mount,
         source.scan_period,
         source.obstacle_speed,
@@ -175,6 +202,18 @@ def of_scan(
     return (seen,)
 
 
+def _moved(path: Array | None, mount: tuple[float, float, float], count: int) -> Array | None:
+    """Return (count, 3) the sensor's pose at each beam, in its axes at the first [m, rad]."""
+    if path is None:
+        return None
+    sensor = np.array([placed(pose, np.array(mount)) for pose in path])
+    sensor[:, 2] = np.unwrap(sensor[:, 2])
+    when = np.linspace(0.0, len(path) - 1.0, count)
+    x, y, yaw = (np.interp(when, np.arange(len(path)), axis) for axis in (sensor - sensor[0]).T)
+    cos, sin = np.cos(sensor[0, 2]), np.sin(sensor[0, 2])
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x, yaw])
+
+
 def place(source: Source, frame: Array) -> None:
     """Let a scan lie where odometry's frame (3,) is in the global one [m, rad]."""
     assert source.measured is not None
@@ -182,7 +221,7 @@ def place(source: Source, frame: Array) -> None:
     for one in source.measured.entries:
         assert isinstance(one, Scan)
         x, y, yaw = placed(robot, np.array(one.pose)).tolist()
-        made.append(replace(one, pose=(x, y, yaw)))
+        made.append(replace(one, pose=(x, y, yaw), stamp=source.measured.stamp))
     source.entries = tuple(made)
 
 
@@ -198,7 +237,7 @@ def of_file(source: SourceSettings) -> Raster:
     Raises:
         InvalidInputError: if it cannot be read.
     """
-    return nav2.read(source.file)
+    return nav2.read(source.file, drawn=source.type != "map")
 
 
 def of_grid(
@@ -230,6 +269,8 @@ def of_grid(
     old = before[0] if before else None
     if isinstance(old, RankedMap) and _alike(old, raster.grid, found):
         return (_updated(old, found),)
+    if source.type == "map":
+        reading.log(source.name, raster)
     made = RankedMap(raster.grid, tuple(found))
     _ = made.conditions  # covered here, and not in the step that takes it
     return (made,)

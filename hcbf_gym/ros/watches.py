@@ -8,6 +8,8 @@ import math
 import sys
 from typing import NamedTuple
 
+from hcbf_gym.models import clocks
+
 
 class Now(NamedTuple):
     """The present.
@@ -47,7 +49,7 @@ class Watch:
     """
 
     def __init__(self, name: str, timeout: float, tolerance: float):
-        self._name, self._timeout, self._tolerance = name, timeout, tolerance
+        self._name, self.timeout, self._tolerance = name, timeout, tolerance
         self.forget()
 
     def forget(self) -> None:
@@ -77,8 +79,9 @@ class Watch:
             return self.refuse(f"frame {frame!r}, expected {expected!r}")
         if not math.isfinite(stamp):
             return self.refuse(f"stamp {stamp}")
-        if stamp > now.ros + self._tolerance:
-            return self.refuse(f"stamp {stamp - now.ros:.2f} s ahead of the clock")
+        age = now.ros - stamp
+        if not clocks.is_accepted(age, math.inf, self._tolerance):
+            return self.refuse(clocks.says(age, math.inf, self._tolerance))
         if stamp <= self.stamp:
             return False
         self.stamp, self._received, self._wrong = stamp, now.steady, ""
@@ -94,10 +97,10 @@ class Watch:
         says = self._wrong
         if not says and not self.is_known:
             says = "nothing received"
-        if not says and self._timeout > 0.0:
+        if not says and self.timeout > 0.0:
             age = max(now.ros - self.stamp, now.steady - self._received)
-            if age > self._timeout:
-                says = f"{age:.2f} s old, at most {self._timeout:g} s allowed"
+            if not clocks.is_accepted(age, self.timeout, math.inf):
+                says = clocks.says(age, self.timeout)
         return Fault(self._name, says) if says else None
 
 

@@ -14,11 +14,14 @@ from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
+from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.online import Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker
 from hcbf_gym.robots.walker_parts import Command
+from hcbf_gym.ros.parameters import Settings
+from hcbf_gym.ros.watches import Now, Watch
 from tests.robots.walkers import LEARNED
 
 CARTS = ("cart", "holonomic-cart")
@@ -164,12 +167,49 @@ def test_bad_data_brake_at_once_and_good_ones_go_on(bad):
 def test_old_data_brake():
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], max_age=0.1)
     assert door.step((0.6, 0.0), *AT_REST, 0.0, now=0.05)[0][0] > 0.0
-    for now in (0.2, 0.04):  # too old, and from the future
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+    for now, says in ((0.2, "0.15 s old"), (-0.06, "0.11 s ahead of the clock")):
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always")
             command, report = door.step((0.6, 0.0), *AT_REST, 0.05, now=now)
+        assert any(says in str(one.message) for one in raised)
         assert report["reason"] == Reason.AGE
         np.testing.assert_array_equal(command, np.zeros(2))
+
+
+@pytest.mark.parametrize("ahead", [1e-3, 0.05, 0.1])
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_stamp_that_is_a_little_ahead_is_of_now(ahead, repeats):
+    def drive(off):
+        door = VelocityFilter("cart", [Disc("far", 1, center=(3.0, 0.0), radius=1.0)], max_age=0.2)
+        x, told, reasons, commands = 0.0, np.zeros(2), [], []
+        for k in range(60):
+            if k % repeats == 0:
+                sample = (x, 0.0, 0.0), (told[0], 0.0, 0.0), 1e3 + 0.05 * k + off
+            told, report = door.step((0.6, 0.0), *sample, now=1e3 + 0.05 * k)
+            x += 0.05 * told[0]
+            commands.append(told[0])
+            reasons.append(report["reason"])
+        return commands, reasons
+
+    commands, reasons = drive(ahead)
+    assert not any(reasons)
+    np.testing.assert_allclose(commands, drive(0.0)[0], atol=0.1)
+    assert max(commands) > 0.5
+
+
+def test_the_filter_and_the_node_accept_the_same_stamps():
+    assert Settings().transform_tolerance == AHEAD
+    for ahead in (0.5 * AHEAD, AHEAD, 1.01 * AHEAD, 10.0):
+        watch = Watch("odometry", 0.2, Settings().transform_tolerance)
+        heard = watch.hear(1e3 + ahead, Now(1e3, 0.0))
+        door = VelocityFilter("cart", [])
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always")
+            _, report = door.step((0.6, 0.0), *AT_REST, 1e3 + ahead, now=1e3)
+        assert heard == (report["reason"] != Reason.AGE) == (ahead <= AHEAD)
+        fault = watch.fault(Now(1e3, 0.0))
+        if fault is not None:
+            assert any(fault.says in str(one.message) for one in raised)
 
 
 @pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands

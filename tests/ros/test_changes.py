@@ -190,7 +190,7 @@ def scan(count=360, step=math.tau / 360, last=None):
     end = -math.pi + (count - 1) * step if last is None else last
     return SimpleNamespace(
         ranges=[2.0] * count, angle_min=-math.pi, angle_max=end, angle_increment=step,
-        range_min=0.1, range_max=9.0,
+        time_increment=0.0, range_min=0.1, range_max=9.0,
     )  # fmt: skip
 
 
