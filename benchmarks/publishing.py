@@ -146,15 +146,14 @@ def certified(root: Path, text: str) -> str:
 
 def certified_table(folder: Path) -> Table:
     """Return a line for each certificate in a folder."""
-    since = certificates.stale_since()
     header = (
-        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]",
-        "stale since",
+        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]", "version",
+        "commit",
     )  # fmt: skip
     rows = [
         (
             one.name, f"{one.episodes:,}", str(one.entered), f"{one.bound:.2g}",
-            f"{one.confidence:.1%}", f"{one.least_h:+.4f}", since.get(one.name, ""),
+            f"{one.confidence:.1%}", f"{one.least_h:+.4f}", one.version, one.commit,
         )
         for one in map(Certificate.load, sorted(folder.glob("*.json")))
     ]  # fmt: skip

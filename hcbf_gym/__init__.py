@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import gymnasium as gym
 from gymnasium.envs.registration import WrapperSpec
 
-from hcbf_gym import compilation, lazily
+from hcbf_gym import compilation, lazily, version
 from hcbf_gym.drawing.headless import prefer_egl
 
 compilation.prepare()  # before anything compiles
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hcbf_gym.models.plant import Estimate, Plant
     from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 
-__version__ = "0.2.0"
+__version__ = version.VERSION
 __all__ = [
     "BatchFilter",
     "Command",

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import compilation
+from hcbf_gym import compilation, opened
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, require
 
@@ -70,8 +70,19 @@ def files(name: str) -> list[Path]:
     return sorted(file for file in reached if not file.is_relative_to(compilation.PACKAGE))
 
 
+_opened: dict[ModuleType, dict[str, str]] = {}
+"""Module → the files that it read when it was imported, which decide what it does ever after."""
+
+
 def _module(where: str) -> ModuleType:
     """Return the module of a name or of a file."""
+    with opened.recorded() as found:
+        module = _imported(where)
+    opened.note(_opened.setdefault(module, found))
+    return module
+
+
+def _imported(where: str) -> ModuleType:
     if not where.endswith(".py"):
         here = str(Path.cwd())
         if here not in sys.path:

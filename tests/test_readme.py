@@ -57,7 +57,7 @@ def test_the_readme_is_short():
 
 
 @pytest.mark.physics
-def test_the_readmes_code_runs_and_does_what_it_says(fresh, capsys):
+def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
     names: dict = {}
     (loop,) = blocks("README.md", "python")
     exec(loop, names)

@@ -1,7 +1,13 @@
 """What was certified of a plant: how often rank 1 is entered at most, with how much confidence."""
 
 from hcbf_gym.certificates.certificate import Certificate, first_seed
-from hcbf_gym.certificates.declared import declared, robot_of
+from hcbf_gym.certificates.declared import (
+    declared,
+    identified,
+    is_of_package,
+    robot_of,
+    same,
+)
 from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
     NearestCertificate,
@@ -10,10 +16,10 @@ from hcbf_gym.certificates.library import (
     judged_by,
     load,
     nearest,
+    of_another_version,
     shipped,
-    stale,
-    stale_since,
     tested,
+    warn_of_version,
 )
 from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum
 
@@ -29,13 +35,16 @@ __all__ = [
     "declared",
     "file_of",
     "first_seed",
+    "identified",
+    "is_of_package",
     "judge",
     "judged_by",
     "load",
     "nearest",
+    "of_another_version",
     "robot_of",
+    "same",
     "shipped",
-    "stale",
-    "stale_since",
     "tested",
+    "warn_of_version",
 ]

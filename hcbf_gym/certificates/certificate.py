@@ -4,9 +4,9 @@
 >>> certificate = Certificate(
 ...     name="boat", plant={"period": 0.02}, family={"kind": "own"}, words=("One boat.",),
 ...     margins=None, calibration=(), bound=0.1, confidence=0.999, attempt=0,
-...     first_seed=first_seed(0, 0), versions={}, sources="", repeated="", episodes=82, entered=0,
-...     e_value=sequential.e_value(0, 82, 0.1), least_h=0.012, falls=0, alarms=0,
-...     shown=Shown(82, 0.05, 90), strata=(Stratum("nearest", "random", 82, 0, 0.012),),
+...     first_seed=first_seed(0, 0), version="0.2.0", commit="", versions={}, episodes=82,
+...     entered=0, e_value=sequential.e_value(0, 82, 0.1), least_h=0.012, falls=0,
+...     alarms=0, shown=Shown(82, 0.05, 90), strata=(Stratum("nearest", "random", 82, 0, 0.012),),
 ...     blocks=(*[block] * 8, block._replace(pressed=2)),
 ... )  # fmt: skip
 >>> certificate.says
@@ -15,6 +15,7 @@
 
 import hashlib
 import json
+import re
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -41,6 +42,10 @@ SEEDS = 100_000_000
 """Of each `--seed`; the second half belongs to its certificates."""
 TRY_SEEDS = 1_000_000
 """Of each try of a seed."""
+VERSION = r"\d+\.\d+\.\d+(\.dev\d+)?"
+"""What a version of this package looks like."""
+COMMIT = r"([0-9a-f]{7,40}\+?)?"
+"""What a commit looks like: none, or one that files were edited after."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +68,10 @@ class Certificate:
         confidence: 1 − β.
         attempt: n of the n-th try of several, of which each spends β/2ⁿ; 0 for the only one.
         first_seed: of the episodes; the others follow it.
-        versions: of what computes, by name.
-        sources: a hash of the program's sources on which it was earned.
-        repeated: of those on which a part came out the same last; "" for none.
+        version: of this package for which it was earned.
+        commit: of the checkout that earned or last repeated it, abbreviated; "" where there was
+            none.
+        versions: of what computes beside it, by name.
         episodes: n, the first that were enough.
         entered: k.
         e_value: e_n(ε).
@@ -90,9 +96,9 @@ class Certificate:
     confidence: float
     attempt: int
     first_seed: int
+    version: str
+    commit: str
     versions: Mapping[str, str]
-    sources: str
-    repeated: str
     episodes: int
     entered: int
     e_value: float
@@ -113,6 +119,15 @@ class Certificate:
             raise InvalidInputError(
                 f"certificate: got the first seed {self.first_seed}, expected that of try "
                 f"{self.attempt} of a seed"
+            )
+        if not (isinstance(self.version, str) and re.fullmatch(VERSION, self.version)):
+            raise InvalidInputError(
+                f"certificate: got the version {self.version!r}, expected one such as '0.2.0'"
+            )
+        if not (isinstance(self.commit, str) and re.fullmatch(COMMIT, self.commit)):
+            raise InvalidInputError(
+                f"certificate: got the commit {self.commit!r}, expected '' or 7 to 40 hexadecimal "
+                "digits, with a + where files were edited"
             )
         self._check_calibration()
         stated = {"episodes": self.episodes, "entered": self.entered, "least_h": self.least_h}

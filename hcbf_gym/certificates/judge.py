@@ -53,7 +53,6 @@ def judge(
     ranges: Mapping[str, object],
     alone: Mapping[str, Any] | None = None,
     reason: CoveredBy = CoveredBy.ARGUMENT,
-    stale: str = "",
 ) -> Judged:
     """Compare what is declared with what was tested.
 
@@ -64,7 +63,6 @@ def judge(
         alone: "ranges", argument → range, of which one may be left for a wider one where everything
             lies in "others", argument → range; "words" tell of both. None for none.
         reason: what it is called where a value lies outside.
-        stale: why the ranges say nothing of today's program; "" where they do.
     """
     single = {} if alone is None else alone["ranges"]
     said = [
@@ -83,9 +81,8 @@ def judge(
         others = [n for n, one in alone["others"].items() if not _lies(n, one, declared)]
         if len(left) > 1 or others:
             said.append(f"alone {' and '.join([*left, *others])} (tested: {alone['words']})")
-    if said or stale:
-        why = reason if said else CoveredBy.STALE
-        return Judged(Coverage.OUTSIDE, why, (*said, *([stale] if stale else [])))
+    if said:
+        return Judged(Coverage.OUTSIDE, reason, tuple(said))
     scene, expected = declared.get("scene"), ranges.get("scene")
     if isinstance(scene, list):
         found = np.array([_holds(one, expected, declared) for one in scene], dtype=np.bool_)

@@ -7,18 +7,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from hcbf_gym.certificates import sources
+from hcbf_gym import version
 from hcbf_gym.certificates.certificate import Certificate
 from hcbf_gym.certificates.judge import Judged, judge
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, warn_caller
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
 """Where they lie, one JSON file each; its name is the certificate's."""
-
-STALE = Path(__file__).with_name("stale.json")
-"""Names of certificates that no longer repeat → the commit that made them so."""
-
 
 TESTED = Path(__file__).with_name("tested.json")
 """Ranges that were tested without a number of their own: of the filter's arguments, of its plant,
@@ -31,29 +27,31 @@ def tested() -> Mapping[str, Any]:
     return MappingProxyType(json.loads(TESTED.read_text(encoding="utf-8")))
 
 
-@cache
-def stale_since() -> Mapping[str, str]:
-    """Return name → commit of the certificates that are listed as stale."""
-    return MappingProxyType(json.loads(STALE.read_text(encoding="utf-8")))
-
-
-def stale(certificate: Certificate) -> str:
-    """Return why a certificate says nothing of today's program; "" where it does.
+def of_another_version(certificate: Certificate | None = None) -> str:
+    """Return why episodes say nothing of this version; "" where they do.
 
     Args:
-        certificate: any.
+        certificate: that they earned; None for one of this version.
     """
-    since = stale_since().get(certificate.name)
-    today = sources.today()
-    if certificate.shown is not None and today in (certificate.sources, certificate.repeated):
+    here = version.VERSION
+    if ".dev" in here:
+        return (
+            f"hcbf-gym {here} is a development version, for which no certificate is earned: "
+            "covered is 0 (VERSION); install a release"
+        )
+    if certificate is None or certificate.version == here:
         return ""
-    listed = "" if since is None else f", stale since {since}"
     return (
-        f"today's program, which has changed since the certificate {certificate.name!r} was earned "
-        f"(sources {today}, earned on {certificate.sources}"
-        f"{', repeated on ' + certificate.repeated if certificate.repeated else ''}{listed}; "
-        f"`hcbf certify --check {certificate.name} --write` repeats a part of it)"
+        f"the certificate {certificate.name!r} was earned for hcbf-gym {certificate.version}, and "
+        f"this is {here}: covered is 0 (VERSION); install hcbf-gym=={certificate.version}, or earn "
+        "it again by `hcbf certify`"
     )
+
+
+@cache
+def warn_of_version(why: str) -> None:
+    """Warn once a process of what `of_another_version` returns."""
+    warn_caller(why, CoverageWarning)
 
 
 @cache
@@ -95,14 +93,18 @@ def judged_by(
     declared: Mapping[str, object],
     alone: Mapping[str, Any] | None = None,
 ) -> Judged:
-    """Return what a certificate says of a plant, as the program is today.
+    """Return what a certificate says of a plant in this version of the package.
 
     Args:
         certificate: any.
         declared: what the plant declares, as `certificates.declared` reads it.
         alone: what was tested besides, see `judge`.
     """
-    return judge(declared, certificate.plant, alone, stale=stale(certificate))
+    judged = judge(declared, certificate.plant, alone)
+    why = of_another_version(certificate)
+    if judged.outside or not why:
+        return judged
+    return Judged(Coverage.OUTSIDE, CoveredBy.VERSION, (why,))
 
 
 class NearestCertificate(NamedTuple):

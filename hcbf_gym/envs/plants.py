@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Any, NamedTuple
 
-from hcbf_gym.certificates import Judged, NearestCertificate
+from hcbf_gym.certificates import Judged, NearestCertificate, warn_of_version
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import CoverageWarning, warn_caller
 from hcbf_gym.models.axle import Axle
@@ -98,11 +98,11 @@ def warn_of(name: str, judged: Judged) -> None:
     """
     if not judged.outside:
         return
-    if judged.covered_by == CoveredBy.STALE:
-        why = f": nothing was tested on {judged.says[0]}"
-    else:
-        why = f", as the arguments leave what was tested: {'; '.join(judged.says)}"
+    if judged.covered_by == CoveredBy.VERSION:
+        warn_of_version(judged.says[0])
+        return
     warn_caller(
-        f"{name}: rank 1 is not promised (covered = 0){why}",
+        f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was tested: "
+        f"{'; '.join(judged.says)}",
         CoverageWarning,
     )

@@ -20,7 +20,7 @@ import platform
 import reprlib
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,10 +30,12 @@ import joblib
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
-import hcbf_gym
+from hcbf_gym import opened, version
+from hcbf_gym.certificates import same
 from hcbf_gym.compilation import PACKAGE, SAID_EVERY, read_by_name, sources_hash
-from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError
+from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError, warn_caller
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
+from hcbf_gym.opened import MISSING, content
 from hcbf_gym.records import whole
 
 COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
@@ -68,7 +70,9 @@ def run(
     *,
     folder: Path | None = None,
     reads: Sequence[Path] = (),
+    plant: str = "",
     size: int = 1,
+    repeat: bool = False,
     workers: int | None = None,
     backend: Backend = "processes",
     title: str | None = None,
@@ -76,23 +80,29 @@ def run(
     """Yield (number of the job, its result): what is saved at once, the others as they finish.
 
     Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
-    that is named by a hash of what was run: the function with all sources below it, the files that
-    it reads, the versions of what computes, and the jobs. So a folder never answers for other work,
-    and chunks of several machines may be put into one.
+    that is named by a hash of what was run: the function with all sources below it, the files and
+    the plant that it reads, the versions of what computes, and the jobs. With them the file holds a
+    hash of every file that the jobs opened, see `opened`, and it counts only while these are the
+    same. So a folder never answers for other work, and chunks of several machines may be put into
+    one.
 
     Args:
         function: job → result; it, the jobs and the results can be pickled.
         jobs: what to run.
         folder: where chunks are saved; None to save nothing.
         reads: the files of the user's own that decide the results: scenes, contracts, policies.
+        plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
         size: jobs in a chunk.
+        repeat: whether one job of every saved chunk runs again and is compared; where it comes out
+            otherwise, all of the chunk runs again, with a warning.
         workers: chunks that run at once; None for as many as the backend has CPUs.
         backend: "processes" or "ray".
         title: of a bar that tells what is done and how long the rest takes; None for no bar.
 
     Raises:
         InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs than
-            workers, or if the function or a job cannot be pickled.
+            workers, if the function or a job cannot be pickled, or if what decides the results
+            changes while they are computed.
         UnknownNameError: if there is no such backend.
         MissingDependencyError: if Ray is asked for and not installed.
         ChunkError: if the function raises an error that is not of this package, or the workers of
@@ -104,13 +114,15 @@ def run(
     identity = ""
     if folder is not None:  # a shipped certificate sets the margins of its plant
         shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
-        identity = f"{sources_of(function, [*reads, *shipped])} {_hash(function)} {versions()}"
+        sources = sources_of(function, [*reads, *shipped])
+        identity = f"{sources} {_hash(function)} {versions()} {plant}"
     chunks = []
     for start in range(0, len(jobs), size):
         part = jobs[start : start + size]
         path = None if folder is None else folder / f"{_key(identity, part)}.chunk"
         chunks.append(Chunk(start, part, path))
-    return _complete(function, chunks, pool, title)
+    work = _Work(function, {str(file): content(str(file)) for file in reads}, repeat)
+    return _complete(work, chunks, pool, title)
 
 
 def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
@@ -150,11 +162,13 @@ class Runs:
         title: str | None = None,
         reads: Sequence[Path] = (),
         size: int = 1,
+        plant: str = "",
+        repeat: bool = False,
     ) -> Iterator[tuple[int, R]]:
         """Yield (number, result) of jobs as `run` does; `title` is of the bar."""
         return run(
-            function, jobs, folder=self.folder, reads=reads, size=size, workers=self.workers,
-            backend=self.backend, title=None if self.quiet else title,
+            function, jobs, folder=self.folder, reads=reads, plant=plant, size=size, repeat=repeat,
+            workers=self.workers, backend=self.backend, title=None if self.quiet else title,
         )  # fmt: skip
 
 
@@ -162,7 +176,7 @@ def versions() -> dict[str, str]:
     """Return name → version of what decides the bits of a result."""
     found = {name: importlib.metadata.version(name) for name in COMPUTING}
     here = {"python": platform.python_version(), "machine": platform.machine()}
-    return {"hcbf-gym": hcbf_gym.__version__} | found | here
+    return {"hcbf-gym": version.VERSION} | found | here
 
 
 def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> str:
@@ -196,75 +210,143 @@ def _hash(thing: object) -> str:
         ) from error
 
 
+class _Work(NamedTuple):
+    """What runs.
+
+    Attributes:
+        function: as `run` takes it.
+        read: path → hash of what `run` reads beside what jobs open.
+        repeat: as `run` takes it.
+    """
+
+    function: Callable[..., Any]
+    read: Mapping[str, str]
+    repeat: bool
+
+
+class _Done(NamedTuple):
+    """What a chunk's file holds.
+
+    Attributes:
+        results: one for each job.
+        read: path → hash of what decided them, see `opened.recorded`.
+    """
+
+    results: list[Any]
+    read: dict[str, str]
+
+
 def _complete(
-    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool, title: str | None
-) -> Iterator[tuple[int, R]]:
-    """Yield what is saved, then what runs."""
-    saved, missing = [], []
-    for chunk in chunks:
-        here = chunk.path is not None and chunk.path.exists()
-        (saved if here else missing).append(chunk)
-    for chunk in saved:
-        yield from enumerate(_load(chunk), chunk.start)
+    work: _Work, chunks: Sequence[Chunk], pool: Pool, title: str | None
+) -> Iterator[tuple[int, Any]]:
+    """Yield what is saved and still holds, then what runs."""
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns,
-        console=Console(stderr=True),
-        disable=title is None,
-        speed_estimate_period=3600.0,  # of chunks that take minutes, too
-    ) as progress:
-        bar = progress.add_task(
-            title or "",
-            total=sum(len(chunk.jobs) for chunk in chunks),
-            completed=sum(len(chunk.jobs) for chunk in saved),
-        )
-        said = time.monotonic()
-        for chunk, results in _finished(function, missing, pool):
-            progress.advance(bar, len(results))
-            quiet = title is None or progress.console.is_terminal
-            if not quiet and time.monotonic() - said > SAID_EVERY:
-                said, task = time.monotonic(), progress.tasks[bar]
-                progress.print(f"{title}: {task.completed:g} of {task.total:g}")
-            yield from enumerate(results, chunk.start)
+    try:
+        saved = _saved(work, chunks, pool)
+        for chunk in saved:
+            yield from enumerate(_load(chunk).results, chunk.start)
+        with Progress(
+            *columns,
+            console=Console(stderr=True),
+            disable=title is None,
+            speed_estimate_period=3600.0,  # of chunks that take minutes, too
+        ) as progress:
+            bar = progress.add_task(
+                title or "",
+                total=sum(len(chunk.jobs) for chunk in chunks),
+                completed=sum(len(chunk.jobs) for chunk in saved),
+            )
+            said = time.monotonic()
+            held = {chunk.start for chunk in saved}
+            missing = [chunk for chunk in chunks if chunk.start not in held]
+            for chunk, done in _finished(work, missing, pool):
+                progress.advance(bar, len(done.results))
+                quiet = title is None or progress.console.is_terminal
+                if not quiet and time.monotonic() - said > SAID_EVERY:
+                    said, task = time.monotonic(), progress.tasks[bar]
+                    progress.print(f"{title}: {task.completed:g} of {task.total:g}")
+                yield from enumerate(done.results, chunk.start)
+    finally:
+        pool.close()
 
 
-def _finished(
-    function: Callable[[J], R], chunks: Sequence[Chunk], pool: Pool
-) -> Iterator[tuple[Chunk, list[R]]]:
+def _saved(work: _Work, chunks: Sequence[Chunk], pool: Pool) -> list[Chunk]:
+    """Return the chunks that are saved and still hold."""
+    holding: dict[int, Chunk] = {}
+    samples: dict[int, tuple[Chunk, Any]] = {}
+    for chunk in chunks:
+        if chunk.path is None or not chunk.path.exists():
+            continue
+        done = _load(chunk)
+        if not _changed(work, done):
+            holding[chunk.start] = chunk
+            k = int(hashlib.sha256(chunk.path.name.encode()).hexdigest(), 16) % len(chunk.jobs)
+            samples[chunk.start + k] = chunk, done.results[k]
+    again = [Chunk(n, [one.jobs[n - one.start]], None) for n, (one, _) in samples.items()]
+    for repeated, done in _finished(work, again, pool) if work.repeat else ():
+        chunk, kept = samples[repeated.start]
+        if not same(kept, done.results[0]):
+            warn_caller(
+                f"{chunk}: {chunk.path} holds another result of job {repeated.start} than it gives "
+                "now: the chunk runs again"
+            )
+            del holding[chunk.start]
+    return list(holding.values())
+
+
+def _changed(work: _Work, done: _Done) -> list[str]:
+    """Return the files that decided results and are not the same any more."""
+    read = {**work.read, **done.read}
+    return [name for name, then in read.items() if content(name) != then]
+
+
+def _finished(work: _Work, chunks: Sequence[Chunk], pool: Pool) -> Iterator[tuple[Chunk, _Done]]:
     """Run chunks, save each as it finishes, and yield it; those whose worker dies run again."""
     waiting = deque(chunks)
     deaths: Counter[int] = Counter()
     running: dict[Future, Chunk] = {}
     failures: list[BaseException] = []
-    try:
-        while running or (waiting and not failures):
-            while waiting and not failures and len(running) < pool.workers:
-                chunk = waiting.popleft()
-                running[pool.submit(_call, function, chunk.jobs)] = chunk
-            finished = []
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                chunk = running.pop(future)
-                error = future.exception()
-                if pool.died(future):
-                    deaths[chunk.start] += 1
-                    waiting.append(chunk)
-                    if deaths[chunk.start] == ATTEMPTS:
-                        what = f"its worker died {ATTEMPTS} times, and the last time of"
-                        failures.append(_failure(chunk, what, error))
-                elif error is not None:
-                    failures.append(_failure(chunk, "got", error))
-                else:
-                    _save(chunk, future.result())
-                    finished.append((chunk, future.result()))
-            yield from finished
-        if failures:  # after the end of those that ran beside it
-            raise failures[0]
-    finally:
-        pool.close()
+    while running or (waiting and not failures):
+        while waiting and not failures and len(running) < pool.workers:
+            chunk = waiting.popleft()
+            running[pool.submit(_call, work.function, chunk.jobs)] = chunk
+        finished = []
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            chunk = running.pop(future)
+            error = future.exception()
+            if pool.died(future):
+                deaths[chunk.start] += 1
+                waiting.append(chunk)
+                if deaths[chunk.start] == ATTEMPTS:
+                    what = f"its worker died {ATTEMPTS} times, and the last time of"
+                    failures.append(_failure(chunk, what, error))
+            elif error is not None:
+                failures.append(_failure(chunk, "got", error))
+            else:
+                done = future.result()
+                changed = _changed(work, done)
+                there = [n for n in changed if MISSING not in (done.read.get(n), content(n))]
+                if there:
+                    failures.append(
+                        InvalidInputError(
+                            f"{chunk}: {', '.join(there)} changed after it was read, expected it "
+                            "to stay; give the command again, in a new process"
+                        )
+                    )
+                    continue
+                if not changed:  # or a file came or went meanwhile: another run looks again
+                    _save(chunk, done)
+                finished.append((chunk, done))
+        yield from finished
+    if failures:  # after the end of those that ran beside it
+        raise failures[0]
 
 
-def _call(function: Callable[[J], R], jobs: Sequence[J]) -> list[R]:
-    return [function(job) for job in jobs]
+def _call(function: Callable[[J], Any], jobs: Sequence[J]) -> _Done:
+    """Run jobs, and record what they read."""
+    with opened.recorded() as read:
+        results = [function(job) for job in jobs]
+    return _Done(results, read)
 
 
 def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseException:
@@ -278,16 +360,16 @@ def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseExcept
     return failure
 
 
-def _save(chunk: Chunk, results: list[R]) -> None:
+def _save(chunk: Chunk, done: _Done) -> None:
     if chunk.path is not None:
         chunk.path.parent.mkdir(parents=True, exist_ok=True)
         with whole(chunk.path) as partial:
-            joblib.dump(results, partial, compress=3)
+            joblib.dump(tuple(done), partial, compress=3)
 
 
-def _load(chunk: Chunk) -> list[Any]:
+def _load(chunk: Chunk) -> _Done:
     try:
-        return joblib.load(chunk.path)
+        return _Done(*joblib.load(chunk.path))
     except (*UNREADABLE, EOFError, OSError, ImportError, pickle.UnpicklingError) as error:
         raise InvalidInputError(
             f"chunks: got {chunk.path} that cannot be read ({error}), expected a finished chunk; "

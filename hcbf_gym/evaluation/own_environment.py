@@ -12,6 +12,8 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.set import BarrierSet, Condition, each
+from hcbf_gym.certificates import identified
+from hcbf_gym.certificates import identity as identities
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.episode import Sample
 from hcbf_gym.evaluation.vacuity import Strict
@@ -46,6 +48,19 @@ def make(source: str) -> Made:
             f"{source}: got {made!r}, expected a function that returns (environment, plant)"
         )
     return Made(*made)
+
+
+def identity(source: str) -> str:
+    """Return the identity of the plant that a function makes; "" where each call makes another.
+
+    Args:
+        source: as `make` takes it.
+    """
+    found = set()
+    for made in (make(source), make(source)):
+        found.add(identities.of(identified(made.plant, made.env.unwrapped)))
+        made.env.close()
+    return found.pop() if len(found) == 1 else ""
 
 
 def files(source: str) -> list[Path]:

@@ -141,6 +141,10 @@ class Job(NamedTuple):
         return self.case.run(self.seed)
 
 
+FEW, CHUNKS, MOST = 16, 64, 10
+"""Fewer episodes run alone each, and in chunks otherwise: some so many, of at most so many."""
+
+
 def evaluate(
     cases: Sequence[Case],
     seeds: Sequence[int],
@@ -161,7 +165,10 @@ def evaluate(
         HcbfError: as `chunks.run` does.
     """
     jobs = [Job(case, seed) for case in cases for seed in seeds]
-    episodes = runs.over(Job.run, jobs, title, reads)
+    own = {case.env for case in cases if loading.is_function(case.env)}
+    plant = " ".join(own_environment.identity(env) for env in sorted(own))
+    size = 1 if len(jobs) < FEW else min(MOST, max(2, len(jobs) // CHUNKS))
+    episodes = runs.over(Job.run, jobs, title, reads, size, plant, repeat=True)
     return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 
 

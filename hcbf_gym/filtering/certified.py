@@ -1,23 +1,20 @@
 """A plant under a certificate: its margins are what rows reserve, and `covered` follows it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 from hcbf_gym import certificates, programs, records
 from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import LogClassK
-from hcbf_gym.certificates import Certificate, Judged, judge
+from hcbf_gym.certificates import Certificate, Judged, judge, warn_of_version
 from hcbf_gym.errors import CoverageWarning, warn_caller
-from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, read
+from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-_OWN = (
-    "model", "input_set", "period", "state", "barriers", "to_action", "from_action", "brake",
-    "max_age", "axle", "braking",
-)  # fmt: skip
-"""What of a plant a filter must not change, where an environment has one of its own."""
+_FREE = ("covered", "goal", "extent", "uncertainty")
+"""What of a plant a filter may change, where an environment has one of its own."""
 
 
 class Earned(NamedTuple):
@@ -25,16 +22,20 @@ class Earned(NamedTuple):
 
     Attributes:
         certificate: that was earned.
-        plant: as it declares itself.
+        stated: what identified the plant when the filter was made.
+        declared: a mapping or a reader, of the plant; None for none.
     """
 
     certificate: Certificate
-    plant: Plant
+    stated: Mapping[str, object]
+    declared: Mapping[str, object] | Reader | None
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
         """Return what the certificate says of the plant now."""
-        said = dict(read(self.plant.declared, env, observation, info))
-        return judge(said, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
+        now = read(self.declared, env, observation, info) or {}
+        return judge(
+            dict(self.stated) | dict(now), self.certificate.plant, reason=CoveredBy.CERTIFICATE
+        )
 
 
 def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
@@ -48,24 +49,20 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
         certificate: of it.
         env: unwrapped.
     """
-    if plant.declared is None or not callable(plant.declared):
-        said = certificates.declared(plant, env, None, {})
-        plant = replace(plant, declared=said)  # once: files are read for it
-    judged = certificates.judged_by(certificate, certificates.declared(plant, env, None, {}))
-    of_another = judged.outside and judged.covered_by == CoveredBy.ARGUMENT
-    if judged.outside:
-        of = "is of another plant:" if of_another else "does not know"
+    stated = certificates.declared(plant, env, None, {})
+    judged = certificates.judged_by(certificate, stated)
+    if judged.outside and judged.covered_by == CoveredBy.ARGUMENT:
         warn_caller(
-            f"safety filter: the certificate {certificate.name!r} {of} {'; '.join(judged.says)}: "
-            "covered is 0",
+            f"safety filter: the certificate {certificate.name!r} is of another plant: "
+            f"{'; '.join(judged.says)}: covered is 0",
             CoverageWarning,
         )
-    outside = judged._replace(covered_by=CoveredBy.CERTIFICATE)
-    if of_another:
-        return replace(plant, covered=outside)
+        return replace(plant, covered=judged._replace(covered_by=CoveredBy.CERTIFICATE))
+    if judged.outside:
+        warn_of_version(judged.says[0])
     reserved = plant.uncertainty if certificate.margins is None else certificate.margins
     reserved = reserved._replace(body=plant.uncertainty.body)
-    covered = outside if judged.outside else Earned(certificate, plant)
+    covered = judged if judged.outside else Earned(certificate, stated, plant.declared)
     return replace(plant, uncertainty=reserved, covered=covered)
 
 
@@ -90,15 +87,23 @@ def limits(
     tested = certificates.tested()
     exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
     ranges = dict(tested["filter" if exact else "filter of a plant that is not its model"])
-    if certificate is not None and certificate.family.get("program") is not None:
-        ranges["program"] = certificate.family["program"]
+    if certificate is not None:
+        ranges["options"] = {}
+        if certificate.family.get("program") is not None:
+            ranges["program"] = certificate.family["program"]
+        if certificate.family["kind"] == "own":
+            ranges["guidance"] = None
     alphas = {
         "alpha1": class_k.make(asked["options"].get("alpha1", LogClassK())),
         "alpha2": class_k.make(asked["options"].get("alpha2", 2.0)),
     }
-    told = {name: records.to_dict(alpha, class_k.KINDS) for name, alpha in alphas.items()}
-    all_told = {**asked, **told, "program": programs.plain(asked["program"])}
-    matters = {name: all_told[name] for name in ranges}
+    told: dict[str, Any] = {n: records.to_dict(one, class_k.KINDS) for n, one in alphas.items()}
+    told |= {
+        "program": programs.plain(asked["program"]),
+        "on_alarm": None if asked["on_alarm"] == plant.on_alarm else asked["on_alarm"],
+        "options": {name: one for name, one in asked["options"].items() if name not in alphas},
+    }
+    matters = {name: {**asked, **told}[name] for name in ranges}
     both = (
         judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
         judge(matters, ranges, reason=CoveredBy.FILTER),
@@ -114,12 +119,25 @@ def limits(
     return outside[0]._replace(says=says)
 
 
-def differs(plant: Plant, own: Plant) -> list[str]:
-    """Return in what a filter's plant is not its environment's own, a phrase for each."""
-    said = [
-        f"another {name.replace('_', ' ')} than the environment's"
-        for name in _OWN
-        if records.plain(getattr(plant, name)) != records.plain(getattr(own, name))
+def differs(plant: Plant, env: Any) -> list[str]:
+    """Return in what a filter's plant is not its environment's own, a phrase for each.
+
+    Args:
+        plant: that the filter has.
+        env: unwrapped.
+    """
+    said = []
+    ours = type(env).__module__.startswith("hcbf_gym.")
+    if certificates.is_of_package(plant.declared) and not ours:
+        said.append("another environment than the package's")
+    own = getattr(env, "plant", None)
+    if not isinstance(own, Plant):
+        return said
+    said += [
+        f"another {field.name.replace('_', ' ')} than the environment's"
+        for field in fields(plant)
+        if field.name not in _FREE
+        and not certificates.same(getattr(plant, field.name), getattr(own, field.name))
     ]
     reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
     if any(less < needed for less, needed in reserved):

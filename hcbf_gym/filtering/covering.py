@@ -3,7 +3,7 @@
 import numpy as np
 
 from hcbf_gym.arrays import Integers, Mask, Records
-from hcbf_gym.certificates import Judged
+from hcbf_gym.certificates import Judged, of_another_version, warn_of_version
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filtering.certified import Earned
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
@@ -28,6 +28,8 @@ class Covering:
     def begin(self, said: object, fresh: Mask) -> None:
         """Note whether the promise was tested for the episodes that begin.
 
+        In a development version none is covered, whatever the plant states.
+
         Args:
             said: a `Judged`, or a `Coverage` or (N,) of them by itself.
             fresh: (N,) which begin.
@@ -40,6 +42,11 @@ class Covering:
         if not known or given.shape not in ((), fresh.shape):
             raise InvalidInputError(f"covered: got {said!r}, expected one of {list(Coverage)}")
         why = said.covered_by if isinstance(said, Judged) else BY_ITSELF[given]
+        unreleased = of_another_version()
+        if unreleased and (given != Coverage.OUTSIDE).any():
+            warn_of_version(unreleased)
+            why = np.where(given != Coverage.OUTSIDE, CoveredBy.VERSION, why)
+            given = np.zeros_like(given)
         for kept, news in ((self._coverage, given), (self._why, why)):
             kept[fresh] = np.broadcast_to(news, fresh.shape)[fresh]
 

@@ -101,17 +101,17 @@ class CoveredBy(IntEnum):
     """Why `covered` is not 1; 0 where it is.
 
     UNKNOWN: no certificate speaks of the plant. ARGUMENT: an argument of the environment leaves
-    what was tested. STALE: it was tested on other sources than today's. CERTIFICATE: the
-    certificate that the filter was given is of another plant, or stale. PLANT: the filter's plant
-    is not the environment's. FILTER: an argument of the filter leaves what was tested. INPUTS: U
-    cannot do what rows, regions and the speed limit ask for. SCENE: the family of the scene was not
-    tested. CHANGED: the scene changed within the episode.
+    what was tested. VERSION: this is a development version, or another one than was tested.
+    CERTIFICATE: the certificate that the filter was given is of another plant. PLANT: the filter's
+    plant is not the environment's. FILTER: an argument of the filter leaves what was tested.
+    INPUTS: U cannot do what rows, regions and the speed limit ask for. SCENE: the family of the
+    scene was not tested. CHANGED: the scene changed within the episode.
     """
 
     NONE = 0
     UNKNOWN = 1
     ARGUMENT = 2
-    STALE = 3
+    VERSION = 3
     CERTIFICATE = 4
     PLANT = 5
     FILTER = 6

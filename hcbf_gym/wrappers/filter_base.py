@@ -64,7 +64,6 @@ class FilterBase:
                 plant, or a wrapper inside changes the actions.
         """
         self._inner: Any = self.env.unwrapped
-        brought = getattr(self._inner, "plant", None)
         plant = plant_of(self._inner) if plant is None else plant
         one = None if certificate is None else certificates.load(certificate)
         self.plant = plant if one is None else certified(plant, one, self._inner)
@@ -77,8 +76,7 @@ class FilterBase:
         self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
             self._core.applied_as(self._dtype)
-        other = differs(plant, brought) if isinstance(brought, Plant) else []
-        self._limits = limits(settings._asdict(), self.plant, other, one)
+        self._limits = limits(settings._asdict(), self.plant, differs(plant, self._inner), one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
         self._observation: object = None
         self._info: Info = {}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.alone import ALONE
-from hcbf_gym import certificates, models
+from hcbf_gym import certificates, models, version
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import judge
 from hcbf_gym.certificates.judge import words
@@ -138,14 +138,6 @@ def test_one_argument_alone_may_be_left_for_its_wider_range():
                 assert judge(nominal | {argument: value}, ranges, alone).says
 
 
-def test_ranges_that_nothing_of_today_was_tested_on_say_so():
-    judged = judge({"gait": "trot"}, {"gait": "trot"}, stale="older sources")
-    assert judged == (Coverage.OUTSIDE, CoveredBy.STALE, ("older sources",))
-    judged = judge({"gait": "walk"}, {"gait": "trot"}, stale="older sources")
-    assert judged.covered_by == CoveredBy.ARGUMENT
-    assert judged.says[1] == "older sources"
-
-
 class Mass(gym.Env):
     """A point mass of somebody else's."""
 
@@ -235,7 +227,7 @@ WAYS = {
 }  # fmt: skip
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("released")
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_in_says_whether_it_is_covered_and_why_not(way):
     make, covered, why = WAYS[way]
@@ -247,19 +239,48 @@ def test_every_way_in_says_whether_it_is_covered_and_why_not(way):
     assert silent != any(one.category is CoverageWarning for one in said)
 
 
-def test_certificates_of_other_sources_are_stale(monkeypatch):
-    monkeypatch.setattr(certificates.library, "stale", lambda one: "older sources")
-    for make, why in (
-        (lambda: SafetyFilter(regions()), CoveredBy.STALE),
-        (batch, CoveredBy.STALE),
-        (lambda: SafetyFilter(regions(), certificate="regions"), CoveredBy.CERTIFICATE),
-    ):
-        with pytest.warns(CoverageWarning, match="older sources"):
-            env = make()
-        assert told(env) == ([0], [why])
+VERSIONS = {  # version of the package, whether its shipped certificates cover, what is reported
+    "the release": ("0.2.0", 1, None),
+    "a development version": ("0.2.0.dev0", 0, "a development version, for which no certificate"),
+    "one after the release": ("0.2.1", 0, "was earned for hcbf-gym 0.2.0, and this is 0.2.1"),
+}
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize("which", VERSIONS)
+def test_a_certificate_covers_in_its_own_version_alone_with_one_warning_a_process(
+    which, monkeypatch
+):
+    number, covered, message = VERSIONS[which]
+    monkeypatch.setattr(version, "VERSION", number)
+    made = (
+        lambda: SafetyFilter(regions()),
+        batch,
+        lambda: SafetyFilter(regions(), certificate="regions"),
+        lambda: batch(certificate="regions"),
+    )
+    certificates.warn_of_version.cache_clear()
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        found = [told(make()) for make in made]
+    assert found == [([covered], [CoveredBy.NONE if covered else CoveredBy.VERSION])] * 4
+    assert [message in str(one.message) for one in raised] == [True] * (message is not None)
+    assert all(one.category is CoverageWarning for one in raised)
+
+
+@pytest.mark.parametrize("stated", [1, 2])
+def test_in_a_development_version_what_a_plant_states_of_itself_is_not_covered_either(stated):
+    assert ".dev" in version.VERSION
+    assert told(SafetyFilter(Mass(), plant=mass(stated))) == ([0], [CoveredBy.VERSION])
+
+
+def test_a_release_ships_certificates_that_were_earned_for_it():
+    if ".dev" not in version.VERSION:
+        for one in SHIPPED.values():
+            assert one.version == version.VERSION
+            assert one.commit != "47fb8b2"  # of before the release
+
+
+@pytest.mark.usefixtures("released")
 def test_a_scene_that_changes_or_asks_for_too_much_says_so():
     env = SafetyFilter(regions())
     env.reset(seed=0)

@@ -79,7 +79,7 @@ def test_what_no_file_names_makes_no_other_robot(contract):
     assert told(contract) == before
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("released")
 def test_a_scene_that_is_changed_in_an_episode_is_covered_no_longer():
     inner = gym.make("HCBF-Regions-v0", scenario="random").unwrapped
     env = wrappers.SafetyFilter(inner)

@@ -20,7 +20,7 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-pytestmark = pytest.mark.usefixtures("fresh")
+pytestmark = pytest.mark.usefixtures("released")
 
 
 def made(**options):

@@ -46,7 +46,7 @@ def flat(info):
         yield from flat(value) if isinstance(value, dict) else [(key, value)]
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("released")
 @pytest.mark.parametrize("env_id", ENV_IDS)
 @pytest.mark.parametrize("make", [gym.make, filtered], ids=["bare", "filtered"])
 def test_gymnasiums_checker_has_nothing_to_say(env_id, make):

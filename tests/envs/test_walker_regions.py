@@ -234,7 +234,7 @@ def test_what_was_not_certified_is_not_covered(tmp_path):
     assert env.reset(seed=0)[1]["safety_filter"]["covered"] == 0
 
 
-def test_a_shipped_certificate_covers_its_walker_and_gives_the_margins(fresh):
+def test_a_shipped_certificate_covers_its_walker_and_gives_the_margins(released):
     shipped = certificates.shipped()["cart"]
     with warnings.catch_warnings():
         warnings.simplefilter("error", CoverageWarning)

@@ -1,7 +1,9 @@
 """Jobs that fail, for the workers of `test_chunks`."""
 
+import contextlib
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 
@@ -49,3 +51,30 @@ def refuses(job):
 def sleeps(job):
     time.sleep(0.05 if job < 3 else 600.0)
     return job
+
+
+def lagged(job):
+    """Return a number that a file decides, and another one where that is there."""
+    file, k = job
+    bonus = 0.0
+    with contextlib.suppress(FileNotFoundError):
+        bonus = float((Path(file).parent / "bonus").read_text())
+    return k + float(Path(file).read_text()) + bonus
+
+
+def changes_it(file):
+    """Read a file, of which another process makes another one meanwhile."""
+    read = float(Path(file).read_text())
+    subprocess.run(["sh", "-c", 'echo 2.0 > "$0"', file], check=True)
+    return read
+
+
+def cached(job):
+    """Read a file that an earlier call may have written."""
+    file, k = job
+    try:
+        found = float(Path(file).read_text())
+    except FileNotFoundError:
+        found = 0.0
+    Path(file).write_text("1.0")
+    return k + 0.0 * found

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import crashing
+import joblib
 import pytest
 from needs import needs
 
@@ -180,6 +181,88 @@ def test_a_file_that_is_no_chunk_is_refused_in_words(tmp_path):
     file.write_bytes(b"half of it")
     with pytest.raises(InvalidInputError, match="delete it to run it again"):
         dict(chunks.run(abs, [1.0], folder=tmp_path, workers=1))
+
+
+def test_a_chunk_counts_only_while_the_files_that_its_jobs_opened_are_the_same(tmp_path):
+    lag = tmp_path / "lag"
+    lag.write_text("0.5")
+    jobs = [(str(lag), k) for k in range(4)]
+    run = functools.partial(
+        chunks.run, crashing.lagged, jobs, folder=tmp_path / "chunks", workers=1, size=2
+    )
+    assert dict(run()) == {k: k + 0.5 for k in range(4)}
+    lag.write_text("1.0")
+    assert dict(run()) == {k: k + 1.0 for k in range(4)}
+    missing = tmp_path / "bonus"
+    missing.write_text("10.0")  # was looked for and not there
+    assert dict(run()) == {k: k + 11.0 for k in range(4)}
+    link = tmp_path / "link"
+    link.symlink_to(lag)
+    jobs = [(str(link), 0)]
+    run = functools.partial(
+        chunks.run, crashing.lagged, jobs, folder=tmp_path / "chunks", workers=1
+    )
+    assert dict(run()) == {0: 11.0}
+    (tmp_path / "other").write_text("2.0")
+    link.unlink()
+    link.symlink_to(tmp_path / "other")
+    assert dict(run()) == {0: 12.0}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_file_that_changes_while_jobs_read_it_ends_the_run(tmp_path, workers):
+    lag = tmp_path / "lag"
+    lag.write_text("0.5")
+    with pytest.raises(InvalidInputError, match=r"lag changed after it was read"):
+        dict(chunks.run(crashing.changes_it, [str(lag)], folder=tmp_path / "c", workers=workers))
+    assert not list(tmp_path.glob("c/*.chunk"))
+
+
+def test_what_jobs_write_themselves_decides_nothing(tmp_path):
+    jobs = [(str(tmp_path / "cache"), k) for k in range(3)]
+    folder = tmp_path / "chunks"
+    run = functools.partial(chunks.run, crashing.cached, jobs, folder=folder, workers=1, size=3)
+    first = dict(run())
+    (tmp_path / "cache").write_text("99.0")
+    assert dict(run()) == first
+
+
+def test_one_job_of_every_kept_chunk_is_repeated_and_compared_where_that_is_asked(tmp_path):
+    jobs = [float(k) for k in range(6)]
+    run = functools.partial(
+        chunks.run, crashing.third, jobs, folder=tmp_path, workers=1, size=2, repeat=True
+    )
+    right = dict(run())
+    assert dict(run()) == right
+    file = sorted(tmp_path.glob("*.chunk"))[1]
+    results, read = joblib.load(file)
+    joblib.dump(([one | {"third": one["third"] + 1e-12} for one in results], read), file)
+    with pytest.warns(UserWarning, match="than it gives now: the chunk runs again") as raised:
+        assert dict(run()) == right
+    assert len(raised) == 1
+    assert dict(run()) == right
+
+
+def test_of_every_kept_chunk_one_job_runs_again_and_no_more(tmp_path):
+    jobs = [(str(tmp_path), k) for k in range(6)]
+    run = functools.partial(
+        chunks.run, crashing.logged, jobs, folder=tmp_path / "chunks", size=3, repeat=True
+    )
+    first = dict(run(workers=1))
+    before = ran(tmp_path)
+    assert dict(run(workers=2)) == first
+    assert sorted(ran(tmp_path)[k] - before[k] for k in before) == [0, 0, 0, 0, 1, 1]
+
+
+def test_another_plant_is_other_work(tmp_path):
+    def run(plant):
+        return chunks.run(
+            crashing.logged, [(str(tmp_path), 1)], folder=tmp_path / "c", plant=plant, workers=1
+        )
+
+    for name, times in (("a", 1), ("a", 1), ("b", 2)):
+        dict(run(name))
+        assert ran(tmp_path) == {1: times}
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,9 @@ def shown(code, names):
 
 
 @pytest.mark.physics
-def test_the_notebook_leads_from_an_environment_to_a_certificate(tmp_path, monkeypatch, recwarn):
+def test_the_notebook_leads_from_an_environment_to_a_certificate(
+    tmp_path, monkeypatch, recwarn, released
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # as Jupyter finds what lies beside a notebook
     notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))

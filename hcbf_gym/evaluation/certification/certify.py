@@ -1,9 +1,10 @@
 """A certificate from fresh episodes: frozen first, then one look, then a bound."""
 
 import functools
+import subprocess
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +12,14 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-from hcbf_gym import certificates
+from hcbf_gym import certificates, opened
 from hcbf_gym.arrays import Info
-from hcbf_gym.certificates import BLOCK, Block, Certificate, Stratum, sequential, sources
+from hcbf_gym.certificates import BLOCK, Block, Certificate, Stratum, sequential
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
+from hcbf_gym.certificates.declared import UNHASHABLE
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.certificates.sequential import Tally
+from hcbf_gym.compilation import PACKAGE
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.certification import calibration, families, own
@@ -84,13 +87,13 @@ def calibrated(
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
         job = functools.partial(run_seed, family, margins)
-        return chunks.in_order(runs.over(job, seeds, title, family.files, BLOCK))
+        return chunks.in_order(over(runs, family, job, seeds, title))
 
     def attack(
         margins: Uncertainty, tried: Sequence[tuple[int, tuple[float, ...]]], title: str
     ) -> list[Seen]:
         job = functools.partial(run_searched, family, margins)
-        return chunks.in_order(runs.over(job, tried, title, family.files, 3))
+        return chunks.in_order(over(runs, family, job, tried, title, 3))
 
     caps = getattr(family, "caps", None)
     return calibration.calibrate(
@@ -102,6 +105,33 @@ def calibrated(
         SEEDS * seed,
         v_max=np.inf if caps is None else caps[0],
     )
+
+
+def over(
+    runs: Runs,
+    family: Family,
+    job: Callable[[Any], Seen],
+    jobs: Sequence[Any],
+    title: str,
+    size: int = BLOCK,
+) -> Iterator[tuple[int, Seen]]:
+    """Yield (number, what it showed) of a family's episodes; one of each saved chunk runs again.
+
+    Args:
+        runs: how they run.
+        family: that decides what they read.
+        job: runs an episode.
+        jobs: what it is called with.
+        title: of a bar.
+        size: episodes in a chunk.
+    """
+    return runs.over(job, jobs, title, family.files, size, _identity(family), repeat=True)
+
+
+def _identity(family: Family) -> str:
+    """Return the identity of a plant of the user's own, as it is now; "" of the package's."""
+    episode = family.episode(0)
+    return own_environment.identity(episode.source) if isinstance(episode, own.OwnEpisode) else ""
 
 
 @dataclass(frozen=True)
@@ -153,10 +183,19 @@ class Frozen:
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of a `Certificate` that are known before its episodes."""
-        _, declared = plant_of(self.family)
+        both = [plant_of(self.family)[1] for _ in range(2)]
+        differ = [name for name in both[0] if both[0][name] != both[1].get(name)]
+        unhashable = both[0].get(UNHASHABLE)
+        if differ or unhashable:
+            why = f"what cannot be hashed: {unhashable}" if unhashable else f"another {differ}"
+            raise RefusedError(
+                f"{self.name}: no certificate could cover it: its function returns {why}, expected "
+                "the same plant at every call; make in `reset` what only an episode needs"
+            )
+        versions = chunks.versions()
         return {
             "name": self.name,
-            "plant": self.family.certifies(declared),
+            "plant": self.family.certifies(both[0]),
             "family": families.to_dict(self.family),
             "words": tuple(self.family.words),
             "margins": self.margins,
@@ -165,9 +204,29 @@ class Frozen:
             "confidence": self.confidence,
             "attempt": self.attempt,
             "first_seed": self.first_seed,
-            "versions": chunks.versions(),
-            "sources": sources.today(),
+            "version": versions.pop("hcbf-gym"),
+            "commit": commit(),
+            "versions": versions,
         }
+
+
+def commit() -> str:
+    """Return the commit of this package's checkout, with a + after edits; "" without a checkout."""
+    root = PACKAGE.parent
+    if not (root / ".git").exists():
+        return ""
+
+    def git(*arguments: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", root, *arguments], capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        edited = git("status", "--porcelain", "--", PACKAGE.name)
+        return git("rev-parse", "--short=7", "HEAD") + "+" * bool(edited)
+    except (OSError, subprocess.CalledProcessError):  # without git, or without a commit
+        return ""
 
 
 def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certificate:
@@ -182,7 +241,9 @@ def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certifica
         RefusedError: if there is none, by `draw`; if a seed does not decide its episode; or if the
             episodes put nothing to the test.
     """
-    fields = frozen.fields()
+    with opened.recorded() as read:
+        fields = frozen.fields()
+    read |= {str(file): opened.content(str(file)) for file in frozen.family.files}
     once, again = (run_seed(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
     if once != again:
         raise RefusedError(
@@ -191,11 +252,17 @@ def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certifica
             "expected that the seed decides all that the environment draws"
         )
     seen = draw(frozen, runs, at_most)
+    changed = [path for path, then in read.items() if opened.content(path) != then]
+    if changed:
+        raise RefusedError(
+            f"{frozen.name}: no certificate: {', '.join(changed)} changed while episodes ran, "
+            "expected the plant to stay; give the command again"
+        )
     found = outcome(seen, frozen.bound)
     why = vacuous(found["shown"], len(seen))
     if why:
         raise RefusedError(f"{frozen.name}: no certificate: {why}")
-    return Certificate(**fields, **found, repeated="")
+    return Certificate(**fields, **found)
 
 
 def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
@@ -252,7 +319,7 @@ def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
     seeds = range(frozen.first_seed + first, frozen.first_seed + end)
     early: dict[int, Seen] = {}
     following = first
-    for number, one in runs.over(job, seeds, "certificate", frozen.family.files, BLOCK):
+    for number, one in over(runs, frozen.family, job, seeds, "certificate"):
         early[first + number] = one
         while following in early:
             found = early.pop(following)

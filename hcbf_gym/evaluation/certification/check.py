@@ -2,13 +2,13 @@
 
 import functools
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.certificates import BLOCK, Certificate, sources
+from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation import chunks
@@ -68,7 +68,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
     ]
     job = functools.partial(run_seed, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = chunks.in_order(runs.over(job, jobs, "check", family.files, BLOCK))
+    seen: list[Seen] = chunks.in_order(certify.over(runs, family, job, jobs, "check"))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -152,18 +152,12 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[st
 
 def _elsewhere(c: Certificate) -> list[str]:
     """Return in what a certificate was computed otherwise than here."""
-    here = chunks.versions()
-    said = [
-        f"{name} {c.versions.get(name)} (here {here.get(name)})"
-        for name in sorted({*here, *c.versions})
-        if c.versions.get(name) != here.get(name)
+    here, there = chunks.versions(), {"hcbf-gym": c.version} | dict(c.versions)
+    return [
+        f"{name} {there.get(name)} (here {here.get(name)})"
+        for name in sorted({*here, *there})
+        if there.get(name) != here.get(name)
     ]
-    today = sources.today()
-    for what in ("sources", "repeated"):
-        of = getattr(c, what)
-        if of not in ("", today):
-            said.append(f"{what} {of} (here {today})")
-    return said
 
 
 def _same(stated: object, value: object) -> bool:
@@ -180,8 +174,3 @@ def _same(stated: object, value: object) -> bool:
 
 def _parts(thing: object) -> Any:
     return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing
-
-
-def repeated(certificate: Certificate) -> Certificate:
-    """Return a certificate of which a part came out the same today."""
-    return replace(certificate, repeated=sources.today())

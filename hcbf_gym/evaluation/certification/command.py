@@ -85,8 +85,6 @@ class Args:
     """What the certificate is called; the plant's name if not given."""
     check: str | None = None
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
-    write: bool = False
-    """Of --check: note in the file on which sources a part came out the same."""
     workers: int | None = None
     """Chunks that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
@@ -267,9 +265,6 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
         f"h {checked.least_h:+.6g}",
         soft_wrap=True,
     )
-    if args.write:
-        check.repeated(certificate).save(file)
-        console.print(f"noted in {file}", soft_wrap=True)
 
 
 def _name(plant: str) -> str:

@@ -42,8 +42,8 @@ def page(certificate: Certificate) -> str:
         "## What was certified",
         *(f"- {sentence}" for sentence in c.words),
         f"- {_margins(c)}",
-        f"- Seeds {c.first_seed} to {c.first_seed + c.episodes - 1}; "
-        f"hash `{c.hash}`, sources `{c.sources}`, repeated on `{c.repeated or 'none'}`.",
+        f"- Seeds {c.first_seed} to {c.first_seed + c.episodes - 1}; hash `{c.hash}`.",
+        f"- Earned for hcbf-gym {c.version}, commit {c.commit or 'unknown'}.",
         f"- Computed with {', '.join(f'{name} {v}' for name, v in c.versions.items())}.",
         "",
         "A plant is this one where it declares:",
