@@ -59,7 +59,9 @@ def refusals(
     found: dict[int, str] = {}
     for n in np.flatnonzero(mask).tolist():
         why = _unknown("goal", goal[n]) or _unknown("start", start[n])
-        why = why or _beyond("goal", goal[n], geometry[n]) or _beyond("start", start[n], geometry[n])
+        why = (
+            why or _beyond("goal", goal[n], geometry[n]) or _beyond("start", start[n], geometry[n])
+        )
         why = why or _beside_walls(grounds[n], goal[n]) or _inside(goal[n], h[n], strict[n])
         if why:
             found[n] = why

@@ -18,7 +18,9 @@ def test_a_batch_of_unequal_scenes_is_as_many_single_filters(robot):
     for turn in range(len(unequal.PROGRAMS)):
         guidance = unequal.ROBOTS[robot][4]
         led = guidance[turn % len(guidance)]
-        total += unequal.compare_batch(100 * place + turn, robot, unequal.PROGRAMS[turn], led).total()
+        total += unequal.compare_batch(
+            100 * place + turn, robot, unequal.PROGRAMS[turn], led
+        ).total()
     assert total >= 4 * unequal.PLANTS * unequal.STEPS
 
 
