@@ -104,20 +104,22 @@ class ModelCore(FilterCore):
                 the velocity; or something of a speed limit, which the model has none of.
         """
         model, declared = self.plant.model, self.plant.uncertainty
-        f, g = model.terms_of(samples(model)[0])
-        moved = np.ptp(f[:, : model.n_p], axis=0).any() or np.ptp(g[:, : model.n_p], axis=0).any()
-        meaningless = {
-            "per_velocity": ("its velocity is the input", bool(moved)),
-            "speed": ("it has no speed limit", model.velocity_at == 2),
-            "speed_per_velocity": ("it has no speed limit", model.velocity_at == 2),
-        }
-        for name, (why, has_meaning) in meaningless.items():
+        without = [name for name in ("speed", "speed_per_velocity") if model.velocity_at != 2]
+        why = dict.fromkeys(without, "it has no velocity in x[2:4] that a speed limit reads")
+        if declared.per_velocity > 0.0 and not self._drifts():
+            why["per_velocity"] = "its velocity is the input, so that no body lags behind it"
+        for name, reason in why.items():
             value = getattr(declared, name)
-            if value > 0.0 and not has_meaning:
+            if value > 0.0:
                 raise InvalidInputError(
-                    f"plant: uncertainty: {name}: got {value:g} with {model}, expected 0, "
-                    f"Uncertainty({name}=0.0): {why}"
+                    f"plant: uncertainty: {name}: got {value:g} with {model}, expected 0: {reason}"
                 )
+
+    def _drifts(self) -> bool:
+        """Return whether the velocity under one input differs from state to state."""
+        f, g = self.plant.model.terms_of(samples(self.plant.model)[0])
+        placed = self.plant.model.n_p
+        return bool(np.ptp(f[:, :placed], axis=0).any() or np.ptp(g[:, :placed], axis=0).any())
 
     def _reserve(self, prepared: Prepared) -> None:
         """Write what rows reserve: again where a sample said more than x, or ∇h may turn."""

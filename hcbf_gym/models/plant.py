@@ -151,7 +151,9 @@ class Estimate(NamedTuple):
 class Uncertainty(NamedTuple):
     """What a plant does beside its reduced-order model: what the derived margin follows from.
 
-    `barriers.margins` has the formula that these numbers stand in.
+    `barriers.margins` has the formula of these numbers, for every model. A filter refuses
+    `per_velocity` of a model whose velocity is the input, and what a speed limit reserves of a
+    model without one.
 
     Attributes:
         distance: what rows on the position reserve in any case [m].
