@@ -10,17 +10,18 @@ below zero at one of ten instants of its hold, under a calm status without a rea
 import argparse
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym import models
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Disc, Function, HalfPlane, SpeedLimit
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.models.autodiff import import_jax
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
@@ -73,16 +74,16 @@ def boat() -> models.ControlAffine:
 
 def ahead(shape: HalfPlane | Disc) -> Function:
     """Return the distance of a point 0.3 m ahead of a vehicle, less what it needs to stop."""
-    import jax.numpy as jnp
+    jnp = import_jax("ahead").numpy
 
     if isinstance(shape, HalfPlane):
         numbers = np.array([*shape.normal, shape.offset])
-        away: Callable[..., object] = lambda q, p: p[0] * q[0] + p[1] * q[1] - p[2]  # noqa: E731
+        away: Callable[..., Any] = lambda q, p: p[0] * q[0] + p[1] * q[1] - p[2]  # noqa: E731
     else:
         numbers = np.array([*shape.center, shape.radius])
         away = lambda q, p: jnp.hypot(q[0] - p[0], q[1] - p[1]) - p[2]  # noqa: E731
 
-    def clear(x, t, p):
+    def clear(x: Any, t: Any, p: Any) -> Any:
         point = x[:2] + 0.3 * jnp.stack([jnp.cos(x[2]), jnp.sin(x[2])])
         return away(point, p) - (0.4 * x[3] if x.shape[0] > 3 else 0.0)
 
@@ -122,7 +123,7 @@ class Truth:
         self.x = np.zeros((COUNT, case.model.n))
         self.heading = np.zeros(COUNT)
 
-    def restart(self, mask: Array) -> None:
+    def restart(self, mask: Mask) -> None:
         """Let the masked plants (N,) begin at rest."""
         for i in np.flatnonzero(mask):
             self.x[i] = 0.0
@@ -169,7 +170,7 @@ class Errors:
         self._kind, self._size, self._rng = kind, size, rng
         self._way = self._drawn(COUNT)
 
-    def restart(self, mask: Array) -> None:
+    def restart(self, mask: Mask) -> None:
         """Draw new directions for the masked plants (N,)."""
         self._way[mask] = self._drawn(int(mask.sum()))
 
@@ -296,8 +297,12 @@ def main() -> None:
                 print(
                     f"{name:20}{error:12}{one.steps:8}{one.calm:8}{one.entered:9}{one.least:10.4f}"
                 )
-                sums = (a + b for a, b in zip(total[:3], one[:3], strict=True))
-                total = Count(*sums, min(total.least, one.least))
+                total = Count(
+                    total.steps + one.steps,
+                    total.calm + one.calm,
+                    total.entered + one.entered,
+                    min(total.least, one.least),
+                )
     print(f"{'all':32}{total.steps:8}{total.calm:8}{total.entered:9}{total.least:10.4f}")
 
 
