@@ -84,7 +84,7 @@ class Unmeasured(Moving):
         if self._left < 0.0:
             self._goal = self._rng.uniform(-3.5, 3.5, 2) * self._size
             self._left = self._rng.uniform(3.0, 8.0)
-            self._speed = self._rng.uniform(0.6, 1.0) * self._command.forward
+            self._speed = self._rng.uniform(0.7, 1.0) * self._command.forward
         d = self._goal - pose[:2]
         error = math.remainder(math.atan2(d[1], d[0]) - pose[2], math.tau)
         most = 0.6 * self._command.turn

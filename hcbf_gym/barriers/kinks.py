@@ -1,8 +1,8 @@
 """Where derivatives are taken at a kink of h: a small step beside it.
 
 Where h(x) is finite and a derivative is not, as of ‖v‖ at rest, the derivatives are those at
-``x + STEP d``: d is the direction of the velocity, at rest that of u*, and else the first axis. The
-row is then that of the part of h into which the plant moves.
+``x + STEP d``: d is the direction of the velocity, at rest that of u*, and else the first axis
+along which they are finite. The row is then that of the part of h into which the plant moves.
 """
 
 from collections.abc import Iterator
@@ -40,8 +40,8 @@ class Kinks:
             moves = np.tile(v if v.any() else u, 2)
         else:
             moves = f if f.any() else g @ u
-        axis = np.eye(model.n)[0] + g[:, 0]
-        for d in (moves, axis):
+        axes = (np.arange(model.n) == j for j in range(model.n_u))
+        for d in (moves, *(axis + g[:, j] for j, axis in enumerate(axes))):
             size = float(np.linalg.norm(d))
             if 0.0 < size < np.inf:
                 yield x + STEP / size * d

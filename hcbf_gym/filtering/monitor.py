@@ -37,8 +37,8 @@ WINDOW = 0.5
 """τ, over which squared errors are averaged [s]."""
 FLOOR = 0.05
 """Share of the largest input below which a chosen input tells nothing: rounding, noise at rest."""
-SHARE = 0.5
-"""Share of the chosen input from which on it was missed: a gain of 2 is off by all of it."""
+SHARE = 0.45
+"""Share of the chosen input from which on it was missed: a gain of one half is off by 0.5 of it."""
 TELLING = 25
 """Samples over which the share of misses is averaged."""
 LEAST_SAMPLES = 10

@@ -70,3 +70,17 @@ def test_it_starts_anew_after_a_gap_and_ignores_what_is_older():
     assert not any(monitor.observe(still, 1.0 - 0.01 * k) for k in range(20))
     assert not any(monitor.observe(still, 2.0 + 0.7 * k) for k in range(20))
     assert any(monitor.observe(still, 30.0 + 0.05 * k) for k in range(20))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])
+def test_white_noise_of_positions_is_no_motion_and_is_averaged(noise):
+    time, place, velocity = shuttle(60.0)
+    rng, off = np.random.default_rng(1), []
+    monitor = MotionMonitor(PERIOD, 4.3)
+    for k in range(0, len(time), 5):
+        seen = place[k] + noise * rng.normal(size=2)
+        assert not monitor.observe(np.array([*seen, *velocity[k]]), time[k])
+        off.append(np.linalg.norm(monitor.place - place[k]))
+    later = np.array(off[200:])
+    assert np.sqrt(np.mean(later**2) / 2.0) <= 0.45 * noise + 1e-3
+    assert 0.1 * noise <= monitor.noise <= 0.45 * noise + 1e-3

@@ -75,6 +75,52 @@ def test_a_response_that_nobody_measured_has_wide_bounds_not_none():
     assert not alarmed(0, share=0.7, known=False, straight=True)
 
 
+COMMANDS = {
+    "slow differential": Command(0.22, 2.0, look_ahead=0.1),
+    "fast differential": Command(1.5, 1.5, look_ahead=0.4),
+    "holonomic": Command(1.0, 2.0, sideways=1.0),
+    "walker": Command(1.0, 1.0, sideways=0.5),
+}
+COMPLAINED_OF = Response(gain=(0.4, 1.0, 1.0), falls=1, seconds=9.0)
+
+
+@pytest.mark.parametrize("response", [None, "measured"])
+@pytest.mark.parametrize("does", [0.0, 0.5, 2.0, -1.0, 1.0])
+@pytest.mark.parametrize("share", [0.5, 1.0])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_half_or_twice_of_a_command_for_2_s_at_half_speed_is_never_silent(
+    name, share, does, response
+):
+    command = COMMANDS[name]
+    sways = 0.01 * command.forward
+    residual = 0.0, 2.0 * sways, 5.0 * sways
+    known = replace(LATE, gain=(), delay=0.0, sway=sways, residual=residual) if response else None
+    monitor, place, speed = ResponseMonitor(command, known), 0.0, 0.0
+    told, alarmed = share * command.forward * np.eye(len(command.limits))[0], math.inf
+    tau = 0.3 if response is None else LATE.time_constant
+    for k in range(round(8.0 / PERIOD)):
+        now, fault = PERIOD * k, does if k * PERIOD >= 4.0 else 1.0
+        if monitor.observe(np.array([place, 0.0, 0.0]), np.array([speed, 0.0]), now):
+            alarmed = min(alarmed, now)
+        monitor.tell(told, now, now + 1.5 * PERIOD)
+        left, goal = math.exp(-PERIOD / tau), fault * told[0]
+        place += PERIOD * goal + (speed - goal) * tau * (1.0 - left)
+        speed = goal + (speed - goal) * left
+    assert alarmed == math.inf if does == 1.0 else 4.0 < alarmed <= 6.0 + 1e-9
+
+
+def test_a_response_with_complaints_hides_no_half_of_its_own_gain():
+    command = Command(1.0, 2.0, sideways=1.0)
+    for does in (0.5, 1.0):
+        monitor, place = ResponseMonitor(command, COMPLAINED_OF), 0.0
+        alarms = []
+        for k in range(200):
+            alarms.append(monitor.observe(np.array([place, 0.0, 0.0]), np.zeros(2), PERIOD * k))
+            monitor.tell(np.array([0.8, 0.0, 0.0]), PERIOD * k)
+            place += PERIOD * 0.4 * 0.8 * (does if k > 80 else 1.0)
+        assert any(alarms) == (does == 0.5)
+
+
 def test_a_pause_and_a_jump_begin_anew():
     monitor = ResponseMonitor(Command(1.0, 1.0, sideways=1.0), HOLONOMIC.response)
     for k, x in enumerate((0.0, 5.0, -3.0, 8.0)):
