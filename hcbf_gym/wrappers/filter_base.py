@@ -16,7 +16,7 @@ from hcbf_gym.filtering.model_core import ModelCore
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Plant, read
+from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.checks import (
     check_begun,
@@ -110,15 +110,15 @@ class FilterBase:
             mask: which.
             joins: whether the episodes run already; the clock goes on where the plant has one.
         """
-        plant, seen = self.plant, (self._inner, self._observation, self._info)
-        barriers, estimate, world = self._readers(*seen, first=self._is_first)
+        seen, first = (self._inner, self._observation, self._info), self._is_first
+        barriers, estimate, world = self._readers(*seen, first=first)
         if joins and estimate.time is not None:
             self._core.join(mask)
         else:
             self._core.restart(mask)
-        self._core.cover(self._limits or read(plant.covered, *seen))
+        self._core.cover(self._limits or self._readers.covered(*seen, first=first))
         report = self._core.begin(
-            barriers, estimate, *(world or (None, None)), is_first=self._is_first
+            barriers, estimate, *(world or (None, None)), is_first=first
         )
         self._is_first = False
         return report

@@ -1,5 +1,6 @@
 """A plant's readers at every step: one that raises is one that knows nothing."""
 
+import math
 from collections.abc import Mapping
 from copy import copy
 from typing import Any, NamedTuple
@@ -9,11 +10,11 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.errors import SafetyWarning, warn_caller
-from hcbf_gym.models.plant import Estimate, Plant, read
+from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
 
 
 class Seen(NamedTuple):
-    """What a plant's readers return at one step; None for one that raised.
+    """What a plant's readers return at one step; None for one that raised, NaN for an extent.
 
     Attributes:
         barriers: the ranked conditions.
@@ -53,11 +54,23 @@ class Readers:
         world = None
         if self._guides:
             goal = self._read("goal", plant.goal, seen, first)
-            world = goal, self._read("extent", plant.extent, seen, first)
+            world = goal, self._read("extent", plant.extent, seen, first, unknown=math.nan)
         return Seen(barriers, state if isinstance(state, Estimate) else Estimate(state), world)
 
-    def _read(self, name: str, source: Any, seen: tuple[Any, Any, Info], first: bool) -> Any:
-        """Return what a field of the plant says now, None where its reader raises."""
+    def covered(self, env: object, observation: object, info: Info, first: bool) -> Any:
+        """Return whether the promise was tested for the episodes that begin."""
+        said = self._read("covered", self._plant.covered, (env, observation, info), first)
+        return Coverage.OUTSIDE if said is None else said
+
+    def _read(
+        self,
+        name: str,
+        source: Any,
+        seen: tuple[Any, Any, Info],
+        first: bool,
+        unknown: float | None = None,
+    ) -> Any:
+        """Return what a field of the plant says now, `unknown` where its reader raises."""
         try:
             return read(source, *seen)
         except Exception as error:  # whatever a user's sensor raises, the robot has to stop
@@ -65,15 +78,15 @@ class Readers:
                 error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
                 raise
             self._say(name, error)
-            return None
+            return unknown
 
     def _say(self, name: str, error: Exception) -> None:
         """Warn of a reader that raised, once of each."""
         if name not in self._said:
             self._said.add(name)
             warn_caller(
-                f"safety filter: the reader of the {name} raised {error!r}; the filter brakes "
-                "until that ends",
+                f"safety filter: the reader of the {name} raised {error!r}; "
+                + ("covered is 0" if name == "covered" else "the filter brakes until that ends"),
                 SafetyWarning,
             )
 

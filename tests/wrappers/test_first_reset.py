@@ -1,0 +1,108 @@
+"""A reader that raises at the first reset raises to the user; later it brakes."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+import hcbf_gym
+from hcbf_gym import models
+from hcbf_gym.barriers import Disc
+from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.models.plant import Coverage, Reason
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+
+N, T = 3, 0.05
+DISC = [Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)]
+REASONS = {
+    "state": Reason.STATE,
+    "barriers": Reason.BARRIERS,
+    "goal": Reason.GOAL,
+    "extent": Reason.GOAL,
+    "covered": Reason.NONE,
+}
+
+
+class Sensor:
+    """Readers of a plant, of which one may raise."""
+
+    def __init__(self, many):
+        self.raises, shape = "", (N, 4) if many else (4,)
+        values = {
+            "state": np.zeros(shape), "barriers": DISC, "goal": np.array([1.5, 1.0]),
+            "extent": ((-5.0, -5.0), (5.0, 5.0)), "covered": Coverage.OUTSIDE,
+        }  # fmt: skip
+        readers = {name: self._reader(name, value) for name, value in values.items()}
+        self.plant = hcbf_gym.Plant(models.DoubleIntegrator(), period=T, **readers)
+
+    def _reader(self, name, value):
+        def read(env, observation, info):
+            if self.raises == name:
+                raise KeyError(f"no {name}")
+            return value
+
+        return read
+
+
+class One(gym.Env):
+    observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
+    action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        return np.zeros(1, np.float32), 0.0, False, False, {}
+
+
+class Many(VectorEnv):
+    num_envs, metadata = N, {"autoreset_mode": AutoresetMode.NEXT_STEP}
+    single_action_space = One.action_space
+    action_space = batch_space(One.action_space, N)
+    single_observation_space = One.observation_space
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros((N, 1), np.float32), {}
+
+    def step(self, actions):
+        never = np.zeros(N, dtype=np.bool_)
+        return np.zeros((N, 1), np.float32), np.zeros(N), never, never, {}
+
+
+@pytest.mark.parametrize("name", REASONS)
+@pytest.mark.parametrize("many", [False, True])
+def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
+    sensor = Sensor(many)
+    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, One())
+    safe = wrap(env, plant=sensor.plant, guidance="geodesic")
+    action = np.zeros((N, 2)) if many else np.zeros(2)
+    sensor.raises = name
+    for _ in range(2):  # one that failed was not the first
+        with pytest.raises(KeyError, match=f"no {name}"):
+            safe.reset()
+    sensor.raises = ""
+    safe.reset()
+    safe.step(action)
+    sensor.raises = name
+    with pytest.warns(SafetyWarning) as warned:
+        if name != "covered":
+            report = safe.step(action)[4]["safety_filter"]
+            assert np.all(report["reason"] == REASONS[name])
+        _, info = safe.reset()
+    said = [str(one.message) for one in warned]
+    assert sum(f"reader of the {name} raised KeyError" in one for one in said) == 1
+    assert np.all(info["safety_filter"]["reason"] == REASONS[name])
+    assert not np.any(info["safety_filter"]["covered"])
+    sensor.raises = ""
+    safe.reset()
+    assert not np.any(safe.step(action)[4]["safety_filter"]["reason"])
+
+
+def test_the_message_names_the_reader():
+    sensor = Sensor(many=True)
+    safe = VectorSafetyFilter(Many(), plant=sensor.plant)
+    sensor.raises = "state"
+    with pytest.raises(KeyError) as raised:
+        safe.reset()
+    assert "reader of the state" in raised.value.__notes__[0]
