@@ -1,10 +1,10 @@
 """Which files a piece of work reads: their contents decide its results.
 
 >>> import tempfile
->>> with tempfile.NamedTemporaryFile("w") as file, recorded() as found:
-...     _ = open(file.name).read()
->>> found == {file.name: MISSING}
-False
+>>> with tempfile.NamedTemporaryFile() as file, recorded() as found:
+...     _ = Path(file.name).read_text()
+>>> list(found) == [file.name]
+True
 """
 
 import hashlib

@@ -10,6 +10,7 @@ from typing import Any
 from hcbf_gym import records
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import identity
+from hcbf_gym.certificates.introspection import attributes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
@@ -57,7 +58,7 @@ def identified(plant: Plant, env: Any) -> dict[str, object]:
         env: unwrapped.
     """
     parts: dict[str, Any] = {"environment": type(env)}
-    parts |= {f"environment.{name}": value for name, value in identity.attributes(env).items()}
+    parts |= {f"environment.{name}": value for name, value in attributes(env).items()}
     parts |= {
         field.name.replace("_", " "): getattr(plant, field.name)
         for field in fields(plant)

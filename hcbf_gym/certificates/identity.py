@@ -16,14 +16,11 @@ import array
 import builtins
 import collections
 import copyreg
-import dis
 import enum
 import functools
 import hashlib
 import importlib
-import importlib.metadata
 import pickle
-import sys
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -32,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import version
+from hcbf_gym.certificates.introspection import attributes, is_opaque, name_of, reads, release
 from hcbf_gym.errors import HcbfError
 
 NUMBERS = int, float, complex, str, bytes
@@ -46,12 +43,8 @@ FIELD = type(collections.namedtuple("_", "x").x)  # type: ignore[attr-defined]
 """Of a named tuple's class."""
 HIDDEN = ("eval", "exec", "globals", "locals", "__import__")
 """Built-in functions that read what no bytecode names."""
-DRAWN = ("_np_random", "_np_random_seed", "spec", "render_mode")
-"""Attributes of Gymnasium's environments and spaces that decide no transition."""
 MANY = 100
 """A longer list of floats is hashed in one piece."""
-WORD = 8
-"""Of memory [byte]."""
 
 
 class UnhashableError(HcbfError, TypeError):
@@ -127,7 +120,7 @@ class _Walk:
         self._kept.append(thing)
         if kind in PLAIN:
             self._put(kind.__name__, _bytes(thing))
-        elif known := _name_of(thing):
+        elif known := name_of(thing):
             self._put("known", known)
         elif isinstance(thing, np.ndarray | np.generic):
             self._array(thing)
@@ -180,7 +173,7 @@ class _Walk:
             whole = thing.detach() if hasattr(thing, "detach") else thing  # of torch
             numbers = whole.tolist() if hasattr(whole, "tolist") else np.asarray(whole)
             self._parts("array of", type(thing), str(whole.dtype), tuple(whole.shape), numbers)
-        elif _is_opaque(type(thing)):
+        elif is_opaque(type(thing)):
             self._opaque(thing)
         else:
             self._parts("object", type(thing))
@@ -261,7 +254,7 @@ class _Walk:
         if release(module) is not None:  # a function within one of theirs
             self._put("inside", f"{module} {release(module)}")
             return
-        for chain in _read_by(code):
+        for chain in reads(code):
             with self._at(f"global {'.'.join(chain)}"):
                 self._put("reads", ".".join(chain))
                 self._read(chain, known)
@@ -308,60 +301,6 @@ class _Walk:
         self._parts("pickled", make, arguments, state, list(items or ()), list(pairs or ()))
 
 
-def attributes(thing: Any) -> dict[str, Any]:
-    """Return an object's attributes by name, but for those that were computed and kept."""
-    cls = type(thing)
-    found = dict(getattr(thing, "__dict__", {}))
-    slots = copyreg._slotnames(cls)  # type: ignore[attr-defined]
-    found |= {name: getattr(thing, name) for name in slots if hasattr(thing, name)}
-    drawn = DRAWN if any(one.__module__.startswith("gymnasium.") for one in cls.__mro__) else ()
-    return {
-        name: value
-        for name, value in found.items()
-        if not isinstance(getattr(cls, name, None), functools.cached_property) and name not in drawn
-    }
-
-
-def release(module: str) -> str | None:
-    """Return the version of the installed package that a module belongs to; None of the user's."""
-    top = module.partition(".")[0]
-    return version.VERSION if top == "hcbf_gym" else _installed(top)
-
-
-@functools.cache
-def _installed(top: str) -> str | None:
-    if top in sys.stdlib_module_names or top == "builtins":
-        return "{}.{}".format(*sys.version_info)
-    found = sys.modules.get(top)
-    file = str(getattr(found, "__file__", None) or [*getattr(found, "__path__", ()), ""][0])
-    if "site-packages" not in file and "dist-packages" not in file:
-        return None
-    try:
-        return importlib.metadata.version(top)
-    except importlib.metadata.PackageNotFoundError:
-        return str(getattr(found, "__version__", ""))
-
-
-def _name_of(thing: Any) -> str:
-    """Return name and version of what an installed package holds; "" for anything else."""
-    if isinstance(thing, types.ModuleType):
-        known = release(thing.__name__)
-        return "" if known is None else f"module {thing.__name__} {known}"
-    name = getattr(thing, "__qualname__", getattr(thing, "__name__", None))
-    if not callable(thing) or not isinstance(name, str):
-        return ""
-    owner = type(getattr(thing, "__self__", None)).__module__
-    for module in (getattr(thing, "__module__", None), owner):
-        known = release(module) if isinstance(module, str) else None
-        for one in () if known is None else (name, name.rpartition(".")[2]):
-            found: Any = sys.modules.get(str(module))
-            for part in one.split("."):
-                found = getattr(found, part, None)
-            if found is thing:
-                return f"{module} {one} {known}"
-    return ""
-
-
 def _bytes(thing: Any) -> bytes | str:
     """Return a plain value in bytes or in digits."""
     if isinstance(thing, float):
@@ -375,40 +314,3 @@ def _contents(cell: types.CellType) -> tuple[Any, ...]:
         return (cell.cell_contents,)
     except ValueError:
         return ()
-
-
-def _is_opaque(cls: Any) -> bool:
-    """Return whether objects of a class hold more than their attributes, as those of C may."""
-    offsets = (cls.__dictoffset__, cls.__weakrefoffset__)
-    words = len(copyreg._slotnames(cls)) + sum(one > 0 for one in offsets)  # type: ignore[attr-defined]
-    return cls.__basicsize__ > object.__basicsize__ + WORD * words
-
-
-@functools.lru_cache(maxsize=4096)
-def _read_by(code: types.CodeType) -> tuple[tuple[str, ...], ...]:
-    """Return the globals that code reads, each with the attributes that follow it."""
-    found: dict[tuple[str, ...], None] = {}
-    listed = list(dis.get_instructions(code))
-    for k, one in enumerate(listed):
-        name, after = str(one.argval), listed[k + 1 :]
-        if one.opname == "IMPORT_NAME":
-            level = next(i.argval for i in reversed(listed[:k]) if isinstance(i.argval, int))
-            where = "." * level + name
-            taken = []
-            for other in after:
-                if other.opname == "IMPORT_FROM":
-                    taken.append(other.argval)
-                elif not other.opname.startswith("STORE_"):
-                    break
-            found |= dict.fromkeys([("import", where, t) for t in taken] or [("import", where)])
-        elif one.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"):
-            chain = [name]
-            for other in after:
-                if other.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
-                    break
-                chain.append(other.argval)
-            found[tuple(chain)] = None
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            found |= dict.fromkeys(_read_by(constant))
-    return tuple(found)
