@@ -425,8 +425,8 @@ class FilterCore(Configured, ABC):
         compared = is_kept and self._looks_back()
         plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
         if news.any():
-            known = self._are_known()
-            self._nearness.compare(before, scene, self._samples.x, self._samples.time, known)
+            at = self._samples.x, self._samples.time
+            self._nearness.compare(before, scene, at, news, self._are_known())
         self._given, self._version, self._edits = given, given.version.copy(), given.edits
         self._scene = scene
         held = scene.atlas.held.items()

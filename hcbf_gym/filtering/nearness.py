@@ -58,28 +58,31 @@ class Nearness:
         """Know nothing of the masked plants (N,)."""
         self._due[mask] = self._counted[mask] = 0.0
 
-    def compare(self, before: BarrierSet, now: BarrierSet, x: Array, t: Array, mask: Mask) -> None:
+    def compare(
+        self, before: BarrierSet, now: BarrierSet, at: tuple[Array, Array], news: Mask, known: Mask
+    ) -> None:
         """Note which regions came nearer when barriers became others.
 
         Args:
             before: the scenes until now, as of time 0.
             now: the scenes from now on, as of time 0.
-            x: (N, n) states, the position first.
-            t: (N,) [s].
-            mask: (N,) of which plants the state is known.
+            at: (N, n) states, the position first, and (N,) times [s].
+            news: (N,) of which plants the barriers are others.
+            known: (N,) of which plants the state is known.
         """
+        x, t = at
         speed = np.linalg.norm(now.parameters[..., _VELOCITY], axis=2) * now.is_region
         self._forgiven = FORGIVEN + OF_SPEED * speed
-        if not mask.any() or not before.kind.size or not now.kind.size:
+        if not known.any() or not before.kind.size or not now.kind.size:
             self._due, self._counted = np.zeros((2, *now.kind.shape))
             return
         earlier, present = _heights(before, x, t), _heights(now, x, t)
-        source = _sources(before, now, earlier, t)
+        source = _sources(before, now, earlier, t, news)
         _write_own(before, now, source, (x, t), (earlier, present))
         none = np.zeros((len(x), 1))
         with np.errstate(invalid="ignore"):
             nearer = np.take_along_axis(np.hstack([earlier, none]), source, axis=1) - present
-        is_known = mask[:, None] & (source >= 0) & np.isfinite(nearer)
+        is_known = (known & news)[:, None] & (source >= 0) & np.isfinite(nearer)
         self._due = np.take_along_axis(np.hstack([self._due, none]), source, axis=1)
         self._counted = np.take_along_axis(np.hstack([self._counted, none]), source, axis=1)
         self._due[is_known] += nearer[is_known]
@@ -112,19 +115,23 @@ def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
     return h
 
 
-def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array) -> Integers:
+def _sources(
+    before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news: Mask
+) -> Integers:
     """Return (N, m) which condition before was which now, −1 for none.
 
     It is the one of the same name, where both lists have that name once; else, of all regions of
     its kind that were `BESIDE` it, the nearest to the robot.
     """
-    count, m = now.kind.shape
+    (count, m), k = now.kind.shape, before.kind.shape[1]
     found = np.full((count, m), -1)
-    for i in range(count):
-        shared = i and all(one.listed[i] is one.listed[i - 1] for one in (before, now))
+    found[:, : min(m, k)] = np.arange(min(m, k))  # of those that stay
+    for i in np.flatnonzero(news).tolist():
+        lists = before.listed, now.listed
+        shared = i and news[i - 1] and all(listed[i] is listed[i - 1] for listed in lists)
         found[i] = found[i - 1] if shared else _named(before.listed[i], now.listed[i], m)
     if (found < 0).any():
-        if before.kind.shape == now.kind.shape:  # what stayed as it was
+        if m == k:  # what stayed as it was
             same = (before.parameters == now.parameters).all(axis=2) & (before.kind == now.kind)
             found = np.where((found < 0) & same, np.arange(m), found)
         numbers = (before.kind, before.parameters), (now.kind, now.parameters)
