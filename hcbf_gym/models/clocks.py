@@ -7,6 +7,8 @@ a stamp may be ahead by `AHEAD`.
 import math
 from typing import Any
 
+import numpy as np
+
 AHEAD = 0.1
 """By which a stamp may be ahead of the clock [s]."""
 SEEN_FOR = 60.0
@@ -23,7 +25,7 @@ def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
         oldest: the greatest age that is accepted [s].
         ahead: by which a stamp may be ahead [s].
     """
-    return (age >= -ahead - ROUNDING) & (age <= oldest + ROUNDING)
+    return np.isfinite(age) & (age >= -ahead - ROUNDING) & (age <= oldest + ROUNDING)
 
 
 def says(age: float, oldest: float, ahead: float = AHEAD) -> str:
