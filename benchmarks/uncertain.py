@@ -258,13 +258,13 @@ def run(case: Case, error: str, steps: int, seed: int) -> Count:
             core.restart(fresh)
             age[fresh] = time[fresh] = 0.0
         heading = truth.heading.copy() if case.axle else None
-        told = Estimate(truth.x + errors.next(), time.copy(), covariance, heading=heading)
+        estimate = Estimate(truth.x + errors.next(), time.copy(), covariance, heading=heading)
         if fresh.any():
-            core.begin(list(case.barriers), told, None, None)
+            core.begin(list(case.barriers), estimate, None, None)
         wanted = nearest(case, truth.x, lambda x: heights(x, regions))
         wild = rng.random(COUNT) < 0.2
         wanted[wild] = rng.uniform(-1.0, 1.0, wanted.shape)[wild] * case.limits
-        u, report = core.step(wanted, list(case.barriers), told)
+        u, report = core.step(wanted, list(case.barriers), estimate)
         calm = (report["status"] <= FilterStatus.RELAXED) & (report["reason"] == 0)
         low = np.full(COUNT, np.inf) if case.axle else heights(truth.x).min(axis=1)
         for x in truth.hold(u):

@@ -1,4 +1,4 @@
-"""What is declared as unknown is reserved on every model, alone and in batches; A table says where.
+"""What is declared as unknown is reserved on every model, alone and in batches; a table lists where.
 
 Each cell is a model, a field of `Estimate` or `Uncertainty`, and one plant or three. It holds where
 the margins grow by what the field declares, or has no meaning for a reason that is printed.
@@ -91,16 +91,16 @@ def report_of(name, size, declared=EXACT, conditions=None, **estimate):
     kind = PlanarCore if model == models.DoubleIntegrator() else ModelCore
     count = SIZES[size]
     core = kind(plant, plant.input_set, settings, count)
-    told = {"x": np.array(x), "heading": np.zeros(()) if axle else None, "time": np.zeros(())}
-    told |= {key: np.asarray(value) for key, value in estimate.items()}
+    given = {"x": np.array(x), "heading": np.zeros(()) if axle else None, "time": np.zeros(())}
+    given |= {key: np.asarray(value) for key, value in estimate.items()}
     if count is not None:  # the others declare nothing
 
         def of_all(key, one):
             others = np.array(x) if key in ("x", "model") else np.zeros(np.shape(one))
             return np.stack([others, others, one])
 
-        told = {key: of_all(key, one) for key, one in told.items() if one is not None}
-    report = core.begin(conditions, Estimate(**told), None, None)
+        given = {key: of_all(key, one) for key, one in given.items() if one is not None}
+    report = core.begin(conditions, Estimate(**given), None, None)
     if count is None:
         return report
     return {key: value[-1] for key, value in report.items() if np.ndim(value) > 0}
@@ -184,10 +184,10 @@ def grown_by(name, size, field):
         off = np.zeros(len(before) + 1)[: len(state_of(name))]
         off[0] = 0.2
         nearer = np.append(np.maximum(0.0, -at @ [0.2, 0.0]), 0.0 if name in SPEEDS else np.nan)
-        told = {"lag": off} if field == "lag" else {"model": state_of(name) + off}
+        given = {"lag": off} if field == "lag" else {"model": state_of(name) + off}
         lead = MODELS[name][3].per_lead * np.maximum(0.0, at @ [0.2, 0.0])
         assert not lead.any()
-        return margins(name, size, **told) - before, nearer
+        return margins(name, size, **given) - before, nearer
     none = np.zeros(2)
     rows = {"distance": 1.0, "body": 1.0}
     if field in rows:

@@ -48,9 +48,9 @@ def report_of(name, conditions, declared, count=None, **estimate):
     settings = FilterSettings("lex-cbf-qp", "usual", None, None, None, "warn", True, {})
     kind = PlanarCore if name == "planar" else ModelCore
     core = kind(plant, plant.input_set, settings, count)
-    told = {"x": X, **estimate}
-    told = {k: v if count is None else np.stack([v] * count) for k, v in told.items()}
-    return core.begin(conditions, Estimate(**told), None, None)
+    given = {"x": X, **estimate}
+    given = {k: v if count is None else np.stack([v] * count) for k, v in given.items()}
+    return core.begin(conditions, Estimate(**given), None, None)
 
 
 def jet_of(h):
@@ -61,7 +61,7 @@ def jet_of(h):
 @pytest.mark.parametrize("what", H)
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.filterwarnings("ignore")
-def test_the_gradient_says_what_an_own_condition_reserves(name, what, count):
+def test_the_gradient_determines_what_an_own_condition_reserves(name, what, count):
     declared = Uncertainty(distance=0.1, body=0.2)
     none = report_of(name, [H[what]], Uncertainty(), count)["margin"]
     found = report_of(name, [H[what]], declared, count, covariance=P)["margin"] - none

@@ -60,9 +60,9 @@ def seen(env, observation, info):
 
 
 def seen_turning(env, observation, info):
-    told = seen(env, observation, info)
-    told.x[..., 3] = ASIDE
-    return told._replace(heading=np.zeros(told.x.shape[:-1]))
+    estimate = seen(env, observation, info)
+    estimate.x[..., 3] = ASIDE
+    return estimate._replace(heading=np.zeros(estimate.x.shape[:-1]))
 
 
 def plant(rank, name):
