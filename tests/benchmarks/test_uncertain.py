@@ -14,5 +14,5 @@ def test_no_region_is_entered_under_a_calm_status(name, error):
     pytest.importorskip("jax")
     count = uncertain.run(CASES[name], error, steps=2000, seed=0)
     assert count.entered == 0
-    assert count.calm > 0.7 * count.steps
+    assert count.calm > 0.6 * count.steps
     assert count.least < 1.0  # the policy does drive at the regions

@@ -1,7 +1,7 @@
 """What is declared as unknown is reserved on every model, alone and in batches.
 
-A cell is a model, a field of `Estimate` or `Uncertainty`, and one plant or three. It holds where the
-margins grow by what the field declares, or it has no meaning. A table lists both, with reasons.
+A cell is a model, a field of `Estimate` or `Uncertainty`, and one plant or three. It holds where
+the margins grow by what the field declares, or it has no meaning. A table lists both.
 """
 
 import numpy as np
