@@ -73,7 +73,7 @@ SHARE, DOUBTED = 0.15, 0.2
 ARC = 0.4
 """A: how far from the line, as a share of its length, a robot is whose τ and δ are between. Of
 commands that swing at up to 5 rad/s it is no more, of faster ones hardly anything shows."""
-NOISE = 2.5
+NOISE = 2.0
 """Standard deviations of the position that are no motion."""
 FAST = 0.25
 """Share of the greatest speed above which motion is compared with what was told: legs that are told
