@@ -11,7 +11,7 @@ SPEED_LIMIT, CUSTOM, MAPPED, ZONES, ZONE, NONE = range(100, 106)
 CUSTOM stands for a user's own barrier, which Python evaluates. MAPPED and ZONES are a class of a
 map, many pieces in the atlas of a set, a region and speed zones; ZONE is one zone as it is seen
 from one state. NONE is no condition: it fills up scenes that are shorter than others of a batch. It
-has rank 0, no row and no margin, and the report of it is that of a condition that is infinitely far.
+has rank 0, no row and no margin, and is reported as a condition that is infinitely far.
 """
 
 LOWEST_RANK = 64

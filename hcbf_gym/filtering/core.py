@@ -25,7 +25,14 @@ from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError, shown, warn_caller
+from hcbf_gym.errors import (
+    UNREADABLE,
+    InvalidInputError,
+    SafetyWarning,
+    UnreachableError,
+    shown,
+    warn_caller,
+)
 from hcbf_gym.filtering import causes, solvers, step
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
@@ -66,7 +73,7 @@ class FilterCore(Configured, ABC):
     ):
         super().__init__(plant, input_set, settings, batch, threads)
         self._warnings = ReasonWarnings(self.brakes_on_alarm)
-        self._said_late = False
+        self._said_late = self._said_far = False
         self.covering = Covering(plant, self.count)
         self._fresh: Mask = np.ones(self.count, dtype=np.bool_)
         self._steps: Array = np.zeros(self.count)
@@ -346,7 +353,9 @@ class FilterCore(Configured, ABC):
         asked: object = self.plant.brake
         if callable(asked):
             known = self._samples.plants["known"][i]
-            asked = asked(self._samples.x[i].copy()) if known else None
+            x = self._samples.x[i].copy()
+            x[:2] += self._samples.origin.at
+            asked = asked(x) if known else None
         wanted = real_numbers(asked, (n_u,))
         return self.input_set.project(np.zeros(n_u) if wanted is None else wanted)
 
@@ -448,7 +457,8 @@ class FilterCore(Configured, ABC):
         """Return (N,) whose barriers are other objects than those of the present scenes."""
         if self._refused:
             return np.ones(self.count, dtype=np.bool_)
-        same = np.array(list(map(_same, given.listed, self._given.listed)))
+        pairs: Any = zip(given.listed, self._given.listed, strict=True)
+        same = np.array([_same(*pair) for pair in pairs])
         known = [len(listed) > 0 for listed in given.listed]  # those of arrays are not
         empty = (given.priority == 0).all(axis=1) & (self._given.priority == 0).all(axis=1)
         return ~(same & (known | empty))
@@ -494,6 +504,13 @@ class FilterCore(Configured, ABC):
         Raises:
             InvalidInputError: if they are none.
         """
+        try:
+            barriers = self._samples.origin.barriers(barriers)
+        except InvalidInputError as error:
+            if not self._said_far:
+                self._said_far = True
+                warn_caller(f"safety filter: far from the origin: {error}", SafetyWarning)
+            raise
         if _same(barriers, self._listed) and self._given.is_as_read():
             return self._given
         if isinstance(barriers, BarrierSet):

@@ -22,7 +22,6 @@ from hcbf_gym.guidance.extent import CELL
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 
-
 World = tuple[Any, Any]
 """The goal, and the extent or None, as a plant gives them [m]."""
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
@@ -106,7 +106,7 @@ class PlanarCore(FilterCore):
     def _enter(self, goal: object, extent: object, is_first: bool) -> None:
         """Look at the scenes that begin; see `begin`."""
         self.covering.doubt(self.check_scene(self._scene.of(self._fresh)), self._fresh)
-        world = goal, extent
+        world = self._samples.origin.world((goal, extent)) or (None, None)
         try:
             self._guide.begin(self._scene, self._samples, self.clearance, world, self._fresh)
         except InvalidInputError as error:
@@ -117,13 +117,19 @@ class PlanarCore(FilterCore):
     @property
     def lost(self) -> str:
         """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
-        return self._guide.why(np.ones(self.count, dtype=np.bool_))
+        return self._why_lost(np.ones(self.count, dtype=np.bool_))
+
+    def _why_lost(self, plants: Mask) -> str:
+        """Return why guidance finds no path for the first of the masked plants (N,)."""
+        why, origin = self._guide.why(plants), self._samples.origin
+        far = f" (positions count from {origin.at.tolist()} here)" if why and origin.is_far else ""
+        return why + far
 
     def _cause(self, reason: int, estimate: Estimate) -> str:
         """Return what exactly is wrong of the first plant with a reason; "" for no more."""
         if reason != Reason.GOAL:
             return super()._cause(reason, estimate)
-        return self._guide.why(self._buffer.plants["reason"] == reason)
+        return self._why_lost(self._buffer.plants["reason"] == reason)
 
     def check_scene(self, scenes: BarrierSet) -> Integers:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
@@ -150,13 +156,14 @@ class PlanarCore(FilterCore):
 
     def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:
         """Return the scenes, and the rows of users' own barriers; lead the plants."""
+        if self._guide.guides:  # before any state is looked at, whoever has barriers of their own
+            world = self._samples.origin.world(self._world)
+            self._guide.lead(scene, self._samples, self._buffer.u_nominal, world)
         own = self._no_rows
         if scene.own:
             own = self._own_rows
             if np.isfinite(u_nominal).all():
                 self._make_rows(scene)
-        if self._guide.guides:
-            self._guide.lead(scene, self._samples, self._buffer.u_nominal, self._world)
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         return (*numbers, scene.atlas.numbers), own
 

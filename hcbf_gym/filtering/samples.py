@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
+from hcbf_gym.filtering.origin import Origin
 from hcbf_gym.filtering.plants import plant_dtype
 from hcbf_gym.models import clocks
 from hcbf_gym.models.constants import LONGEST
@@ -36,9 +37,11 @@ class Samples:
         time: (N,) of the states [s].
         told: whether a sample said more than x.
         says: what is wrong with a stamp, for plants of the reason AGE.
+        origin: from where positions count.
     """
 
     def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
+        self.origin = Origin(plant.model)
         self._max_age = np.inf if plant.max_age is None else plant.max_age
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._drives = plant.axle is not None
@@ -70,6 +73,8 @@ class Samples:
 
     def forget(self, mask: Mask) -> None:
         """Know nothing of the masked plants (N,)."""
+        if mask.all():
+            self.origin.forget()
         self.plants[mask] = 0
         self.plants["elapsed"][mask] = self._period
         for array in self._own or ():
@@ -89,7 +94,7 @@ class Samples:
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; it names the parts of its own records."""
         kept = (
-            *("plants", "_own", "_max_age", "_period", "_drives"),
+            *("origin", "plants", "_own", "_max_age", "_period", "_drives"),
             *("_faulty", "told", "_varies", "says"),
         )
         return {name: value for name, value in vars(self).items() if name in kept}
@@ -108,7 +113,7 @@ class Samples:
         if estimate.fault is not None or self._faulty:
             self._faulty = estimate.fault is not None
             self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
-        sound = self._note(self._states, estimate.x)
+        noted = sound = self._note(self._states, estimate.x)
         if estimate.time is None:
             self.time[:] = now
         elif not self._note(self._times, estimate.time):
@@ -126,6 +131,24 @@ class Samples:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
+        self._count_from_origin(noted, estimate.model is not None)
+
+    def _count_from_origin(self, noted: bool, has_model: bool) -> None:
+        """Let positions count from the origin, which the first that is good decides.
+
+        Args:
+            noted: whether states were noted.
+            has_model: whether the models have states of their own.
+        """
+        origin = self.origin
+        if noted and not origin.is_decided:
+            good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
+            origin.decide(self.x[good])
+        if origin.is_far:
+            if noted:
+                origin.shift(self.x)
+            if has_model:
+                origin.shift(self.states.model)
 
     def _take_elapsed(self, elapsed: object) -> bool:
         """Note how long ago the samples before were [s]; return whether that is made of numbers."""

@@ -26,13 +26,11 @@ def points(name: str, value: ArrayLike | None, count: int) -> Array:
         )
     given = as_array(name, value)
     shape = (count, 2) if given.ndim == 2 else (2,)
-    if given.dtype.kind in "f":
-        unknown = ~np.isfinite(given)
-        found = finite_array(name, np.where(unknown, 0.0, given), shape)
-        found = np.where(unknown, np.nan, found)
-    else:
-        found = finite_array(name, given, shape)
-    return np.broadcast_to(found, (count, 2)).copy()
+    if given.dtype.kind != "f":
+        return np.broadcast_to(finite_array(name, given, shape), (count, 2)).copy()
+    known = np.isfinite(given)
+    found = finite_array(name, np.where(known, given, 0.0), shape)
+    return np.broadcast_to(np.where(known, found, np.nan), (count, 2)).copy()
 
 
 def refusals(
@@ -52,8 +50,7 @@ def refusals(
         t: (N,) [s].
     """
     goal, start, geometry = place
-    known = np.isfinite(goal).all(axis=1)
-    x = np.hstack([np.where(known[:, None], goal, 0.0), np.zeros_like(goal)])
+    x = np.hstack([np.where(np.isfinite(goal), goal, 0.0), np.zeros_like(goal)])
     h = scenes.values(x, t)
     strict = (scenes.priority == 1) & (scenes.kind != layout.SPEED_LIMIT)
     found: dict[int, str] = {}

@@ -188,6 +188,11 @@ class Plant:
     """The reduced-order model behind an environment, and how to read and drive it.
 
     Readers are functions of the unwrapped environment, the latest observation and the latest info.
+    Those of barriers, state, goal and extent are read at every step, goal and extent where guidance
+    leads; that of `covered` where an episode begins, that of `declared` where a certificate is
+    compared. One that raises at the first reset raises to the user; later the plant brakes.
+    Positions may be those of a survey, such as UTM's: where a plant starts far away, they count
+    from there. What a vector's infos do not report is NaN for its readers.
 
     Args:
         model: ẋ = f(x) + g(x)u.
@@ -199,8 +204,9 @@ class Plant:
         from_action: the environment's action → u (n_u,); None where they are the same.
         period: how long an action is held [s]; None where it is not known, which excludes rows for
             a held input.
-        goal: (2,) where the way ends [m], or a reader of it, for guidance; None where none is
-            known.
+        goal: (2,) where guidance leads [m], or a reader of it; None where none is known. The field
+            of one that moves is computed anew when it has moved by more than a cell. Where no path
+            leads there, the plant brakes with the reason GOAL.
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
             guidance take it from barriers, state and goal.
         uncertainty: how far the plant may be from its model; the default is an exact model.

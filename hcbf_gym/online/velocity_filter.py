@@ -35,7 +35,6 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.online.barrier_clock import BarrierClock
 from hcbf_gym.online.follower import Follower
 from hcbf_gym.online.odometry import Odometry
-from hcbf_gym.online.origin import Origin
 from hcbf_gym.online.robot import Robot, cap_of, known_of
 from hcbf_gym.online.sample import Sample, frame_of, number, placed, sample_of
 from hcbf_gym.programs import FilterStatus
@@ -165,7 +164,7 @@ class VelocityFilter:
         if known.response:
             warn_of_lateness(known.command, known.response)
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
-        self._from, self._clock = Origin(), BarrierClock()
+        self._clock = BarrierClock()
         self._barriers: object = None
         self._looked_at: object = None  # as they were when guidance was told to look
         self._looks = True  # whether guidance takes up barriers that are handed over
@@ -354,7 +353,6 @@ class VelocityFilter:
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
-        self._from.forget()
         self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
         self._time: float | None = None  # of the last sample, while none is missing [s]
@@ -468,7 +466,7 @@ class VelocityFilter:
         """
         follower, odometry = self._follower, self._odometry
         motion = sample.motion
-        place = self._from.place(placed(correction, sample.place))
+        place = placed(correction, sample.place)
         sound = bool(np.isfinite(place.sum() + motion.sum() + present + age))
         if sound and is_new:
             odometry.watch(sample)
@@ -524,7 +522,7 @@ class VelocityFilter:
         """
         self._led_from, self._unseen = present, False
         seen_at = self._clock.since_seen
-        self._core.begin(barriers, estimate, self._from.goal(self._goal), None, seen_at)
+        self._core.begin(barriers, estimate, self._goal, None, seen_at)
 
     def _look_back(self, present: float) -> None:
         """Begin anew where the last present was far ahead, and time goes on before it."""
@@ -562,20 +560,14 @@ class VelocityFilter:
     def _scene(self) -> object:
         """Return the user's barriers with the speed limit; what is no list goes to the core.
 
-        None, which the core does not believe, stands for barriers of no time, and for such as
-        cannot be moved to where positions count from.
+        None, which the core does not believe, stands for barriers of no time.
         """
         if not self._clock.is_sound:
             return None
         try:
-            listed = self._listed(self.barriers)
+            return self._listed(self.barriers)
         except InvalidInputError:
             return self.barriers
-        try:
-            return self._from.barriers(listed)
-        except InvalidInputError as error:
-            warn_caller(f"velocity filter: far from the origin: {error}", SafetyWarning)
-            return None
 
     def _listed(self, barriers: object) -> tuple[Entry, ...]:
         """Return barriers with the speed limit.

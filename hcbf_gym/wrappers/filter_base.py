@@ -117,9 +117,7 @@ class FilterBase:
         else:
             self._core.restart(mask)
         self._core.cover(self._limits or self._readers.covered(*seen, first=first))
-        report = self._core.begin(
-            barriers, estimate, *(world or (None, None)), is_first=first
-        )
+        report = self._core.begin(barriers, estimate, *(world or (None, None)), is_first=first)
         self._is_first = False
         return report
 

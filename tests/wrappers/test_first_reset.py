@@ -86,10 +86,9 @@ def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
     safe.step(action)
     sensor.raises = name
     with pytest.warns(SafetyWarning) as warned:
-        if name != "covered":
-            report = safe.step(action)[4]["safety_filter"]
-            assert np.all(report["reason"] == REASONS[name])
-        _, info = safe.reset()
+        info = safe.reset()[1] if name == "covered" else safe.step(action)[4]
+    assert np.all(info["safety_filter"]["reason"] == REASONS[name])
+    _, info = safe.reset()
     said = [str(one.message) for one in warned]
     assert sum(f"reader of the {name} raised KeyError" in one for one in said) == 1
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])

@@ -1,0 +1,107 @@
+"""Positions count from near a plant's start where that is far away, as survey coordinates are."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym.arrays import Array
+from hcbf_gym.barriers import Barrier, PlanarBarrier, Shape, Shapes
+from hcbf_gym.barriers.set import BarrierSet, each
+from hcbf_gym.barriers.shapes import SHAPES
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.constants import ON_EARTH
+from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
+from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
+
+FAR = 1e3
+"""A plant that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
+SAME_EVERYWHERE = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
+"""Models that begin with a position, on which ẋ does not depend."""
+
+
+class Origin:
+    """From where positions count: from a far start, or from where they were 0.
+
+    Plants of one batch have one origin, near the first of them whose position is finite.
+
+    Args:
+        model: of the plants; positions of models that are not `SAME_EVERYWHERE` stay as they are.
+
+    Attributes:
+        is_decided: whether a position has decided.
+        is_far: whether positions count from elsewhere.
+        at: (2,) from where they count [m].
+    """
+
+    def __init__(self, model: ReducedOrderModel) -> None:
+        self._moves = isinstance(model, SAME_EVERYWHERE)
+        self.forget()
+
+    def forget(self) -> None:
+        """Let the next position decide."""
+        self.is_decided, self.is_far = not self._moves, False
+        self.at = np.zeros(2)
+        self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
+
+    def decide(self, x: Array) -> None:
+        """Let the first finite position of states (N, n) decide."""
+        for place in x[:, :2]:
+            if np.abs(place).max() <= ON_EARTH:
+                self.is_decided, self.is_far = True, bool(np.abs(place).max() > FAR)
+                self.at = np.rint(place) if self.is_far else np.zeros(2)
+                return
+
+    def shift(self, x: Array) -> None:
+        """Let states (N, n) count from here, in place."""
+        x[:, :2] -= self.at
+
+    def world(self, world: tuple[Any, Any] | None) -> tuple[Any, Any] | None:
+        """Return a goal and an extent as they count from here; what is malformed stays as it is."""
+        if world is None or not self.is_far:
+            return world
+        goal, extent = (self._point(one) for one in world)
+        return goal, extent
+
+    def _point(self, given: Any) -> Any:
+        try:
+            return None if given is None else np.asarray(given, dtype=np.float64) - self.at
+        except Exception:  # guidance says what is wrong with it
+            return given
+
+    def barriers(self, listed: Any) -> Any:
+        """Return barriers as they count from here; the same objects for those that were given.
+
+        Args:
+            listed: a list of barriers, or N such lists; anything else stays as it is.
+
+        Raises:
+            InvalidInputError: if they cannot be moved.
+        """
+        if not self.is_far:
+            return listed
+        if isinstance(listed, BarrierSet):
+            raise InvalidInputError(
+                "got a BarrierSet, which stays where it is; expected lists of barriers, or "
+                "positions that count from nearby"
+            )
+        if not isinstance(listed, Sequence) or isinstance(listed, str):
+            return listed
+        before, self._near = self._near, {}
+        if any(isinstance(one, list | tuple) for one in listed):
+            return tuple(self._moved(one, before) for one in listed)
+        return self._moved(listed, before)
+
+    def _moved(self, listed: Any, before: dict[int, Any]) -> tuple[Any, ...]:
+        entries = tuple(each(listed))
+        for one in entries:
+            if id(one) not in self._near:
+                self._near[id(one)] = before.get(id(one)) or (one, _moved(one, -self.at))
+        return tuple(self._near[id(one)][1] for one in entries)
+
+
+def _moved(one: Barrier | Shapes, step: Array) -> Barrier | Shapes:
+    """Return a barrier a step (2,) [m] away; a user's own kind of shape is looked at as it is."""
+    if isinstance(one, Shape) and type(one) not in SHAPES:
+        return PlanarBarrier.moved(one, step)
+    return one.moved(step)
