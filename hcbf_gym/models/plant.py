@@ -222,8 +222,8 @@ class Plant:
             it follows than its model counted in [m/s²]; None takes what U can do.
         fastest: the greatest speed that anything brings it to, where no speed limit stands [m/s];
             None where none is known.
-        declared: a mapping, or a reader of it, that tells this plant from others of its kind;
-            certificates compare it. None compares what every plant has.
+        declared: a mapping, or a reader of it, of what identifies this plant beside its fields;
+            certificates compare both. None compares the fields alone.
 
     Raises:
         InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
