@@ -232,8 +232,12 @@ def _write_own(
 
 
 def _height(barrier: Barrier, x: Array, t: float) -> float:
-    """Return h of a user's own barrier; NaN where its code fails."""
+    """Return h of a user's own barrier; NaN where it does not read the position, or its code fails.
+
+    What a user lowers of a condition on the speed is no motion.
+    """
     try:
-        return float(barrier.h(x, t))
+        jet = barrier.jet(x, t)
+        return float(jet.h) if np.any(jet.gradient[:2]) else math.nan
     except UNREADABLE:
         return math.nan

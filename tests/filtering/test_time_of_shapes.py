@@ -90,7 +90,8 @@ class Wrapped:
         plant = hcbf_gym.Plant(
             model, lambda env, *_: list(env.listed), lambda env, *_: env.x.copy(), period=T
         )
-        self.filtered = wrappers.SafetyFilter(self.env, plant=plant)
+        late = isinstance(model, models.Unicycle)
+        self.filtered = wrappers.SafetyFilter(self.env, plant=plant, allow_late_inputs=late)
 
     def begin(self, listed):
         self.env.listed = listed
@@ -116,8 +117,11 @@ class Batch:
             self.door.set_scene(listed)
         elif self.how == "lists":
             self.door.set_scene([list(listed) for _ in range(3)])
-        elif self.set is None or len(listed) > self.set.kind.shape[1]:
-            self.set = BarrierSet([listed] * 3)
+        elif self.set is None:
+            room = [Disc(f"{k}", 1, ROOM, 1.0) for k in range(40)]
+            self.set = BarrierSet([room] * 3)
+            for i in range(3):
+                self.set.set_scene(i, listed)
             self.door.set_scene(self.set)
         else:
             for i in range(3):

@@ -96,7 +96,7 @@ class Capsule(Shape):
     Args:
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
-        start: (2,) a, where the segment starts at t = 0 [m].
+        start: (2,) a, where the segment starts when the object is first returned or set [m].
         end: (2,) b, where it ends, another point [m].
         radius: r [m], positive.
         velocity: (2,) of the capsule [m/s].

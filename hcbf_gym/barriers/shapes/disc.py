@@ -68,7 +68,7 @@ class Disc(Shape):
     Args:
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
-        center: (2,) c at t = 0 [m].
+        center: (2,) c when the object is first returned or set [m].
         radius: r [m], positive.
         velocity: (2,) of the centre [m/s].
 

@@ -108,7 +108,7 @@ class Ellipse(Shape):
     Args:
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
-        center: (2,) c at t = 0 [m].
+        center: (2,) c when the object is first returned or set [m].
         semi_axes: (2,) a and b [m], positive.
         angle: of the first semi-axis from the world's x axis [rad].
         velocity: (2,) of the centre [m/s].

@@ -1,0 +1,170 @@
+"""A region that is nearer than its declared velocity explains is named, whoever returns it."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from benchmarks import trackers
+from hcbf_gym import BatchFilter
+from hcbf_gym.barriers import BarrierSet, Disc, Function, HalfPlane, Shapes
+from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.programs import FilterStatus
+
+from tests.filtering.test_time_of_shapes import WAYS, T
+
+FAST = 0.35
+"""At which regions come nearer [m/s]."""
+WITHIN = round(0.5 / T)
+
+
+def quietly(call, *arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return call(*arguments)
+
+
+def reasons(door, lists):
+    """Return the reasons of steps with these lists, one after the other."""
+    found = [int(quietly(door.begin, lists[0])["reason"])]
+    return found + [int(quietly(door.step, listed)["reason"]) for listed in lists[1:]]
+
+
+def near(x, t, p):
+    """Return h of a disc around p, for a `Function`."""
+    import jax.numpy as jnp
+
+    return jnp.hypot(x[0] - p[0], x[1] - p[1]) - 0.5
+
+
+MAKES = {
+    "disc": lambda at, w: Disc("it", 1, (at, 0.5), 0.5, (w, 0.0)),
+    "wall": lambda at, w: HalfPlane("it", 1, (-1.0, 0.0), -at),
+    "function": lambda at, w: Function("it", 1, near, parameters=[at, 0.5]),
+}
+
+
+@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("way", WAYS)
+def test_motion_without_a_velocity_is_reported_in_half_a_second_and_then_ends(way, make):
+    made, door = MAKES[make], WAYS[way]()
+    comes = [[made(6.0 - FAST * T * k, 0.0)] for k in range(2 * WITHIN)]
+    rests = [[made(6.0 - FAST * T * 2 * WITHIN, 0.0)] for _ in range(round(4.0 / T))]
+    found = reasons(door, comes + rests)
+    assert Reason.MOVES in found[: WITHIN + 1]
+    first = found.index(Reason.MOVES)
+    assert set(found[first : len(comes)]) == {Reason.MOVES}  # as long as it moves
+    assert found[-1] == 0
+    assert set(found) == {0, Reason.MOVES}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_motion_with_a_velocity_and_motion_away_are_not_reported(way):
+    w = -FAST
+    with_velocity = [[Disc("it", 1, (6.0 + w * T * k, 0.5), 0.5, (w, 0.0))] for k in range(30)]
+    away = [[Disc("it", 1, (6.0 + FAST * T * k, 0.5), 0.5)] for k in range(30)]
+    for lists in (with_velocity, away):
+        assert not any(reasons(WAYS[way](), lists))
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("moves", [True, False])
+def test_lists_may_change_order_and_length(moves, named):
+    rng = np.random.default_rng(3)
+    lists = []
+    for k in range(40):
+        place = [(6.0 - moves * FAST * T * k, 0.0), (0.0, 7.0), (-8.0, 0.0), (0.0, -9.0)]
+        discs = [
+            Disc(f"person {i}" if named else "person", 1, at, 0.5) for i, at in enumerate(place)
+        ]
+        others = [one for one in discs[1:] if rng.random() < 0.7]
+        lists.append([([discs[0], *others])[i] for i in rng.permutation(1 + len(others))])
+    found = reasons(WAYS["batch, lists"](), lists)
+    assert (Reason.MOVES in found[: WITHIN + 1]) == moves
+    assert moves or not any(found)
+
+
+def test_what_came_into_sight_did_not_move():
+    far = Disc("far", 1, (9.0, 0.0), 0.5)
+    for name in ("new", "far"):
+        lists = [[far]] * 5 + [[far, Disc(name, 1, (0.0, 3.0), 0.5)]] * 5
+        assert not any(reasons(WAYS["batch, lists"](), lists))
+    wall = np.column_stack([np.full(40, 3.0), np.linspace(-4.0, 4.0, 40), np.full(40, 0.1)])
+    beams = [[Shapes("scan", 1, "disc", wall + [0.0, 0.02 * k, 0.0])] for k in range(40)]
+    assert not any(reasons(WAYS["wrapper, planar"](), beams))  # beams that glide along a wall
+
+
+@pytest.mark.parametrize("how", ["parameters", "set_scene", "arrays", "shapes"])
+def test_arrays_that_are_written_to_or_set_again_are_compared(how):
+    door, x = BatchFilter(Box.symmetric(5.0), T), np.zeros(4)
+    ours = BarrierSet([[Disc("it", 1, (6.0, 0.0), 0.5)]])
+    door.set_scene(ours)
+    door.reset(x=x)
+    found = []
+    for k in range(WITHIN):
+        at = 6.0 - FAST * T * k
+        if how == "parameters":
+            ours.parameters[0, 0, 2] = at
+        elif how == "set_scene":
+            ours.set_scene(0, [Disc("it", 1, (at, 0.0), 0.5)])
+        elif how == "arrays":
+            door.set_scene(["disc"], [[at, 0.0, 0.5]], [1])
+        else:
+            door.set_scene([Shapes("it", 1, "disc", [[at, 0.0, 0.5]])])
+        found.append(int(quietly(door, np.zeros(2), x)[1]["reason"]))
+    assert Reason.MOVES in found
+
+
+@pytest.mark.parametrize("on_alarm", ["warn", "brake"])
+def test_the_step_is_not_calm_and_one_warning_an_episode_names_the_region(on_alarm):
+    door, x = BatchFilter(Box.symmetric(5.0), T, on_alarm=on_alarm), np.zeros(4)
+    for _ in range(2):
+        door.set_scene([Disc("the cat", 1, (6.0, 0.0), 0.5)])
+        door.reset(x=x)
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always")
+            for k in range(WITHIN):
+                door.set_scene([Disc("the cat", 1, (6.0 - FAST * T * k, 0.0), 0.5)])
+                u, report = door(np.array([0.01, 0.0]), x)
+        said = [str(one.message) for one in raised if one.category is SafetyWarning]
+        moves = [one for one in said if "velocity=(vx, vy)" in one]
+        assert len(moves) == 1
+        assert "'the cat'" in moves[0]
+        assert report["reason"] == Reason.MOVES
+        brakes = on_alarm == "brake"
+        assert (report["status"] == FilterStatus.BACKUP) == brakes
+        assert u[0] == (0.0 if brakes else 0.01)
+        for _ in range(round(4.0 / T)):
+            u, report = quietly(door, np.array([0.01, 0.0]), x)
+        assert (report["status"], report["reason"]) == (FilterStatus.NOMINAL, 0)
+        assert u[0] == 0.01
+
+
+def test_errors_that_are_declared_are_no_motion():
+    rng, door = np.random.default_rng(0), BatchFilter(
+        Box.symmetric(5.0), T, uncertainty=Uncertainty(distance=0.02)
+    )  # fmt: skip
+    x = np.zeros(4)
+    door.set_scene([Disc("it", 1, (1.0, 0.0), 0.5)])
+    door.reset(x=x)
+    for _ in range(400):
+        turn = rng.uniform(0.0, 2.0 * np.pi)
+        at = 1.0 + 0.02 * np.cos(turn), 0.02 * np.sin(turn)
+        door.set_scene([Disc("it", 1, at, 0.5)])
+        assert quietly(door, np.zeros(2), x)[1]["reason"] == 0
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("turns", [False, True])
+def test_trackers(turns, named):
+    """The quick form of ``python -m benchmarks.trackers``."""
+    for errors in trackers.ERRORS:
+        for declares in (True, False):
+            world = trackers.World(30, 3, 0.05, 7, named)
+            found = quietly(trackers.drive, world, errors, declares, 6.0, turns)
+            assert found.calm == 0
+            assert declares or (found.unreported, found.entered > 0) == (0, True)
+        assert (quietly(trackers.delays, 50, 0.05, errors, named, 8) <= 0.5).mean() >= 0.95
+        assert quietly(trackers.rest, 5, 0.05, errors, named, 5.0, 9) == 0
