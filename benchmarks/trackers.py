@@ -29,7 +29,7 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 MOVES = 13
 """`Reason.MOVES`; by its number, so that the costs are taken in older checkouts, too."""
 CALM = 3
-"""Statuses up to RELAXED."""
+"""VIOLATED, below which a status is calm."""
 NOISE = 0.02
 """By how much a position is wrong at most [m]; of normal errors, three deviations."""
 PERIODS = 0.02, 0.05
@@ -170,8 +170,7 @@ def drive(world: World, errors: Errors, declares: bool, seconds: float, turns: b
     world.track(errors, declares)
     report = world.door.reset(x=world.x)
     moved = report["reason"] == MOVES
-    calm = (report["status"] < CALM) & (report["reason"] == 0)
-    first = np.zeros(count, dtype=bool)
+    first, inside, calm = np.zeros((3, count), dtype=bool)
     found = Entered(count)
     steps = round(seconds / world.period)
     for _ in range(steps):
@@ -185,6 +184,7 @@ def drive(world: World, errors: Errors, declares: bool, seconds: float, turns: b
         u, report = world.door(world.towards(np.where(hunts[:, None], prey, goal)), world.x)
         moved |= report["reason"] == MOVES
         now = (report["status"] < CALM) & (report["reason"] == 0)
+        found.calm += int((inside & now & ~calm).sum())  # of the sample at which it is inside
         found.violated += float((report["status"] >= CALM).mean()) / steps
         world.go_on(u)
         inside = (world.heights() < 0.0).any(axis=1) & ~first

@@ -115,9 +115,7 @@ def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
     return h
 
 
-def _sources(
-    before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news: Mask
-) -> Integers:
+def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news: Mask) -> Integers:
     """Return (N, m) which condition before was which now, −1 for none.
 
     It is the one of the same name, where both lists have that name once; else, of all regions of

@@ -12,7 +12,6 @@ from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.programs import FilterStatus
-
 from tests.filtering.test_time_of_shapes import WAYS, T
 
 FAST = 0.35
@@ -92,7 +91,7 @@ def test_what_came_into_sight_did_not_move():
         lists = [[far]] * 5 + [[far, Disc(name, 1, (0.0, 3.0), 0.5)]] * 5
         assert not any(reasons(WAYS["batch, lists"](), lists))
     wall = np.column_stack([np.full(40, 3.0), np.linspace(-4.0, 4.0, 40), np.full(40, 0.1)])
-    beams = [[Shapes("scan", 1, "disc", wall + [0.0, 0.02 * k, 0.0])] for k in range(40)]
+    beams = [[Shapes("scan", 1, "disc", wall + np.array([0.0, 0.02 * k, 0.0]))] for k in range(40)]
     assert not any(reasons(WAYS["wrapper, planar"](), beams))  # beams that glide along a wall
 
 

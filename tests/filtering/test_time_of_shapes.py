@@ -149,7 +149,7 @@ class Online:
 
     def __init__(self):
         robot = Robot(Command(0.8, 1.5, sideways=0.5))
-        self.door, self.now = VelocityFilter(robot, [], period=T, radius=0.0), 1.7e9
+        self.door, self.now = VelocityFilter(robot, [], period=T, radius=0.0, margin=0.0), 1.7e9
 
     def begin(self, listed):
         self.door.reset()
@@ -224,13 +224,13 @@ def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
     disc = Disc("disc", 1, (5.0, 0.0), 0.5, (0.3, 0.0))
     clock = Function("clock", 1, lambda x, t: 40.0 + t + x[0])
     for _ in range(2):
-        assert door.begin([disc, clock])["h"] == pytest.approx([4.5, 40.0], abs=1e-6)
+        assert door.begin([disc, clock])["h"][:2] == pytest.approx([4.5, 40.0], abs=1e-6)
         for step in range(1, 5):
             later = Function("later", 1, lambda x, t: 50.0 + t + x[0])
             report = door.step([disc, clock] if step < 3 else [disc, later])
             t = step * T
             height = 40.0 if step < 3 else 50.0
-            assert report["h"] == pytest.approx([4.5 + 0.3 * t, height + t], abs=1e-5)
+            assert report["h"][:2] == pytest.approx([4.5 + 0.3 * t, height + t], abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", ["one list", "arrays", "parameters"])
