@@ -1,4 +1,5 @@
 import json
+import logging
 import warnings
 
 import numpy as np
@@ -41,6 +42,58 @@ def test_scale_and_raw_maps_read_as_the_map_server_reads_them(tmp_path):
     assert (
         raw.occupancy[::-1].tolist() == np.where(PIXELS > 100, UNKNOWN, PIXELS.astype(int)).tolist()
     )
+
+
+THRESHOLDS = [
+    (free, occupied)
+    for free in (0.05, 0.19, 0.196, 0.25, 0.5, 0.9)
+    for occupied in (0.1, 0.3, 0.65, 0.95)
+    if free < occupied
+]
+
+
+@pytest.mark.parametrize(("free", "occupied"), THRESHOLDS)
+@pytest.mark.parametrize("negate", [0, 1])
+def test_what_was_never_seen_is_unknown_whatever_the_thresholds(tmp_path, free, occupied, negate):
+    pixels = 255 - PIXELS if negate else PIXELS
+    keys = {"free_thresh": free, "occupied_thresh": occupied, "negate": negate}
+    file = write(tmp_path, pixels=pixels, **keys)
+    assert read(file).occupancy[2, 2] == UNKNOWN
+    for unknown in (1, 2, None):
+        ranked = RankedMap.load(file, unknown=unknown)
+        cells = {one.name: one.cells for one in ranked.classes}
+        assert not cells["occupied"][2, 2]
+        assert unknown is None or cells["unknown"][2, 2]
+        assert ranked.counted == RankedMap.load(file).counted
+
+
+def test_a_load_counts_and_logs_what_is_free_occupied_and_unknown(tmp_path, caplog):
+    file = write(tmp_path, free_thresh=0.25, occupied_thresh=0.65)
+    with caplog.at_level(logging.INFO, logger="hcbf_gym.maps"):
+        ranked = RankedMap.load(file, unknown=None)
+    assert ranked.counted == (5, 1, 3)  # of the greys 100 and 150, and 205
+    assert f"map {file}: 5 cells free, 1 occupied, 3 unknown" in caplog.text
+    assert RankedMap.from_dict(ranked.to_dict()).counted == ranked.counted
+    assert room(0).counted is None
+
+
+def test_a_grey_of_a_mask_is_what_its_thresholds_make_of_it(tmp_path):
+    file = write(tmp_path, pixels=np.full((3, 3), 254, dtype=np.uint8))
+    grey = np.full((3, 3), 254, dtype=np.uint8)
+    grey[0, 0] = 205
+    write(tmp_path, "mask", pixels=grey, free_thresh=0.05, occupied_thresh=0.1)
+    ranked = RankedMap.load(file, {"mask.yaml": 2})
+    assert ranked.classes[-1].cells[2, 0]
+
+
+@pytest.mark.filterwarnings("ignore:map .* are not read")
+@pytest.mark.parametrize("depth", [2_000, 30_000])
+@pytest.mark.parametrize("key", ["origin", "image", "resolution", "other"])
+def test_brackets_in_brackets_are_refused(tmp_path, depth, key):
+    keys = {"resolution": "["} if key == "other" else {}
+    file = write(tmp_path, **({key: "[" * depth + "]" * depth} | keys))
+    with pytest.raises(InvalidInputError, match="got"):
+        RankedMap.load(file)
 
 
 def test_a_map_with_masks_travels_through_json(tmp_path):

@@ -14,6 +14,7 @@ from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.ros import messages, parameters
 from hcbf_gym.ros.decisions import Level
 from hcbf_gym.ros.sources import Beams, grid_of
+from hcbf_gym.ros.watches import Now
 from tests.ros.test_core import ZONE, show
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
@@ -183,6 +184,48 @@ def test_a_scanner_that_leans_is_refused(lean):
     with pytest.raises(InvalidInputError, match="leans by"):
         messages.mount_of(turned(y=math.sin(0.5 * lean), w=math.cos(0.5 * lean)))
     messages.mount_of(turned(y=math.sin(0.02), w=math.cos(0.02)))
+
+
+def test_a_quaternion_is_normalised_within_five_percent_and_else_a_fault_wherever_it_is_read():
+    by_pose, by_tf = Drive({"pose_source": "topic"}), Drive({"pose_source": "tf"})
+    by_odometry = Drive()
+    for norm in (0.0, 0.5, 0.94, 0.951, 1.0, 1.049, 1.06, 2.0, math.nan, math.inf):
+        sound = abs(norm - 1.0) <= 0.05
+        for yaw in (0.0, 0.7, -2.0):
+            rotation = turned(z=norm * math.sin(0.5 * yaw), w=norm * math.cos(0.5 * yaw))
+            place = SimpleNamespace(
+                position=SimpleNamespace(x=1.0, y=2.0), orientation=rotation.rotation
+            )
+            pose, moved = messages.pose_of(place), messages.transform_of(rotation)
+            info = SimpleNamespace(origin=place, resolution=0.1, width=1, height=1)
+            grid = SimpleNamespace(info=info, data=[0])
+            for d in (by_pose, by_tf, by_odometry):
+                d.now = Now(d.now.ros + 0.02, d.now.steady + 0.02)
+                d.say_odometry(pose if d is by_odometry else None)
+            by_pose.core.localization.hear_pose(pose, by_pose.now.ros, by_pose.now, "odom")
+            by_tf.core.localization.hear_correction(moved, by_tf.now.ros)
+            says = [
+                "; ".join(str(one) for one in d.core.localization.faults(d.now) if one)
+                for d in (by_pose, by_tf, by_odometry)
+            ]
+            if sound:
+                assert (pose[2], moved[2]) == pytest.approx((yaw, yaw))
+                assert messages.mount_of(rotation)[0][2] == pytest.approx(yaw)
+                assert messages.raster_of(grid).grid.origin[2] == pytest.approx(yaw)
+                assert not any("quaternion" in one for one in says)
+                continue
+            assert all("and a quaternion of the norm 1" in one for one in says), says
+            for read, one in ((messages.mount_of, rotation), (messages.raster_of, grid)):
+                with pytest.raises(InvalidInputError, match="expected a quaternion of the norm 1"):
+                    read(one)
+
+
+def test_a_quaternion_out_of_plane_that_is_not_of_norm_1_leans_as_the_normalised_one():
+    half = 0.5 * 0.095  # less than may lean
+    for norm in (0.96, 1.04):
+        messages.mount_of(turned(y=norm * math.sin(half), w=norm * math.cos(half)))
+        with pytest.raises(InvalidInputError, match=r"leans by 0\.20 rad"):
+            messages.mount_of(turned(y=norm * math.sin(0.1), w=norm * math.cos(0.1)))
 
 
 def scan(count=360, step=math.tau / 360, last=None):
