@@ -66,7 +66,8 @@ class Reason(IntEnum):
     RESPONSE = (
         12,
         "the robot does not do what it is told: expected it to follow as its response was "
-        "measured, on the declared floor, and odometry of that robot that is up to date",
+        "measured, or within 0.4 s where it was not, on the declared floor, and odometry of that "
+        "robot that is up to date",
     )
     MOVES = (
         13,
