@@ -3,19 +3,24 @@
 Each command takes --help.
 """
 
+import contextlib
 import dataclasses
 import importlib
+import io
 import os
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import docstring_parser
 import tyro
 from threadpoolctl import threadpool_limits
 
+from hcbf_gym import arguments as ranges
+from hcbf_gym import records
 from hcbf_gym.errors import HcbfError, choose, require
 
 
@@ -122,16 +127,41 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
         own = own[: own.index("--ros-args")] if "--ros-args" in own else own  # the rest is ROS's
         _describe(module.Args)
         about = re.sub(r"(?<=\S)\n(?=\S)", " ", module.__doc__ or "")
-        args = tyro.cli(module.Args, prog=program, description=about, args=own, config=READS)
-        with threadpool_limits(threads):
+        args = _parsed(module.Args, program, about, own)
+        ranges.check(args)
+        with threadpool_limits(threads), records.nothing_left_behind():
             module.main(args)
     except HcbfError as error:
-        sys.exit(f"error: {error}")
+        sys.exit(f"error: {_one_line(error)}")
+    except Exception as error:  # of a user's own code, of the disk, or of this package
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        sys.exit(
+            f"error: {type(error).__name__}: {_one_line(error)} ({where.filename}, line "
+            f"{where.lineno})"
+        )
     except KeyboardInterrupt:
         print("; ".join(filter(None, ("interrupted", goes_on))), file=sys.stderr)
         sys.exit(130)
     finally:
         warnings.formatwarning = usual
+
+
+def _parsed(args: type, program: str, about: str, own: list[str]) -> Any:
+    """Return a command's arguments; what is none ends the process in one line."""
+    if {"-h", "--help"} & set(own):  # which is longer
+        return tyro.cli(args, prog=program, description=about, args=own, config=READS)
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            return tyro.cli(args, prog=program, description=about, args=own, config=READS)
+    except SystemExit as end:
+        print(f"error: {_one_line(said.getvalue())}", file=sys.stderr)
+        raise SystemExit(end.code or 2) from None
+
+
+def _one_line(said: object) -> str:
+    """Return what is said, without the frames and the ends of lines that a terminal shows."""
+    return " ".join(re.sub(r"[─-╿]|-{3,}", " ", str(said)).split())
 
 
 def _describe(args: type) -> None:

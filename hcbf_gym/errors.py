@@ -4,7 +4,8 @@ import contextlib
 import importlib.util
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -55,6 +56,12 @@ class MissingDependencyError(HcbfError, ImportError):
 
 LONGEST = 400
 """Characters of a value that a message shows."""
+
+MOST = 10_000_000
+"""What a count may be."""
+
+DEEPEST = 64
+"""How deep lists of numbers may be nested: an array of NumPy has no more axes."""
 
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 """What reading an answer of a user's own code raises where it is none."""
@@ -114,8 +121,95 @@ def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
         UnknownNameError: if `name` is not registered; the message lists the names that are.
     """
     if not isinstance(name, str) or name not in choices:
-        raise UnknownNameError(f"unknown {kind}: got {name!r}, expected one of {sorted(choices)}")
+        raise UnknownNameError(
+            f"unknown {kind}: got {shown(name)}, expected one of {sorted(choices)}"
+        )
     return choices[name]
+
+
+def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) -> int:
+    """Return `value` as a whole number from `minimum` to `maximum`.
+
+    Args:
+        name: the argument's name, for the message.
+        value: an integer that is no truth value.
+        minimum: the least value.
+        maximum: the largest value.
+
+    Raises:
+        InvalidInputError: on anything else.
+    """
+    number = minimum - 1  # which is none
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+    if not minimum <= number <= maximum:
+        most = "" if maximum == np.inf else f" and <= {maximum}"
+        raise InvalidInputError(
+            f"{name}: got {shown(value)}, expected a whole number >= {minimum}{most}"
+        )
+    return number
+
+
+def instance(name: str, value: object, *kinds: type[T]) -> T:
+    """Return `value`, which is of one of some classes.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything.
+        kinds: the classes.
+
+    Raises:
+        InvalidInputError: if it is of none of them; the message names them.
+    """
+    if not isinstance(value, kinds):
+        expected = " or ".join(f"a {kind.__name__}" for kind in kinds)
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
+    return value
+
+
+def flag(name: str, value: object) -> bool:
+    """Return a truth value: text such as "False" is none.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything.
+
+    Raises:
+        InvalidInputError: if it is none.
+    """
+    return bool(instance(name, value, bool, np.bool_))
+
+
+def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
+    """Return a sequence, of entries of some classes, as a tuple.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything.
+        kinds: the classes.
+
+    Raises:
+        InvalidInputError: if it is no sequence, or an entry is of none of the classes.
+    """
+    if not isinstance(value, Sequence) or isinstance(value, str | bytes):
+        expected = " or ".join(kind.__name__ for kind in kinds)
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected a sequence of {expected}")
+    return tuple(instance(name, one, *kinds) for one in value)
+
+
+def text(name: str, value: object) -> str:
+    """Return a name, or a path, as text.
+
+    Args:
+        name: the argument's name, for the message.
+        value: anything.
+
+    Raises:
+        InvalidInputError: if it is neither text nor a path, or holds a NUL.
+    """
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected text")
+    return str(value)
 
 
 def require(what: str, extra: str, *modules: str) -> None:
@@ -181,8 +275,36 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
 
 def shown(value: object) -> str:
     """Return what a message shows of a value: its beginning and its end, where it is long."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except Exception:  # of lists without end, and of whatever a foreign object raises
+        text = f"a {type(value).__name__}"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} … {text[-50:]}"
+
+
+def reals(name: str, value: object) -> NDArray[np.float64]:
+    """Return `value` as a new float64 array of any shape, of numbers that may be NaN or infinite.
+
+    Args:
+        name: the argument's name, for the message.
+        value: real numbers, in an array or in lists of them.
+
+    Raises:
+        InvalidInputError: on text, truth values, complex numbers, objects, floats of other than 32
+            or 64 bits, and ragged lists.
+    """
+    given = as_array(name, value)
+    if isinstance(value, list | tuple):  # of which an array forgets what was a truth value
+        is_real = _is_real(value) and (given.dtype.kind == "O" or holds_numbers(given.dtype))
+    else:
+        is_real = holds_numbers(given.dtype)
+    try:
+        if is_real:
+            return np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    got = given.dtype if isinstance(value, np.ndarray) else shown(value)
+    raise InvalidInputError(f"{name}: got {got}, expected real numbers of 32 or 64 bits")
 
 
 def finite_array(
@@ -197,15 +319,9 @@ def finite_array(
         largest: magnitude of an entry.
 
     Raises:
-        InvalidInputError: on text, truth values, complex numbers, ragged lists, another shape, NaN,
-            infinity or larger entries.
+        InvalidInputError: on what `reals` refuses, another shape, NaN, infinity or larger entries.
     """
-    if not _is_real(value):
-        raise InvalidInputError(f"{name}: got {shown(value)}, expected real numbers")
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{name}: got {shown(value)}, expected numbers") from error
+    array = reals(name, value)
     expected = tuple("any" if n is None else n for n in shape)
     matches = len(array.shape) == len(shape) and all(
         n is None or n == got for n, got in zip(shape, array.shape, strict=True)
@@ -222,17 +338,52 @@ def finite_array(
     return array
 
 
+def floats(name: str, value: object, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
+    """Return an array of 32 or 64 bits as it came; numbers of Python's own have 64.
+
+    Args:
+        name: the argument's name, for the message.
+        value: what comes back in the same type, such as u*, or a state.
+        shape: the expected shape; None for any.
+
+    Raises:
+        InvalidInputError: on integers, half precision, truth values, complex numbers, objects, and
+            another shape. Some entries may be NaN or infinite.
+    """
+    given = as_array(name, value)
+    if isinstance(value, list | tuple | int) and given.dtype.kind in "iu" and _is_real(value):
+        given = given.astype(np.float64)
+    is_sound = given.dtype.kind == "f" and holds_numbers(given.dtype)
+    if not is_sound or shape not in (None, given.shape):
+        raise InvalidInputError(
+            f"{name}: got {given.dtype} of shape {given.shape}, expected real numbers, float32 or "
+            f"float64, of shape {'any' if shape is None else shape}"
+        )
+    return given
+
+
 def as_array(name: str, value: object) -> NDArray[Any]:
-    """Return `value` as an array of whatever it holds.
+    """Return `value` as an array of NumPy of whatever it holds; a tensor's looks into its memory.
 
     Args:
         name: the argument's name, for the message.
         value: anything.
 
     Raises:
-        InvalidInputError: on ragged lists, on objects that do not tell their entries, and on
-            arrays of which a mask hides some.
+        InvalidInputError: on ragged lists, on objects that do not tell their entries, on arrays of
+            which a mask hides some, on tensors that need a gradient, lie on another device or have
+            no form in NumPy, and on what JAX traces.
     """
+    if type(value) is np.ndarray:
+        return value
+    kind = library_of(value)
+    if kind == "torch":
+        return _of_torch(name, value)
+    if kind == "jax" and isinstance(value, sys.modules["jax"].core.Tracer):
+        raise InvalidInputError(
+            f"{name}: got {shown(value)}, which JAX traces, expected an array; inside jit call "
+            "the filter by jax.pure_callback"
+        )
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array without a mask")
     try:
@@ -241,12 +392,47 @@ def as_array(name: str, value: object) -> NDArray[Any]:
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array") from error
 
 
-def _is_real(value: object) -> bool:
-    """Tell whether a value holds neither text nor truth values nor complex numbers."""
+def library_of(value: object) -> str:
+    """Return "torch", "jax" or "numpy", without an import of any of them."""
+    torch, jax = sys.modules.get("torch"), sys.modules.get("jax")
+    if torch is not None and isinstance(value, torch.Tensor):
+        return "torch"
+    if jax is not None and isinstance(value, jax.Array):
+        return "jax"
+    return "numpy"
+
+
+def _of_torch(name: str, tensor: Any) -> NDArray[Any]:
+    """Return an array that looks into the memory of a tensor of torch."""
+    if tensor.requires_grad:
+        raise InvalidInputError(
+            f"{name}: got a tensor that needs a gradient, expected one without: {name}.detach(); "
+            "the filter is no part of the graph"
+        )
+    if tensor.device.type != "cpu":
+        raise InvalidInputError(
+            f"{name}: got a tensor on {tensor.device}, expected one on the CPU: {name}.cpu()"
+        )
+    try:
+        return tensor.numpy()
+    except (TypeError, RuntimeError) as error:  # bfloat16, sparse
+        raise InvalidInputError(
+            f"{name}: got a tensor of {tensor.dtype} and {tensor.layout}, expected a dense one of "
+            f"32 or 64 bits: {name}.to_dense().float()"
+        ) from error
+
+
+def holds_numbers(dtype: np.dtype) -> bool:
+    """Return whether a type holds real numbers that 64 bits hold, and no fewer than 32 bits."""
+    return dtype.kind in "iu" or (dtype.kind == "f" and dtype.itemsize in (4, 8))
+
+
+def _is_real(value: object, deepest: int = DEEPEST) -> bool:
+    """Return whether a value holds neither text nor truth values nor complex numbers."""
     if isinstance(value, list | tuple):
-        return all(map(_is_real, value))
+        return deepest > 0 and all(_is_real(one, deepest - 1) for one in value)
     if isinstance(value, np.ndarray | np.generic):
-        return value.dtype.kind in "fiu" or (value.dtype.kind == "O" and _is_real(value.tolist()))
+        return holds_numbers(value.dtype)
     return not isinstance(value, bool | str | bytes | complex)
 
 
@@ -262,7 +448,7 @@ def finite_float(
 
     Args:
         name: the argument's name, for the message.
-        value: a number that is no truth value.
+        value: a number of 32 or 64 bits that is no truth value.
         minimum: the least value.
         maximum: the largest value.
         exclusive: whether `minimum` itself is refused.
@@ -273,12 +459,14 @@ def finite_float(
     low = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else ""
     high = f"<= {maximum}" if np.isfinite(maximum) else ""
     expected = f"a number {' and '.join(filter(None, (low, high))) or 'that is finite'}"
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}")
+    is_number = isinstance(value, int | float | np.integer | np.floating)
+    is_half = isinstance(value, np.floating) and not holds_numbers(value.dtype)
+    if isinstance(value, bool) or not is_number or is_half:
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
     try:
         number = float(value)
     except OverflowError as error:  # an integer beyond the floats
-        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}") from error
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}") from error
     too_low = number <= minimum if exclusive else number < minimum
     if not np.isfinite(number) or too_low or number > maximum:
         raise InvalidInputError(f"{name}: got {value!r}, expected {expected}")

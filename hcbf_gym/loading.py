@@ -15,7 +15,7 @@ import numpy as np
 
 from hcbf_gym import compilation, opened
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, require
+from hcbf_gym.errors import InvalidInputError, require, text
 
 EXTRA = "walkers"
 """Brings what runs an ONNX network."""
@@ -23,7 +23,7 @@ EXTRA = "walkers"
 
 def is_function(name: str) -> bool:
     """Return whether a name is of the form ``module:function`` or ``file.py:function``."""
-    return ":" in name
+    return ":" in text("name", name)
 
 
 def function(what: str, name: str) -> Callable[..., Any]:

@@ -3,7 +3,8 @@
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.errors import InvalidInputError, choose, shown, text
 
 
 def to_dict(record: Any, kinds: Mapping[str, type]) -> dict[str, Any]:
@@ -72,10 +73,10 @@ def check_mapping(what: str, data: object) -> None:
         InvalidInputError: on anything else.
     """
     if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
-        raise InvalidInputError(f"{what}: got {data!r}, expected a mapping with text keys")
+        raise InvalidInputError(f"{what}: got {shown(data)}, expected a mapping with text keys")
 
 
-def read_json(what: str, path: Path) -> Any:
+def read_json(what: str, path: str | Path) -> Any:
     """Return what a JSON file holds.
 
     Args:
@@ -85,6 +86,7 @@ def read_json(what: str, path: Path) -> Any:
     Raises:
         InvalidInputError: if it cannot be read, or is not JSON.
     """
+    path = Path(text(what, path))
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -98,19 +100,31 @@ def plain(value: Any) -> Any:
 
     Tuples and arrays become lists, NumPy scalars numbers, paths text, enumerations their values,
     and a record with a `to_dict` what that returns.
+
+    Raises:
+        InvalidInputError: if it is nested without end.
     """
+    try:
+        return _plain(value)
+    except RecursionError as error:
+        raise InvalidInputError(
+            f"got {shown(value)}, nested without end, expected what JSON can hold"
+        ) from error
+
+
+def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "to_dict"):
-        return plain(value.to_dict())
+        return _plain(value.to_dict())
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
+        return [_plain(item) for item in value]
     return value
 
 
@@ -130,6 +144,89 @@ def expanded(what: str, path: str) -> str:
             f"{what}: got {path!r}, expected its environment variables to be set"
         )
     return found
+
+
+def check_place(name: str, path: Path, *, makes: bool = True) -> None:
+    """Refuse a place where no folder and no file can be.
+
+    Args:
+        name: what messages call it.
+        path: of a folder or a file that need not be there.
+        makes: whether it is to be made.
+
+    Raises:
+        InvalidInputError: if a part of the path is too long, or a file where it is to be made.
+    """
+    whole_path = path.absolute()
+    if len(str(whole_path)) > 4000 or any(len(part.encode()) > 255 for part in whole_path.parts):
+        raise InvalidInputError(f"{name}: got {shown(str(path))}, expected a shorter path")
+    above = next(one for one in (whole_path, *whole_path.parents) if one.exists())
+    if makes and above != whole_path and not above.is_dir():
+        raise InvalidInputError(
+            f"{name}: got {shown(str(path))}, expected a place in a folder; {above} is a file"
+        )
+
+
+def check_name(name: str, value: str) -> str:
+    """Return a name that becomes part of a file's name: a name is no path.
+
+    Args:
+        name: what messages call it.
+        value: the name.
+
+    Raises:
+        InvalidInputError: if it is empty, hidden, too long, or holds what separates folders.
+    """
+    separates = any(letter in value for letter in "/\\:\0\n")
+    if not value or value.startswith((".", "-")) or separates or len(value.encode()) > 200:
+        raise InvalidInputError(
+            f"{name}: got {shown(value)}, expected a name of a file without its folder, such as "
+            "'my-robot'"
+        )
+    return value
+
+
+SETTINGS = "settings.json"
+"""What a folder holds of its study, before there is a result."""
+
+_MADE: ContextVar[list[Path] | None] = ContextVar("folders that were made", default=None)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those in which it lies, where they are not there.
+
+    Raises:
+        InvalidInputError: if it cannot be made.
+    """
+    check_place("output", folder)
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(
+            f"output: got {str(folder)!r} ({error.strerror}), expected a place to write to"
+        ) from error
+    made = _MADE.get()
+    if made is not None:
+        made += missing
+
+
+@contextmanager
+def nothing_left_behind() -> Iterator[None]:
+    """Remove the folders that `make_folder` makes inside, where an error comes before a result."""
+    made: list[Path] = []
+    token = _MADE.set(made)
+    try:
+        yield
+    except Exception:
+        for folder in sorted(made, key=lambda one: -len(one.parts)):
+            with suppress(OSError):
+                if [one.name for one in folder.iterdir()] == [SETTINGS]:
+                    (folder / SETTINGS).unlink()
+                folder.rmdir()  # unless it holds a result
+        raise
+    finally:
+        _MADE.reset(token)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, shown
 
 
 class Jet(NamedTuple):
@@ -59,9 +59,9 @@ def check_name(name: object, priority: object) -> None:
         InvalidInputError: if the name is empty or the priority no integer from 1 to `LOWEST_RANK`.
     """
     if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"barrier name: got {name!r}, expected non-empty text")
+        raise InvalidInputError(f"barrier name: got {shown(name)}, expected non-empty text")
     if isinstance(priority, bool) or not isinstance(priority, int | np.integer):
-        raise InvalidInputError(f"{name}: priority: got {priority!r}, expected int")
+        raise InvalidInputError(f"{name}: priority: got {shown(priority)}, expected int")
     if not 1 <= priority <= LOWEST_RANK:
         raise InvalidInputError(
             f"{name}: priority: got {priority}, expected >= 1 and <= {LOWEST_RANK}"

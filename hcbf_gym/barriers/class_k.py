@@ -14,7 +14,7 @@ import numpy as np
 from hcbf_gym import records
 from hcbf_gym.arrays import Array
 from hcbf_gym.compilation import kernel
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
 LINEAR, LOG = 0.0, 1.0
 """The first of the four numbers says which function it is; the others are its parameters."""
@@ -195,5 +195,5 @@ def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:
     if isinstance(alpha, int | float) and not isinstance(alpha, bool):
         return LinearClassK(alpha)
     raise InvalidInputError(
-        f"class-K function: got {alpha!r}, expected a gain, a dict or one of {sorted(KINDS)}"
+        f"class-K function: got {shown(alpha)}, expected a gain, a dict or one of {sorted(KINDS)}"
     )

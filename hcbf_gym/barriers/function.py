@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import InvalidInputError, finite_array, reals, shown
 from hcbf_gym.models.autodiff import compile64, import_jax
 
 Scalar = Callable[[Any, Any], Any]
@@ -53,7 +53,7 @@ class Function(Barrier):
         super().__post_init__()
         if not callable(self.function):
             raise InvalidInputError(
-                f"{self.name}: got {self.function!r}, expected a function h(x, t)"
+                f"{self.name}: got {shown(self.function)}, expected a function h(x, t)"
             )
         if self.parameters is not None:
             given = _finite(f"{self.name}: parameters", self.parameters)
@@ -127,11 +127,7 @@ class Function(Barrier):
 
 def _finite(name: str, value: ArrayLike) -> Array:
     """Return a read-only copy of an array of any shape with finite entries."""
-    try:
-        dimensions = np.ndim(value)
-    except ValueError:  # a ragged list, which is refused below
-        dimensions = 1
-    array = finite_array(name, value, (None,) * dimensions)
+    array = finite_array(name, value, (None,) * reals(name, value).ndim)
     array.flags.writeable = False
     return array
 

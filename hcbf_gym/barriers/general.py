@@ -35,7 +35,16 @@ from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H, late
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
+from hcbf_gym.errors import (
+    UNREADABLE,
+    InvalidInputError,
+    UnreachableError,
+    finite_array,
+    instance,
+    listed,
+    reals,
+    shown,
+)
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their numbers are
@@ -140,6 +149,11 @@ class GeneralRows:
         alpha2: ClassK,
         most: Callable[[Array], float] | None = None,
     ) -> None:
+        instance("model", model, ReducedOrderModel)
+        instance("alpha1", alpha1, ClassK)
+        instance("alpha2", alpha2, ClassK)
+        if most is not None and not callable(most):
+            raise InvalidInputError(f"most: got {shown(most)}, expected a function of a (n_u,)")
         self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
         self._alphas = np.stack((alpha1.parameters(), alpha2.parameters()))
@@ -173,18 +187,20 @@ class GeneralRows:
             InvalidInputError: if no input reaches a barrier by the second derivative, the model has
                 no velocity for a speed limit, or a jet is not made of finite numbers.
         """
-        states, m = np.atleast_2d(x), len(barriers)
-        prepared = self.prepare([tuple(barriers)] * len(states))
-        kept = np.asarray(margin, dtype=np.float64)
-        kept = kept if kept.ndim else prepared.margins(float(kept))
-        if states.shape[1:] != (self.model.n,) or kept.shape[-1] != m:
+        x, kept = reals("x", x), reals("margin", margin)
+        m = len(listed("barriers", barriers, Barrier))
+        states = np.atleast_2d(x)
+        count = len(states)
+        if states.shape != (count, self.model.n) or not count:
             raise InvalidInputError(
-                f"rows: got x of shape {x.shape} and margins of shape {kept.shape}, expected "
-                f"({self.model.n},) and ({m},)"
+                f"rows: got x of shape {x.shape}, expected ({self.model.n},) or (N, {self.model.n})"
             )
-        out = np.zeros((len(states), m, WIDTH + self.model.n_u))
-        out[..., MARGIN], out[..., RATE] = kept, margin_rate
-        times = np.array(np.broadcast_to(t, len(states)), dtype=np.float64)
+        prepared = self.prepare([tuple(barriers)] * count)
+        out = np.zeros((count, m, WIDTH + self.model.n_u))
+        kept = kept if kept.ndim else prepared.margins(float(kept))
+        out[..., MARGIN] = _fitted("margin", kept, (count, m))
+        out[..., RATE] = _fitted("margin_rate", margin_rate, (count, m))
+        times = np.array(_fitted("t", t, (count,)))
         self._write(prepared, states, times, self.model.terms_of(states), out, kinks)
         if not np.isfinite(out[..., H]).all():
             for i, k in zip(*np.nonzero(~np.isfinite(out[..., H])), strict=True):
@@ -439,6 +455,18 @@ class GeneralRows:
         if key not in self._reaches:
             self._reaches[key] = reach_by_jets(barrier, self.model)
         return self._reaches[key]
+
+
+def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    """Return numbers, or one number for all of them, in a shape.
+
+    Raises:
+        InvalidInputError: if they do not fit.
+    """
+    numbers = finite_array(name, value, reals(name, value).shape)
+    if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
+        raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")
+    return np.broadcast_to(numbers, shape)
 
 
 def _same(one: Sequence[tuple[object, ...]], other: Sequence[tuple[object, ...]]) -> bool:

@@ -7,7 +7,7 @@ from hcbf_gym import records
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, shown
 
 _KINDS: dict[str, type[Barrier]] = {
     **{shape.kind: shape for shape in SHAPES},
@@ -40,10 +40,11 @@ def register(kind: str, barrier: type[Barrier]) -> None:
         2.0
     """
     if not isinstance(kind, str) or not kind:
-        raise InvalidInputError(f"barrier kind: got {kind!r}, expected non-empty text")
+        raise InvalidInputError(f"barrier kind: got {shown(kind)}, expected non-empty text")
     if not (isinstance(barrier, type) and issubclass(barrier, Barrier) and is_dataclass(barrier)):
         raise InvalidInputError(
-            f"barrier kind {kind!r}: got {barrier!r}, expected a dataclass derived from Barrier"
+            f"barrier kind {kind!r}: got {shown(barrier)}, expected a dataclass derived from "
+            "Barrier"
         )
     if _KINDS.get(kind, barrier) is not barrier:
         raise InvalidInputError(
@@ -59,6 +60,7 @@ def to_dict(barrier: Barrier) -> dict[str, object]:
     Raises:
         InvalidInputError: if its class is not registered.
     """
+    instance("barrier", barrier, Barrier)
     if type(barrier) not in _KINDS.values():
         raise InvalidInputError(
             f"barrier {barrier.name!r}: got a {type(barrier).__name__}, expected one of "

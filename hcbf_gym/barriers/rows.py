@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Pair
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, instance
 
 ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, LOW, HIGH, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11, 13, 15
 """Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, 1 for held rows, and the least
@@ -62,12 +62,17 @@ class RowSettings:
     limits: tuple[Pair, Pair] | None = None
 
     def __post_init__(self) -> None:
+        instance("alpha1", self.alpha1, ClassK)
+        instance("alpha2", self.alpha2, ClassK)
+        if self.u_max is not None:
+            finite_float("u_max", self.u_max, minimum=0.0, exclusive=True)
+        if self.limits is not None:
+            finite_array("limits", self.limits, (2, 2))
         if self.period is None:
             return
         period = finite_float("period", self.period, minimum=0.0, exclusive=True)
         if self.u_max is None:
             raise InvalidInputError("u_max: got None, expected a number for rows of a held input")
-        finite_float("u_max", self.u_max, minimum=0.0, exclusive=True)
         steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
         if steepest * period > 1.0:
             raise InvalidInputError(

@@ -1,6 +1,5 @@
 """The scenes of N plants as users hand them over: one list for all, a list each, or arrays."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,10 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Several, Shapes
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.set import BarrierSet, is_list
 from hcbf_gym.barriers.shapes import SHAPES, ConvexPolygon
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array
+from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array, shown
 from hcbf_gym.models.constants import FARTHEST
 
 SPEED_LIMIT = "speed-limit"
@@ -37,13 +36,13 @@ def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) ->
                 f"barriers: got a set of {len(barriers.kind)} scenes, expected {count}"
             )
         return barriers
-    if not isinstance(barriers, Sequence) or isinstance(barriers, str):
-        raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+    if not is_list(barriers):
+        raise InvalidInputError(f"barriers: got {shown(barriers)}, expected a sequence of Barriers")
     if any(isinstance(entry, Barrier | Shapes | Several) for entry in barriers) or not barriers:
         one = BarrierSet([tuple(barriers)], before if count == 1 else None)
         one.is_kept = True
         return one if count == 1 else one.repeated(count)
-    if len(barriers) != count or not all(_is_list(scene) for scene in barriers):
+    if len(barriers) != count or not all(is_list(scene) for scene in barriers):
         raise InvalidInputError(
             f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
             f"barriers for all plants, or {count} lists, one for each"
@@ -72,13 +71,17 @@ def scenes_of_arrays(
         InvalidInputError: if a number is not finite or out of range, or an array of another shape.
     """
     named, given = as_array("kinds", kinds), as_array("numbers", numbers)
+    if named.dtype.kind != "U":
+        raise InvalidInputError(f"kinds: got {named.dtype}, expected names, such as ['disc']")
     m, width = _last(named, 1, "kinds")[0], _last(given, 2, "numbers")[1]
     codes = np.broadcast_to(named, _shape(named, (count, m), "kinds"))
     values = np.broadcast_to(given, _shape(given, (count, m, width), "numbers"))
     levels = as_array("ranks", ranks)
     levels = np.broadcast_to(levels, _shape(levels, (count, m), "ranks"))
     if levels.dtype.kind not in "iu" or not ((levels >= 1) & (levels <= layout.LOWEST_RANK)).all():
-        raise InvalidInputError(f"ranks: expected whole numbers from 1 to {layout.LOWEST_RANK}")
+        raise InvalidInputError(
+            f"ranks: got {shown(levels)}, expected whole numbers from 1 to {layout.LOWEST_RANK}"
+        )
     moving = as_array("velocities", velocities)
     moving = finite_array("velocities", moving, moving.shape, largest=FARTHEST)
     moving = np.broadcast_to(moving, _shape(moving, (count, m, 2), "velocities"))
@@ -114,6 +117,11 @@ def _blocks(cls: Any, values: Array) -> Array:
         blocks[:, layout.V_MAX] = limits
         return blocks
     if cls is ConvexPolygon:
+        if values.shape[1] % 2:
+            raise InvalidInputError(
+                f"numbers of the kind {cls.kind!r}: got {values.shape[1]} in a row, expected x and "
+                "y of each corner, an even number"
+            )
         own = values.reshape(len(values), -1, 2)
     else:
         own = values[:, : sum(cls.widths().values())]
@@ -145,5 +153,3 @@ def _shape(array: Any, expected: tuple[int, ...], name: str) -> tuple[int, ...]:
     return expected
 
 
-def _is_list(scene: object) -> bool:
-    return isinstance(scene, Sequence) and not isinstance(scene, str)

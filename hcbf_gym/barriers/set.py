@@ -3,7 +3,7 @@
 import operator
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from hcbf_gym.barriers.own_rows import write_own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit, check_leaves_speed
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, count, instance, shown
 from hcbf_gym.models.plant import Uncertainty
 
 Entry = Barrier | Shapes | Several
@@ -85,6 +85,10 @@ class BarrierSet:
         before: "BarrierSet | None" = None,
         since: float | None = None,
     ):
+        if not is_list(scenes):
+            raise InvalidInputError(f"barrier set: got {shown(scenes)}, expected N sequences")
+        if before is not None:
+            instance("before", before, BarrierSet)
         self.since, self.is_kept = since, False
         shape = (len(scenes), max(map(_length, scenes), default=0))
         self.kind = np.zeros(shape, dtype=np.int64)
@@ -108,7 +112,8 @@ class BarrierSet:
         Raises:
             InvalidInputError: if there are more than m, or an entry is no `Barrier`.
         """
-        entries: Any = tuple(scene)
+        i = count("scene", i, minimum=0, maximum=len(self.kind) - 1)
+        entries: Any = _scene(scene)
         read = [
             (one, tuple(one.conditions))
             for one in entries
@@ -119,10 +124,10 @@ class BarrierSet:
             stands_for = {id(one): conditions for one, conditions in read}
             barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
         runs = [(cls, list(run)) for cls, run in groupby(barriers, type)]
-        count, m = sum(_count(cls, run) for cls, run in runs), self.kind.shape[1]
-        if count > m:
+        given, m = sum(_count(cls, run) for cls, run in runs), self.kind.shape[1]
+        if given > m:
             raise InvalidInputError(
-                f"barrier set: got a scene of {count} barriers, expected at most {m}"
+                f"barrier set: got a scene of {given} barriers, expected at most {m}"
             )
         self.version[i] += 1
         self.edits += 1
@@ -134,8 +139,8 @@ class BarrierSet:
             for k in range(m) if places else ():
                 places.pop((i, k), None)
         for array in (self.parameters, self.priority, self.keeps_margin, self.own_margin):
-            array[i, count:] = 0
-        self.kind[i, count:] = layout.NONE
+            array[i, given:] = 0
+        self.kind[i, given:] = layout.NONE
         k = 0
         for cls, run in runs:
             if cls in _SHAPES:
@@ -449,7 +454,7 @@ def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
     Raises:
         InvalidInputError: if an entry is no barrier.
     """
-    for entry in scene:
+    for entry in _scene(scene):
         if type(entry) in _BUILT_IN:
             yield entry
         else:
@@ -470,10 +475,26 @@ def _count(cls: type, run: Sequence[Any]) -> int:
 def _checked(barrier: Any) -> Barrier | Shapes:
     if not isinstance(barrier, Barrier | Shapes):
         raise InvalidInputError(
-            f"barrier set: got {barrier!r}, expected an object of a class derived from "
+            f"barrier set: got {shown(barrier)}, expected an object of a class derived from "
             "hcbf_gym.barriers.Barrier, Shapes, or a map"
         )
     return barrier
+
+
+def is_list(scene: object) -> TypeGuard[Sequence[Any]]:
+    """Return whether something may be a sequence of barriers, or of such sequences."""
+    return isinstance(scene, Sequence) and not isinstance(scene, str | bytes)
+
+
+def _scene(scene: Any) -> tuple[Any, ...]:
+    """Return the entries of a scene.
+
+    Raises:
+        InvalidInputError: if it is no sequence.
+    """
+    if not is_list(scene):
+        raise InvalidInputError(f"barrier set: got {shown(scene)}, expected a sequence of Barriers")
+    return tuple(scene)
 
 
 def _stand(read: _Read) -> bool:

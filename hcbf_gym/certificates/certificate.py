@@ -319,7 +319,7 @@ class Certificate:
 
     def save(self, path: Path) -> None:
         """Write it to a JSON file, whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
+        records.make_folder(path.parent)
         with records.whole(path) as partial:
             text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
             partial.write_text(text + "\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from hcbf_gym import version
 from hcbf_gym.certificates.certificate import Certificate
 from hcbf_gym.certificates.judge import Judged, judge
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, warn_caller
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, shown, warn_caller
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
@@ -76,8 +76,8 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
         return Certificate.from_dict(source)
     if not isinstance(source, str | Path):
         raise InvalidInputError(
-            f"certificate: got {source!r}, expected a Certificate, its plain form, a file, or one "
-            f"of {', '.join(shipped())}"
+            f"certificate: got {shown(source)}, expected a Certificate, its plain form, a file, or "
+            f"one of {', '.join(shipped())}"
         )
     known = shipped().get(str(source))
     return Certificate.load(source) if known is None else known

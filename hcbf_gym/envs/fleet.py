@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from hcbf_gym.arrays import Array, Info, Mask, Records
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs.fleet_group import Group, Maker, first_report, layout
-from hcbf_gym.errors import HcbfError, InvalidInputError, as_array
+from hcbf_gym.envs.task import check_seeds
+from hcbf_gym.errors import HcbfError, InvalidInputError, as_array, floats
 
 _PATIENCE = 5.0
 """How long a process may take to close its environments [s]."""
@@ -135,11 +136,8 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             raise InvalidInputError(
                 f"reset_mask: got {mask!r}, expected ({self.num_envs},) of bool with a True"
             )
-        if seed is None or isinstance(seed, int):
-            seed = [None if seed is None else seed + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise InvalidInputError(f"seed: got {len(seed)} seeds, expected {self.num_envs}")
-        self._ask("reset", *((seed[group], mask[group], given) for group in self._groups))
+        seeds = check_seeds(seed, self.num_envs)
+        self._ask("reset", *((seeds[group], mask[group], given) for group in self._groups))
         now = self._now.array.copy()
         infos = vector_infos.only(vector_infos.with_masks(_fields(now["info"]), everyone), mask)
         return now["observation"].copy(), infos
@@ -150,13 +148,8 @@ class FleetVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         Raises:
             InvalidInputError: if the actions (N, …) are no numbers or of another shape.
         """
-        given, expected = as_array("actions", actions), self._actions.array
-        if given.dtype.kind not in "fiu" or given.shape != expected.shape:
-            raise InvalidInputError(
-                f"actions: got shape {given.shape} of {given.dtype}, expected {expected.shape} "
-                "real numbers"
-            )
-        expected[...] = given
+        expected = self._actions.array
+        expected[...] = floats("actions", actions, expected.shape)
         self._ask("step", *((),) * len(self._groups))
         now = self._now.array.copy()
         everyone = np.ones(self.num_envs, dtype=np.bool_)

@@ -9,6 +9,18 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.errors import choose
+
+
+def mode_of(mode: str | AutoresetMode) -> AutoresetMode:
+    """Return how a vector environment starts over: "NextStep", "SameStep" or "Disabled".
+
+    Raises:
+        UnknownNameError: if it is none of them; the message lists them.
+    """
+    if isinstance(mode, AutoresetMode):
+        return mode
+    return choose("autoreset_mode", mode, {one.value: one for one in AutoresetMode})
 
 
 def with_masks(info: Info, reported: Mask) -> Info:

@@ -178,7 +178,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
             InvalidInputError: if an option is unknown, or the scene is of another kind.
         """
         given = self._scenes.check(options)
-        super().reset(seed=seed)
+        super().reset(seed=task.check_seed(seed))
         scene = self._scenes.next(self.np_random, given)
         if scene is not self.scenario:
             self.scenario = scene

@@ -20,7 +20,7 @@ from hcbf_gym.envs.plain_spec import PlainSpec
 from hcbf_gym.envs.plants import plant_of, warn_of
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.errors import InvalidInputError, as_array, count
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.scenarios import Layout, Route, Scenario, ScenarioLike
 
@@ -53,18 +53,10 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
     ):
-        if num_envs < 1 or (max_episode_steps < 1 and max_episode_steps != -1):
-            raise InvalidInputError(
-                f"got num_envs {num_envs} and max_episode_steps {max_episode_steps}, "
-                "expected >= 1 (max_episode_steps -1 for no limit)"
-            )
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError as error:
-            choices = [mode.value for mode in AutoresetMode]
-            raise InvalidInputError(
-                f"autoreset_mode: got {autoreset_mode!r}, expected one of {choices}"
-            ) from error
+        count("num_envs", num_envs)
+        if count("max_episode_steps (-1 for no limit)", max_episode_steps, minimum=-1) == 0:
+            raise InvalidInputError("max_episode_steps: got 0, expected >= 1, or -1 for no limit")
+        self.autoreset_mode = vector_infos.mode_of(autoreset_mode)
         if render_mode not in (None, "rgb_array"):
             raise InvalidInputError(
                 f"render_mode: got {render_mode!r}, expected None or 'rgb_array'"
@@ -250,12 +242,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         return mask
 
     def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        if seed is None:
-            return
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if len(seeds) != self.num_envs:
-            raise InvalidInputError(f"seed: got {len(seeds)} seeds, expected {self.num_envs}")
-        for i, one in enumerate(seeds):
+        for i, one in enumerate(task.check_seeds(seed, self.num_envs)):
             if one is not None:
                 self._rngs[i], _ = seeding.np_random(one)
 

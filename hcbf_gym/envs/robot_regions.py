@@ -151,7 +151,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
             InvalidInputError: if an option is unknown, or the scene is of another kind.
         """
         given = self._scenes.check(options)
-        super().reset(seed=seed)
+        super().reset(seed=task.check_seed(seed))
         scene = self._scenes.next(self.np_random, given)
         if scene is not self.scenario:
             self._take_scene(scene)

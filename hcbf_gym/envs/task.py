@@ -1,5 +1,6 @@
 """What both environments share: time steps, observation, reward and the infos of a step."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.barriers.layout import SPEED_LIMIT, ZONES
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.compilation import borrowed, kernel
-from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.errors import InvalidInputError, count, floats
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
 
@@ -238,15 +239,10 @@ def check_action(action: object, shape: tuple[int, ...]) -> Array:
     """Return the action as float64.
 
     Raises:
-        InvalidInputError: if it is no array of real numbers, has another shape, or an entry is NaN
+        InvalidInputError: if it is no array of 32 or 64 bits, has another shape, or an entry is NaN
             or infinite.
     """
-    array = as_array("action", action)
-    if array.dtype.kind not in "fiu":
-        raise InvalidInputError(f"action: got {action!r}, expected an array of real numbers")
-    array = array.astype(np.float64, copy=False)
-    if array.shape != shape:
-        raise InvalidInputError(f"action: got shape {array.shape}, expected {shape}")
+    array = floats("action", action, shape).astype(np.float64, copy=False)
     if not _are_finite(array):
         raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
     return array
@@ -259,6 +255,33 @@ def _are_finite(array: Array) -> bool:
     for number in array.flat:
         finite &= np.isfinite(number)
     return finite
+
+
+def check_seed(seed: object) -> int | None:
+    """Return the seed of a reset; None goes on.
+
+    Raises:
+        InvalidInputError: if it is neither None nor an integer from 0 on.
+    """
+    return None if seed is None else count("seed", seed, minimum=0, maximum=np.inf)
+
+
+def check_seeds(seed: object, n: int) -> list[int | None]:
+    """Return a seed for each of N environments.
+
+    Args:
+        seed: of environment 0, the others follow; or one for each.
+        n: N.
+
+    Raises:
+        InvalidInputError: if there are not N of them, or one is none.
+    """
+    if isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
+        if len(seed) != n:
+            raise InvalidInputError(f"seed: got {len(seed)} seeds, expected {n}")
+        return [check_seed(one) for one in seed]
+    first = check_seed(seed)
+    return [None if first is None else first + i for i in range(n)]
 
 
 def check_started(started: bool) -> None:

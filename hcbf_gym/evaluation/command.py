@@ -28,21 +28,36 @@ from rich.console import Console
 from rich.progress import track
 
 from hcbf_gym import loading, policies, programs, records, scenarios
+from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
 from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, require, said_once
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    UnknownNameError,
+    require,
+    said_once,
+)
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
-from hcbf_gym.evaluation.output_folder import free_folder, open_folder, write_json
+from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
-from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggregate, evaluate
+from hcbf_gym.evaluation.rollouts import (
+    ENVIRONMENTS,
+    SHOWN_OPTIONS,
+    UNFILTERED,
+    Case,
+    aggregate,
+    evaluate,
+)
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend, open_pool
+from hcbf_gym.programs.general.qp import check_solver
 from hcbf_gym.robots.walker import Walker
 
 GOES_ON = "the same command goes on where this one stopped"
@@ -67,11 +82,11 @@ class Args:
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     map: Path | None = None
     """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. Seeds draw start and goal."""
-    masks: dict[str, int] = field(default_factory=dict)
+    masks: dict[str, Count] = field(default_factory=dict)
     """Masks over that map and their ranks: --masks keepout.yaml 2 avoid.yaml 3."""
-    slow: dict[str, float] = field(default_factory=dict)
+    slow: dict[str, Positive] = field(default_factory=dict)
     """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
-    v_max: float | None = None
+    v_max: Positive | None = None
     """Cap on the speed [m/s; default: the scene's]."""
     body: Literal["point", "footprint"] = "point"
     """What must stay outside: the robot's centre, or the whole robot."""
@@ -82,27 +97,27 @@ class Args:
     """none, or names from hcbf_gym.programs.names()."""
     guidance: Literal["geodesic", "local"] | None = None
     """Lead around the regions: to the goal, or where none is known."""
-    gamma0: float | None = None
+    gamma0: Amount | None = None
     """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
-    delta_gamma: float | None = None
+    delta_gamma: Amount | None = None
     """Slope Δγ of the weight, likewise [default: h 1.3]."""
-    margin: float | None = None
+    margin: Amount | None = None
     """What strict rows reserve between h and zero [m; default: the environment's]."""
     solver: str | None = None
     """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
     feedback: Literal["measured", "position", "rom"] = "position"
     """On which state the A1 closes its loop."""
-    episodes: int = 1
+    episodes: Count = 1
     """Episodes of each pair, with the seeds seed, seed + 1, …"""
-    seed: int = 0
+    seed: Seed = 0
     """First seed."""
-    steps: int | None = None
+    steps: Count | None = None
     """The most that an episode takes [default: what the environment does; 500 of your own]."""
-    workers: int | None = None
+    workers: Workers | None = None
     """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
-    output: Path | None = None
+    output: Folder | None = None
     """Folder for the table, the figures and summary.json [default: results/evaluate, or
     results/evaluate-2, … where that holds another run]."""
     overwrite: bool = False
@@ -112,7 +127,7 @@ class Args:
     video: bool = False
     """Record the first episode of each pair; needs the extra `video` and, of an environment of this
     package, OpenGL. One of your own is seen from above."""
-    snapshot: float | None = None
+    snapshot: Amount | None = None
     """Save a frame of the first episode of each pair at this time [s]; needs OpenGL."""
 
     @property
@@ -125,9 +140,13 @@ def main(args: Args) -> None:
     """Run every pair of policy and program, and write what came out."""
     _check(args)
     scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
+    if not args.own:
+        scenarios.make(scene)
     cases = [
         _case(args, scene, policy, program) for policy in args.policy for program in args.program
     ]
+    if args.output is not None:
+        check_folder(args.output, _settings(args, _files(args)), args.overwrite)
     with said_once():
         _try(args, cases)
     with warnings.catch_warnings():
@@ -215,10 +234,20 @@ def _check(args: Args) -> None:
     Raises:
         HcbfError: if there are some.
     """
-    if args.episodes < 1:
-        raise InvalidInputError(f"episodes: got {args.episodes}, expected at least 1")
-    if args.steps is not None and args.steps < 1:
-        raise InvalidInputError(f"steps: got {args.steps}, expected at least 1")
+    Runs(None, args.workers, args.backend).check()
+    if not (args.own or args.env in ENVIRONMENTS):
+        raise UnknownNameError(
+            f"unknown environment: got {args.env!r}, expected one of {list(ENVIRONMENTS)}, "
+            "file.py:function or module:function"
+        )
+    if args.robot != Args.robot and args.env != "HCBF-WalkerRegions-v0":
+        raise InvalidInputError(
+            f"--robot: got {args.robot!r} with {args.env}, expected --env HCBF-WalkerRegions-v0"
+        )
+    for policy in args.policy:
+        policies.check(policy)
+    if args.solver is not None:
+        check_solver(args.solver)
     if args.video:
         require("--video", "video", "moviepy")
     if args.own:
@@ -404,7 +433,7 @@ def _record(case: Case, args: Args, output: Path) -> str:
     name = f"{_file_name(case.policy)}-{case.program}"
     folder = output / "video" / name
     if args.own:
-        folder.parent.mkdir(parents=True, exist_ok=True)
+        records.make_folder(folder.parent)
         film(case.run(args.seed), folder.with_suffix(".mp4"), _own_barriers(args))
         return f"video/{name}.mp4"
     env = gym.wrappers.RecordVideo(

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.records import whole
-
-_SETTINGS = "settings.json"
+from hcbf_gym.records import SETTINGS, check_place, make_folder, whole
 
 
 def open_folder(
@@ -27,9 +25,9 @@ def open_folder(
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
     """
     check_folder(folder, settings, overwrite)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     text = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False) + "\n"
-    write_text(folder / _SETTINGS, text)
+    write_text(folder / SETTINGS, text)
 
 
 def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
@@ -50,9 +48,10 @@ def check_folder(
     Raises:
         InvalidInputError: if the folder holds another study or anything else.
     """
-    path = folder / _SETTINGS
+    path = folder / SETTINGS
     flag = "" if overwrite is None else ", or --overwrite"
-    if folder.exists() and not folder.is_dir():
+    check_place("output", folder)
+    if folder.is_file():
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
     if path.exists():
         differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)))

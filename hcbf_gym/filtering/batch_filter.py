@@ -12,10 +12,11 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
 from hcbf_gym.filtering.array_kinds import Numbers, like, numpy_of
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -74,9 +75,10 @@ class BatchFilter:
         threads: int = 1,
         **options: Any,
     ):
-        if not isinstance(input_set, InputSet) or input_set.n_u != 2:
+        input_set = input_sets.read("input_set", input_set)
+        if input_set.n_u != 2:
             raise InvalidInputError(f"input_set: got {input_set!r}, expected one of two inputs")
-        self.num_envs = None if num_envs is None else _count("num_envs", num_envs)
+        self.num_envs = None if num_envs is None else count("num_envs", num_envs)
         self._count = 1 if num_envs is None else int(num_envs)
         finite_float("period", period, minimum=0.0, exclusive=True)
         rows = options.pop("rows", "held")
@@ -85,7 +87,7 @@ class BatchFilter:
             extent=extent, uncertainty=uncertainty,
         )  # fmt: skip
         settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
-        self._core = PlanarCore(plant, input_set, settings, num_envs, _count("threads", threads))
+        self._core = PlanarCore(plant, input_set, settings, num_envs, count("threads", threads))
         self._barriers: BarrierSet | None = None
         self._goal: Array | None = None
         self._extent = extent
@@ -104,6 +106,7 @@ class BatchFilter:
 
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of each row in the report of plant `i`."""
+        i = count("i", i, minimum=0, maximum=self._count - 1)
         return [] if self._barriers is None else self._barriers.conditions(i)
 
     def set_scene(
@@ -193,7 +196,7 @@ class BatchFilter:
         """Return u and the report, arrays of the kind that u* is.
 
         Args:
-            u_nominal: u* (N, 2) [m/s²]; u has its type, 32 or 64 bits.
+            u_nominal: u* (N, 2) [m/s²] of 32 or 64 bits; u has its type, and is as reported.
             x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
             time: () or (N,) of the states [s]; None counts periods since the reset.
             elapsed: () or (N,) since the samples before [s], where periods vary; None is one.
@@ -207,12 +210,8 @@ class BatchFilter:
                 f"batch filter: got a step before a reset of {int((~self._begun).sum())} of "
                 f"{self._count} plants, expected reset(x=…) first"
             )
-        wanted = numpy_of("u_nominal", u_nominal)
         shape = (2,) if self.num_envs is None else (self._count, 2)
-        if wanted.shape != shape or wanted.dtype.kind not in "fiu":
-            raise InvalidInputError(
-                f"u_nominal: got {wanted.dtype} {wanted.shape}, expected real numbers {shape}"
-            )
+        wanted = floats("u_nominal", u_nominal, shape)
         back = like(u_nominal)
         self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
         estimate = self._estimate(x, time, elapsed, missing)
@@ -224,11 +223,14 @@ class BatchFilter:
 
     def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
         """Return what is known of the plants."""
-        estimate = x if isinstance(x, Estimate) else Estimate(numpy_of("x", x))
+        given = x.x if isinstance(x, Estimate) else x
+        known = floats("x", numpy_of("x", given))
+        estimate = x._replace(x=known) if isinstance(x, Estimate) else Estimate(known)
         if time is not None:
-            estimate = estimate._replace(time=self._of_all("time", time))
+            estimate = estimate._replace(time=reals("time", self._of_all("time", time)))
         if elapsed is not None:
-            estimate = estimate._replace(elapsed=self._of_all("elapsed", elapsed))
+            since = reals("elapsed", self._of_all("elapsed", elapsed))
+            estimate = estimate._replace(elapsed=since)
         if missing is not None:
             absent = self._of_all("missing", missing)
             if absent.dtype != np.bool_ or absent.shape != (self._count,):
@@ -243,17 +245,6 @@ class BatchFilter:
         """Return a number of each plant, of which one may be given for all."""
         given = numpy_of(name, value)
         return np.broadcast_to(given, self._count) if given.ndim == 0 else given
-
-
-def _count(name: str, value: object) -> int:
-    """Return a whole number from 1 on.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InvalidInputError(f"{name}: got {value!r}, expected a whole number >= 1")
-    return int(value)
 
 
 def _nothing(*_: object) -> tuple[()]:

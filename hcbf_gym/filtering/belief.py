@@ -12,6 +12,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Record, Records
 from hcbf_gym.barriers import margins
 from hcbf_gym.compilation import kernel, put
+from hcbf_gym.errors import holds_numbers
 from hcbf_gym.filtering.verdict import NEWS
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
@@ -206,7 +207,8 @@ def real_numbers(value: object, shape: tuple[int, ...]) -> Array | None:
 def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
     """Return `value` as a new float64 array if it is a real one of that shape; else None.
 
-    What a mask hides is no number. Some of the numbers may be infinite or none.
+    Half precision holds no state, and what a mask hides is no number. Some of the numbers may be
+    infinite or none.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
         return value.copy()
@@ -216,7 +218,7 @@ def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
         array = np.asarray(value)
     except Exception:  # whatever a foreign object raises when it is asked for its numbers
         return None
-    if array.dtype.kind not in "fiu" or array.shape != shape:
+    if not holds_numbers(array.dtype) or array.shape != shape:
         return None
     with np.errstate(all="ignore"):
         return array.astype(np.float64)

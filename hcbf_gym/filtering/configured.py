@@ -18,6 +18,7 @@ from hcbf_gym.errors import (
     check_options,
     choose,
     finite_array,
+    flag,
     warn_caller,
 )
 from hcbf_gym.filtering import plants
@@ -72,6 +73,13 @@ class Configured:
         threads: int = 1,
     ):
         choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
+        flag("allow_late_inputs", settings.allow_late_inputs)
+        if input_set.n_u != plant.model.n_u:
+            raise InvalidInputError(
+                f"inputs: got a set of {input_set.n_u} entries with {plant.model}, expected "
+                f"{plant.model.n_u}: give Plant(input_set=…), and to_action and from_action where "
+                "the environment's actions are others"
+            )
         allowed = (*ROW_OPTIONS, *programs.options(settings.program))
         check_options(f"safety filter {settings.program!r}", settings.options, allowed)
         if plant.axle is not None and settings.solver is not None:

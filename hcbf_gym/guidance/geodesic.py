@@ -6,12 +6,13 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import errors
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float, reals
 from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
@@ -74,8 +75,8 @@ class Geodesic:
         period: float = 0.5,
         pull: Pull | None = None,
     ):
-        if count < 1:
-            raise InvalidInputError(f"count: got {count}, expected >= 1")
+        count = errors.count("count", count)
+        through = errors.count("through", through, minimum=0)
         self.cell = finite_float("cell", cell, minimum=0.0, exclusive=True)
         self.period = finite_float("period", period, minimum=0.0, exclusive=True)
         self.pull = Pull() if pull is None else pull
@@ -359,7 +360,7 @@ class Geodesic:
         Raises:
             InvalidInputError: if it is no number from 0 on, and not one for each edge.
         """
-        given = as_array("clearance", clearance)
+        given = reals("clearance", clearance)
         if given.ndim == 0:
             finite_float("clearance", given.item(), minimum=0.0)
         else:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hcbf_gym import errors
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, kernels
 from hcbf_gym.barriers.set import BarrierSet
@@ -118,8 +119,7 @@ class Local:
     """
 
     def __init__(self, count: int = 1):
-        if count < 1:
-            raise InvalidInputError(f"count: got {count}, expected >= 1")
+        count = errors.count("count", count)
         self.memory = np.zeros((count, 2))
         self.barriers: BarrierSet | None = None
 

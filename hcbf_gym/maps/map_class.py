@@ -6,7 +6,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_float, shown
 from hcbf_gym.models.constants import FARTHEST
 
 KINDS = ("keepout", "speed", "unknown")
@@ -38,20 +38,23 @@ class MapClass:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"map class: name: got {self.name!r}, expected non-empty text")
+            raise InvalidInputError(
+                f"map class: name: got {shown(self.name)}, expected non-empty text"
+            )
         label = f"map class {self.name!r}"
         choose(f"{label}: kind", self.kind, dict.fromkeys(KINDS))
         integer = isinstance(self.rank, int | np.integer) and not isinstance(self.rank, bool)
         if not integer or not 1 <= self.rank <= LOWEST_RANK:
             raise InvalidInputError(
-                f"{label}: rank: got {self.rank!r}, expected an integer from 1 to {LOWEST_RANK}"
+                f"{label}: rank: got {shown(self.rank)}, expected an integer from 1 to "
+                f"{LOWEST_RANK}"
             )
         if (self.kind == "speed") != (self.limit is not None):
             raise InvalidInputError(
-                f"{label}: limit: got {self.limit!r} for the kind {self.kind!r}, "
+                f"{label}: limit: got {shown(self.limit)} for the kind {self.kind!r}, "
                 "expected a speed [m/s] for the kind 'speed' and None for the others"
             )
-        cells = np.asarray(self.cells)
+        cells = as_array(f"{label}: cells", self.cells)
         if cells.ndim != 2 or cells.dtype != np.bool_:
             raise InvalidInputError(
                 f"{label}: cells: got {cells.dtype} of the shape {cells.shape}, "

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import finite_array
+from hcbf_gym.errors import finite_array, instance, reals
 from hcbf_gym.maps.ranked_map import RankedMap
 from hcbf_gym.models.constants import FARTHEST
 
@@ -37,7 +36,9 @@ def paying(ranked: RankedMap, x: ArrayLike, slack: ArrayLike) -> Iterator[Paying
     Raises:
         InvalidInputError: if the slack is not of the map's classes.
     """
-    at = finite_array("x", np.asarray(x)[:2], (2,), largest=FARTHEST)
+    instance("ranked", ranked, RankedMap)
+    state = reals("x", x)
+    at = finite_array("x", state[:2] if state.ndim == 1 else state, (2,), largest=FARTHEST)
     given = finite_array("slack", slack, (len(ranked.classes),))
     for barrier, paid in zip(ranked.conditions, given.tolist(), strict=True):
         if paid > 0.0:

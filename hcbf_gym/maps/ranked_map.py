@@ -15,7 +15,15 @@ from hcbf_gym.barriers import pieces
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
-from hcbf_gym.errors import InvalidInputError, as_array, check_options, choose, finite_array
+from hcbf_gym.errors import (
+    InvalidInputError,
+    as_array,
+    check_options,
+    choose,
+    count,
+    finite_array,
+    shown,
+)
 from hcbf_gym.maps import packing, reading
 from hcbf_gym.maps.cover import Cover
 from hcbf_gym.maps.map_class import MapClass
@@ -60,7 +68,7 @@ class RankedMap(Several):
         listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
         if not listed or not all(isinstance(one, MapClass) for one in self.classes):
             raise InvalidInputError(
-                f"map: classes: got {self.classes!r}, expected a sequence of MapClasses"
+                f"map: classes: got {shown(self.classes)}, expected a sequence of MapClasses"
             )
         object.__setattr__(self, "classes", tuple(self.classes))
         names = [one.name for one in self.classes]
@@ -68,8 +76,10 @@ class RankedMap(Several):
             raise InvalidInputError(
                 f"map: got classes named {names}, expected one or more, all different"
             )
+        if self.source is not None:
+            records.check_mapping("map: source", self.source)
         if not isinstance(self.grid, Grid):
-            raise InvalidInputError(f"map: grid: got {self.grid!r}, expected a Grid")
+            raise InvalidInputError(f"map: grid: got {shown(self.grid)}, expected a Grid")
         for one in self.classes:
             if one.cells.shape != self.grid.shape:
                 raise InvalidInputError(
@@ -107,7 +117,8 @@ class RankedMap(Several):
             InvalidInputError: if a file cannot be read, a field is missing, unknown or out of
                 range, or every cell is strict.
         """
-        grid, classes, counted = reading.read(file, masks or {}, rank, unknown, margin)
+        masks = {} if masks is None else masks
+        grid, classes, counted = reading.read(file, masks, rank, unknown, margin)
         return cls(grid, classes, reading.source(file, masks, rank, unknown, margin), counted)
 
     @classmethod
@@ -183,6 +194,7 @@ class RankedMap(Several):
             InvalidInputError: if the points are not finite.
         """
         at = finite_array("points", points, (None, 2), largest=FARTHEST)
+        rank = None if rank is None else count("rank", rank)
         least = np.full(len(at), np.inf)
         for one, cells in zip(self.classes, self._cells, strict=True):
             if one.kind != "speed" and rank in (None, one.rank):
@@ -268,8 +280,8 @@ def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
     )
     if not sound or window.ndim != 2 or window.dtype != np.bool_:
         raise InvalidInputError(
-            f"map update: got {window.dtype} of the shape {window.shape} at {corner!r}, expected "
-            "truth values (h, w) at a row and a column"
+            f"map update: got {window.dtype} of the shape {window.shape} at {shown(corner)}, "
+            "expected truth values (h, w) at a row and a column"
         )
     r, c = int(corner[0]), int(corner[1])
     rows, columns = grid.shape

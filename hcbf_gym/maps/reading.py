@@ -10,7 +10,7 @@ import numpy as np
 
 from hcbf_gym import records
 from hcbf_gym.arrays import Mask
-from hcbf_gym.errors import InvalidInputError, check_options, finite_float, warn_caller
+from hcbf_gym.errors import InvalidInputError, check_options, finite_float, shown, warn_caller
 from hcbf_gym.maps import nav2
 from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.maps.nav2 import Raster
@@ -87,7 +87,7 @@ def read(
 ) -> tuple[Grid, Classes, Cells]:
     """Read a map and its masks, and count and log what the map shows; see `RankedMap.load`."""
     if not isinstance(file, str | Path) or not str(file):
-        raise InvalidInputError(f"map: file: got {file!r}, expected the path of a YAML file")
+        raise InvalidInputError(f"map: file: got {shown(file)}, expected the path of a YAML file")
     file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
     found = of_map(raster, rank, unknown, margin)

@@ -6,11 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, check_name
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.pieces import Pieces
-from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    as_array,
+    finite_array,
+    finite_float,
+    holds_numbers,
+    shown,
+    text,
+)
 from hcbf_gym.maps import surfaces
 from hcbf_gym.maps.surfaces import EDGE
 from hcbf_gym.models.constants import ON_EARTH
@@ -78,6 +86,7 @@ class Scan(Several):
     _seen: SeenRegion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_name(self.name, self.rank)
         x, y, yaw = finite_array(f"{self.name}: pose", self.pose, (3,), largest=ON_EARTH).tolist()
         object.__setattr__(self, "pose", (x, y, yaw))
         for name in ("period", "speed", "margin", "noise", "depth", "reach"):
@@ -166,7 +175,7 @@ def points_of(
     Raises:
         InvalidInputError: if there are not as many angles as ranges, or one is no number.
     """
-    far = _numbers(f"{name}: ranges", ranges, 1)
+    far = _numbers(f"{text('name', name)}: ranges", ranges, 1)
     turn = finite_array(f"{name}: angles", angles, (far.size,))
     far = np.where(np.isneginf(far), 0.0, far)
     if (far < 0.0).any():
@@ -189,8 +198,10 @@ def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
     """
     given = as_array(name, values)
     given = given.reshape((0, 2)[:axes]) if given.size == 0 else given
-    if given.dtype.kind not in "fiu" or given.ndim != axes:
-        raise InvalidInputError(f"{name}: got {values!r}, expected {axes} axes of real numbers")
+    if not holds_numbers(given.dtype) or given.ndim != axes:
+        raise InvalidInputError(
+            f"{name}: got {shown(values)}, expected {axes} axes of real numbers"
+        )
     if np.isnan(given).any():
         raise InvalidInputError(
             f"{name}: got NaN, expected numbers, +inf where nothing is in sight"

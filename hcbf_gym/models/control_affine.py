@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import InvalidInputError, count, finite_array, shown
 from hcbf_gym.models.autodiff import compile64, import_jax, is_jax
-from hcbf_gym.models.reduced_order import ReducedOrderModel, count, namespace
+from hcbf_gym.models.reduced_order import ReducedOrderModel, namespace
 
 
 class ControlAffine(ReducedOrderModel):
@@ -26,8 +26,8 @@ class ControlAffine(ReducedOrderModel):
         velocity_at: where the planar velocity that a speed limit reads starts in x, if it does.
 
     Raises:
-        InvalidInputError: if a count is not positive, or a function does not return numbers of its
-            shape.
+        InvalidInputError: if a count is not positive, or a function raises an error or does not
+            return numbers of its shape.
 
     Examples:
         >>> import numpy as np
@@ -50,10 +50,12 @@ class ControlAffine(ReducedOrderModel):
     ) -> None:
         self.n = count("n", n)
         self.n_u = count("n_u", n_u)
+        if velocity_at is not None:
+            velocity_at = count("velocity_at", velocity_at, minimum=0, maximum=self.n - 2)
         self.velocity_at = velocity_at
         self._f, self._g = f, g
         probe = np.linspace(0.1, 0.9, self.n)
-        drift, inputs = f(probe), g(probe)
+        drift, inputs = _tried("f", f, probe), _tried("g", g, probe)
         finite_array("f(x)", drift, (self.n,))
         finite_array("g(x)", inputs, (self.n, self.n_u))
         self._jacobian: Callable[..., Any] | None = None
@@ -100,3 +102,20 @@ class ControlAffine(ReducedOrderModel):
                 f"{name}: got NumPy or a branch on the state, expected jax.numpy (and jnp.where), "
                 "as barriers.Function differentiates through the model"
             ) from error
+
+
+def _tried(name: str, function: Callable[[Any], Any], x: Array) -> Any:
+    """Return what a user's function gives at a state.
+
+    Raises:
+        InvalidInputError: if it cannot be called, or raises an error.
+    """
+    if not callable(function):
+        raise InvalidInputError(f"{name}: got {shown(function)}, expected a function of x (n,)")
+    try:
+        return function(x.copy())
+    except Exception as error:  # whatever a user's function raises
+        raise InvalidInputError(
+            f"{name}: got {type(error).__name__}: {error} at x = {shown(x.tolist())}, expected "
+            "numbers"
+        ) from error

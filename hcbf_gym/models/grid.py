@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, reals, shown
 from hcbf_gym.models.constants import ON_EARTH
 
 LARGEST = 25_000_000
@@ -58,12 +58,12 @@ class Grid:
 
     def to_cells(self, points: ArrayLike) -> Array:
         """Return (N, 2) fractional column and row of points (N, 2) [m]."""
-        points = np.asarray(points, dtype=np.float64)
+        points = _pairs("points", points)
         return (points - self.origin[:2]) @ self.axes / self.resolution
 
     def to_world(self, cells: ArrayLike) -> Array:
         """Return (N, 2) points [m] of fractional columns and rows (N, 2)."""
-        cells = np.asarray(cells, dtype=np.float64)
+        cells = _pairs("cells", cells)
         return self.origin[:2] + (self.resolution * cells) @ self.axes.T
 
     @cached_property
@@ -71,6 +71,18 @@ class Grid:
         """(4, 2) corners of the whole grid, counter-clockwise [m]."""
         rows, columns = self.shape
         return self.to_world([[0, 0], [columns, 0], [columns, rows], [0, rows]])
+
+
+def _pairs(name: str, values: ArrayLike) -> Array:
+    """Return (…, 2) real numbers.
+
+    Raises:
+        InvalidInputError: if they are none.
+    """
+    pairs = reals(name, values)
+    if pairs.shape[-1:] != (2,):
+        raise InvalidInputError(f"{name}: got shape {pairs.shape}, expected (N, 2)")
+    return pairs
 
 
 def checked_shape(shape: object) -> tuple[int, int]:
@@ -83,7 +95,7 @@ def checked_shape(shape: object) -> tuple[int, int]:
     if len(numbers) != 2 or any(
         isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in numbers
     ):
-        raise InvalidInputError(f"map: shape: got {shape!r}, expected two positive integers")
+        raise InvalidInputError(f"map: shape: got {shown(shape)}, expected two positive integers")
     rows, columns = map(int, numbers)
     if rows * columns > LARGEST:
         raise InvalidInputError(

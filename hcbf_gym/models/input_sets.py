@@ -9,7 +9,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, check_options, choose, finite_array, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    check_options,
+    choose,
+    count,
+    finite_array,
+    finite_float,
+    reals,
+    shown,
+)
+
+
+def _entries(name: str, value: object, n: int) -> Array:
+    """Return (n,) real numbers, which may be NaN or infinite.
+
+    Raises:
+        InvalidInputError: if they are none.
+    """
+    numbers = reals(name, value)
+    if numbers.shape != (n,):
+        raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected ({n},)")
+    return numbers
 
 
 def _frozen(array: Array) -> Array:
@@ -49,7 +70,8 @@ class Box:
     @classmethod
     def symmetric(cls, limit: float, n_u: int = 2) -> Self:
         """Return ``|u_i| ≤ limit`` (paper, section IV-A: limit 5 m/s², two inputs)."""
-        bound = np.full(n_u, finite_float("limit", limit, minimum=0.0, exclusive=True))
+        bound = finite_float("limit", limit, minimum=0.0, exclusive=True)
+        bound = np.full(count("n_u", n_u), bound)
         return cls(-bound, bound)
 
     @property
@@ -69,16 +91,22 @@ class Box:
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Tell whether u (n_u,) lies in the set, or at most `tolerance` outside a limit."""
-        limits = zip(np.asarray(u).tolist(), self.low.tolist(), self.high.tolist(), strict=True)
+        tolerance = finite_float("tolerance", tolerance)
+        inside = _entries("u", u, self.n_u).tolist()
+        limits = zip(inside, self.low.tolist(), self.high.tolist(), strict=True)
         return all(low - tolerance <= x <= high + tolerance for x, low, high in limits)
 
     def support(self, a: Array) -> float:
         """Return the most that an input of the set gives of a·u, a (n_u,)."""
+        a = _entries("a", a, self.n_u)
         return float(np.maximum(a * self.low, a * self.high).sum())
 
     def project(self, u: ArrayLike) -> Array:
-        """Return the point of the set that is nearest to u (n_u,)."""
-        return np.minimum(np.maximum(np.asarray(u, dtype=np.float64), self.low), self.high)
+        """Return the point of the set that is nearest to u (n_u,); of many u (…, n_u) each."""
+        wanted = reals("u", u)
+        if wanted.shape[-1:] != (self.n_u,):
+            raise InvalidInputError(f"u: got shape {wanted.shape}, expected (…, {self.n_u})")
+        return np.minimum(np.maximum(wanted, self.low), self.high)
 
     def vertices(self) -> Array:
         """Return the corners (2^n_u, n_u); in the plane, counter-clockwise."""
@@ -90,6 +118,7 @@ class Box:
 
     def scaled(self, factor: float) -> "Box":
         """Return the set with every input multiplied by a factor above 0."""
+        factor = finite_float("factor", factor, minimum=0.0, exclusive=True)
         return Box(factor * self.low, factor * self.high)
 
     def to_dict(self) -> dict[str, object]:
@@ -118,10 +147,7 @@ class Ball:
     def __post_init__(self) -> None:
         radius = finite_float("radius", self.radius, minimum=0.0, exclusive=True)
         object.__setattr__(self, "radius", radius)
-        if isinstance(self.sides, bool) or not isinstance(self.sides, int):
-            raise InvalidInputError(f"sides: got {self.sides!r}, expected an integer from 3 to 64")
-        if not 3 <= self.sides <= 64:
-            raise InvalidInputError(f"sides: got {self.sides}, expected an integer from 3 to 64")
+        object.__setattr__(self, "sides", count("sides", self.sides, minimum=3, maximum=64))
 
     @property
     def n_u(self) -> int:
@@ -148,15 +174,16 @@ class Ball:
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Tell whether u (2,) lies in the polygon, or at most `tolerance` outside a side."""
         a, b = self._halfspaces
-        return bool((a @ np.asarray(u) >= b - tolerance).all())
+        tolerance = finite_float("tolerance", tolerance)
+        return bool((a @ _entries("u", u, 2) >= b - tolerance).all())
 
     def support(self, a: Array) -> float:
         """Return the most that an input of the polygon gives of a·u, a (2,)."""
-        return float((self.vertices() @ a).max())
+        return float((self.vertices() @ _entries("a", a, 2)).max())
 
     def project(self, u: ArrayLike) -> Array:
         """Return the point of the polygon that is nearest to u (2,)."""
-        point = np.array(u, dtype=np.float64)
+        point = _entries("u", u, 2)
         if self.contains(point, 0.0):
             return point
         start = self.vertices()
@@ -167,6 +194,7 @@ class Ball:
 
     def scaled(self, factor: float) -> "Ball":
         """Return the set with every input multiplied by a factor above 0."""
+        factor = finite_float("factor", factor, minimum=0.0, exclusive=True)
         return Ball(factor * self.radius, self.sides)
 
     def to_dict(self) -> dict[str, object]:
@@ -177,6 +205,27 @@ class Ball:
 InputSet = Box | Ball
 
 
+def read(name: str, value: Any) -> InputSet:
+    """Return an input set: itself, or the box of a bounded space of Gymnasium.
+
+    Args:
+        name: the argument's name, for the message.
+        value: an input set, or what has `low`, `high` and `dtype` as a `gymnasium.spaces.Box`.
+
+    Raises:
+        InvalidInputError: if it is neither, or of a type that holds no u, such as integers.
+    """
+    if isinstance(value, Box | Ball):
+        return value
+    low, high, dtype = (getattr(value, part, None) for part in ("low", "high", "dtype"))
+    if low is None or high is None or not isinstance(dtype, np.dtype) or dtype.char not in "fd":
+        raise InvalidInputError(
+            f"{name}: got {shown(value)}, expected a Box or a Ball of hcbf_gym.models, or a "
+            "bounded Box of Gymnasium with dtype float32 or float64"
+        )
+    return Box(low, high)
+
+
 def from_dict(fields: Mapping[str, Any]) -> InputSet:
     """Return the input set that :meth:`Box.to_dict` or :meth:`Ball.to_dict` described.
 
@@ -185,7 +234,7 @@ def from_dict(fields: Mapping[str, Any]) -> InputSet:
         InvalidInputError: on missing, unknown or malformed fields.
     """
     if not isinstance(fields, Mapping) or "kind" not in fields:
-        raise InvalidInputError(f"input set: got {fields!r}, expected a dict with a 'kind'")
+        raise InvalidInputError(f"input set: got {shown(fields)}, expected a dict with a 'kind'")
     kind = choose("kind of input set", fields["kind"], {"box": Box, "ball": Ball})
     arguments = {name: value for name, value in fields.items() if name != "kind"}
     required, optional = (("low", "high"), ()) if kind is Box else (("radius",), ("sides",))

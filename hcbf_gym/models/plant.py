@@ -8,7 +8,16 @@ from typing import Any, NamedTuple
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    choose,
+    finite_array,
+    finite_float,
+    instance,
+    reals,
+    shown,
+)
+from hcbf_gym.models import input_sets
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
@@ -254,9 +263,14 @@ class Plant:
     declared: Mapping[str, object] | Reader | None = None
 
     def __post_init__(self) -> None:
+        instance("plant: model", self.model, ReducedOrderModel)
+        if self.input_set is not None:
+            inputs = input_sets.read("plant: input_set", self.input_set)
+            object.__setattr__(self, "input_set", inputs)
         if not callable(self.state):
             raise InvalidInputError(
-                f"plant: got state {self.state!r}, expected a function (env, observation, info)"
+                f"plant: got state {shown(self.state)}, expected a function (env, observation, "
+                "info)"
             )
         if (self.to_action is None) != (self.from_action is None):
             raise InvalidInputError(
@@ -272,9 +286,14 @@ class Plant:
             finite_float("plant: fastest", self.fastest, minimum=0.0, exclusive=True)
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
+        for name, axes in (("goal", (2,)), ("extent", (2, 2))):  # of one plant, or of N
+            given = getattr(self, name)
+            if given is not None and not callable(given):
+                shape = axes if reals(f"plant: {name}", given).ndim <= len(axes) else (None, *axes)
+                finite_array(f"plant: {name}", given, shape)
         choose("on_alarm", self.on_alarm, ON_ALARM)
         if self.axle is not None:
-            self.axle.checked()
+            instance("plant: axle", self.axle, Axle).checked()
             if self.period is None:
                 raise InvalidInputError(
                     "plant: got an axle without a period, expected Plant(period=…) [s]: its U "
@@ -285,10 +304,7 @@ class Plant:
                     f"plant: got an axle with {self.model}, expected DoubleIntegrator(): the point "
                     "before the axle is one"
                 )
-        if not isinstance(self.uncertainty, Uncertainty):
-            raise InvalidInputError(
-                f"plant: got uncertainty {self.uncertainty!r}, expected an Uncertainty"
-            )
+        instance("plant: uncertainty", self.uncertainty, Uncertainty)
         for name, value in self.uncertainty._asdict().items():
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.compilation import kernel
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float
 
 
 class ReducedOrderModel(ABC):
@@ -116,17 +116,6 @@ class ReducedOrderModel(ABC):
 def namespace(x: Any) -> Any:
     """Return the module whose functions fit the array x: NumPy or jax.numpy."""
     return x.__array_namespace__()
-
-
-def count(name: str, value: object) -> int:
-    """Return `value` as an integer of at least 1.
-
-    Raises:
-        InvalidInputError: on anything else.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InvalidInputError(f"{name}: got {value!r}, expected an integer >= 1")
-    return int(value)
 
 
 @dataclass(frozen=True)

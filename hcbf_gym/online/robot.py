@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
-from hcbf_gym.errors import InvalidInputError, finite_float, require_packages
+from hcbf_gym.errors import InvalidInputError, finite_float, require_packages, shown, text
 from hcbf_gym.robots import footprint as footprints
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response
@@ -36,7 +36,10 @@ class Robot:
         for name, kind in (("command", Command), ("response", Response)):
             value = getattr(self, name)
             if not isinstance(value, kind) and (name == "command" or value is not None):
-                raise InvalidInputError(f"robot: {name}: got {value!r}, expected a {kind.__name__}")
+                raise InvalidInputError(
+                    f"robot: {name}: got {shown(value)}, expected a {kind.__name__}"
+                )
+        object.__setattr__(self, "known_as", text("robot: known_as", self.known_as))
         if self.response is not None:
             self.response.gains(len(self.command.limits))  # fit
         reach = finite_float("robot: reach", self.reach, minimum=0.0)
@@ -59,7 +62,7 @@ def known_of(robot: object) -> Robot:
         robot = Walker.load(robot)
     if not isinstance(robot, Walker):
         raise InvalidInputError(
-            f"robot: got {robot!r}, expected a contract's path or name, a Walker or a Robot"
+            f"robot: got {shown(robot)}, expected a contract's path or name, a Walker or a Robot"
         )
     known_as = certificates.robot_of(robot.name, robot.files)
     return Robot(robot.command, robot.response, robot.reach, known_as=known_as)

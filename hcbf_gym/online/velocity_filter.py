@@ -22,6 +22,10 @@ from hcbf_gym.errors import (
     SafetyWarning,
     finite_array,
     finite_float,
+    flag,
+    floats,
+    instance,
+    shown,
     warn_caller,
 )
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -228,6 +232,7 @@ class VelocityFilter:
         Raises:
             InvalidInputError: if `seen_at` is not finite.
         """
+        flag("look", look)
         self._clock.seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
@@ -372,6 +377,7 @@ class VelocityFilter:
         Args:
             other: the filter that told the robot what it does; it is not to be used on.
         """
+        instance("other", other, VelocityFilter)
         self._follower.go_on_from(other._follower)
         self._odometry.go_on_from(other._odometry)
         self._good_from, self._good_until = other._good_from, other._good_until
@@ -405,15 +411,16 @@ class VelocityFilter:
                 where one was given since the reset, None is not known, and the robot stands.
 
         Returns:
-            The command in the robot's axes, and a dict as ``info["safety_filter"]`` has it, with
-            `valid_until` besides: the time from which on the command is zero unless there is
-            another.
+            The command in the robot's axes, of 32 or 64 bits as it came, and a dict as
+            ``info["safety_filter"]`` has it, with `valid_until` besides: the time from which on the
+            command is zero unless there is another.
 
         Raises:
             InvalidInputError: if the command is not made of finite numbers; then nothing has
                 happened.
         """
         follower = self._follower
+        given_as = floats("command", command, (len(follower.limits),)).dtype
         wanted = finite_array("command", command, (len(follower.limits),))
         given = sample_of(pose, twist, time)
         sample = given if now is None else self._odometry.newest(given, number(now))
@@ -438,11 +445,12 @@ class VelocityFilter:
             self._time = present
             follower.follow(velocity, u, heading, present)
             told = follower.command(wanted, heading, seen.turning)
+        told = told.astype(given_as).astype(np.float64)  # what the robot gets
         self._odometry.tell(told, present)
         self._good_from = present
         self._good_until = present + self._period if math.isfinite(present) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
-        return told.copy(), report
+        return told.astype(given_as), report
 
     def _go_on(self, present: float) -> None:
         """Let the clocks go on to the present [s], and note where samples are missing."""
@@ -546,7 +554,7 @@ class VelocityFilter:
         For a loop that talks to the robot more often than data come. Before the last sample's time,
         where a clock has gone back, it is zero, too.
         """
-        good = self._good_from - ROUNDING <= now <= self._good_until
+        good = self._good_from - ROUNDING <= number(now) <= self._good_until
         return self._odometry.told.copy() if good else np.zeros(len(self._follower.limits))
 
     def _miss(self) -> None:
@@ -576,7 +584,9 @@ class VelocityFilter:
             InvalidInputError: if they are no sequence.
         """
         if not isinstance(barriers, Sequence) or isinstance(barriers, str):
-            raise InvalidInputError(f"barriers: got {barriers!r}, expected a sequence of Barriers")
+            raise InvalidInputError(
+                f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
+            )
         return (*barriers, *self._limit)
 
 

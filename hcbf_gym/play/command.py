@@ -3,9 +3,10 @@
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from hcbf_gym import policies, scenarios
+from hcbf_gym.arguments import Amount, Count, Positive, Range, Seed
 from hcbf_gym.barriers import Disc
 from hcbf_gym.play.page import FIRST_PORT, HERE, Page, check_port
 from hcbf_gym.play.session import Session
@@ -28,7 +29,7 @@ IN_CONFLICT = Scenario(
 class Args:
     """Where the page is, and what is chosen at first; all of it can be changed in the page."""
 
-    port: int | None = None
+    port: Annotated[int, Range(0, 65_535)] | None = None
     """The port; by default the first free one from 8080 on."""
     model: str = "a1"
     """The A1 with full physics, the reduced-order model alone (reduced), or a robot that takes
@@ -39,9 +40,9 @@ class Args:
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     map: Path | None = None
     """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. The seed draws start and goal."""
-    masks: dict[str, int] = field(default_factory=dict)
+    masks: dict[str, Count] = field(default_factory=dict)
     """Masks over that map and their ranks: --masks keepout.yaml 2 avoid.yaml 3."""
-    slow: dict[str, float] = field(default_factory=dict)
+    slow: dict[str, Positive] = field(default_factory=dict)
     """Masks of zones and the speed limit there [m/s], as rank 2: --slow school.yaml 0.4."""
     policy: str = "pd"
     """pd, human, a learned policy, or one of your own: file.py:function, module:function,
@@ -50,13 +51,13 @@ class Args:
     """none, or a name from hcbf_gym.programs.names()."""
     guidance: bool = True
     """Lead to the goal around the regions."""
-    margin: float | None = None
+    margin: Amount | None = None
     """What rows on the position reserve between h and zero [m; default: derived]."""
-    gamma0: float = 5.0
+    gamma0: Amount = 5.0
     """Weight γ₀, where the program has one."""
-    delta_gamma: float = 1.3
+    delta_gamma: Amount = 1.3
     """Slope Δγ of the weight, likewise."""
-    seed: int = 0
+    seed: Seed = 0
     """Of random scenes and of the episode."""
 
 

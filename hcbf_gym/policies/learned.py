@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, reals, text
 from hcbf_gym.records import whole
 
 CLIP = 10.0
@@ -47,7 +47,12 @@ class LearnedPolicy:
 
     def __call__(self, observation: Array, info: Info) -> Array:
         """Return u* (…, 2) [m/s²] for one observation (n,) or a batch (N, n)."""
-        x = np.clip((observation - self.mean) / self.scale, -CLIP, CLIP)
+        seen = reals("observation", observation)
+        if seen.shape[-1:] != self.mean.shape:
+            raise InvalidInputError(
+                f"observation: got shape {seen.shape}, expected (…, {self.mean.size})"
+            )
+        x = np.clip((seen - self.mean) / self.scale, -CLIP, CLIP)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = ACTIVATIONS[self.activation](x @ weight.T + bias)
         x = x @ self.weights[-1].T + self.biases[-1]
@@ -93,21 +98,30 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
         InvalidInputError: if the file holds no policy, or it was trained for observations of
             another shape; the message names both.
     """
-    path = Path(name)
-    if path.suffix != ".npz":
-        if str(name) not in names():
-            raise UnknownNameError(
-                f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()}, an .npz "
-                "file, or file.py:function, module:function, model.zip, policy.onnx or policy.pt"
-            )
-        path = _baseline(str(name))
-    policy, shape = read(path), _observed(env)
+    policy, shape = read(file_of(name)), _observed(env)
     if policy.mean.shape != shape:
         raise InvalidInputError(
             f"policy {str(name)!r}: got observations of shape {shape}, "
             f"expected {policy.mean.shape}, for which it was trained"
         )
     return policy
+
+
+def file_of(name: str | Path) -> Path:
+    """Return the file of a learned policy.
+
+    Raises:
+        UnknownNameError: if there is no such policy.
+    """
+    path = Path(text("policy", name))
+    if path.suffix == ".npz":
+        return path
+    if str(name) not in names():
+        raise UnknownNameError(
+            f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()}, an .npz "
+            "file, or file.py:function, module:function, model.zip, policy.onnx or policy.pt"
+        )
+    return _baseline(str(name))
 
 
 def fitting(env: gym.Env | gym.vector.VectorEnv) -> list[str]:
@@ -122,12 +136,17 @@ def _baseline(name: str) -> Path:
 
 def _observed(env: gym.Env | gym.vector.VectorEnv) -> tuple[int, ...]:
     """Return the shape of an environment's observations, one of a vector's."""
+    instance("env", env, gym.Env, gym.vector.VectorEnv)
     space = (
         env.single_observation_space
         if isinstance(env, gym.vector.VectorEnv)
         else env.observation_space
     )
-    assert isinstance(space, spaces.Box)
+    if not isinstance(space, spaces.Box):
+        raise InvalidInputError(
+            f"policy: got observations of {space}, expected a Box: put the environment in "
+            "gymnasium.wrappers.FlattenObservation"
+        )
     return space.shape
 
 

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.errors import InvalidInputError, as_array, require
+from hcbf_gym.errors import InvalidInputError, as_array, count, instance, require, text
 from hcbf_gym.policies import learned
 from hcbf_gym.policies.pd import PDTracker, Policy
 
+PD = "pd", "pd-ff"
+"""The paper's controller, without and with the reference's acceleration."""
 FORMS = "file.py:function, module:function, model.zip, policy.onnx or policy.pt"
 """How a policy of one's own is named."""
 
@@ -41,7 +43,10 @@ def make(name: str, env: gym.Env) -> Policy:
         MissingDependencyError: if what reads the file is not installed.
         InvalidInputError: if the file or function is none, or of other spaces.
     """
-    if name in ("pd", "pd-ff"):
+    check(name)
+    name = str(name)
+    instance("env", env, gym.Env, gym.vector.VectorEnv)
+    if name in PD:
         return PDTracker.for_env(env, feed_forward=name == "pd-ff")
     if loading.is_function(name):
         found: Any = loading.function("policy", name)
@@ -50,10 +55,28 @@ def make(name: str, env: gym.Env) -> Policy:
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
         return learned.load(name, env)
-    path = Path(name)
-    if not path.is_file():
+    return reader(Path(name), _Spaces.of(name, env))
+
+
+def check(name: str) -> None:
+    """Refuse what no policy is called, without an environment.
+
+    Args:
+        name: as `make` takes it.
+
+    Raises:
+        UnknownNameError: if there is no such policy; the message lists those that are.
+        InvalidInputError: if there is no such function or file.
+    """
+    name = text("policy", name)
+    if name in PD:
+        return
+    if loading.is_function(name):
+        loading.function("policy", name)
+    elif Path(name).suffix not in {".npz", *_READERS}:
+        learned.file_of(name)
+    elif not Path(name).is_file():
         raise InvalidInputError(f"policy: got {name!r}, expected an existing file")
-    return reader(path, _Spaces.of(name, env))
 
 
 def is_own(name: str) -> bool:
@@ -82,6 +105,8 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
             action or is not finite.
     """
     policy = make(name, env)
+    if seed is not None:
+        seed = count("seed", seed, minimum=0, maximum=np.inf)
     observation, info = env.reset(seed=seed)
     shape = np.shape(observation)
     try:

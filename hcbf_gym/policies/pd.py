@@ -9,7 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, flag, instance, reals
 
 
 class Policy(Protocol):
@@ -51,7 +51,7 @@ class PDTracker:
         feed_forward: add the reference's own acceleration.
 
     Raises:
-        InvalidInputError: if a gain is negative or not finite.
+        InvalidInputError: if a gain is negative or not finite, or the bounds are no pairs.
 
     Source: equation (2) of the paper, which leaves the gains open.
     """
@@ -63,6 +63,9 @@ class PDTracker:
     feed_forward: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "low", finite_array("low", self.low, (2,)))
+        object.__setattr__(self, "high", finite_array("high", self.high, (2,)))
+        flag("feed_forward", self.feed_forward)
         finite_float("kp", self.kp, minimum=0.0)
         finite_float("kd", self.kd, minimum=0.0)
 
@@ -85,6 +88,11 @@ class PDTracker:
 
     def __call__(self, observation: Array, info: Info) -> NDArray[np.float32]:
         """Return u* (…, 2) [m/s²], within the bounds."""
+        observation = reals("observation", observation)
+        if observation.ndim == 0 or observation.shape[-1] < 8:
+            raise InvalidInputError(
+                f"observation: got shape {observation.shape}, expected (…, 8 + 4 m)"
+            )
         u = pd_law(observation[..., 0:2], observation[..., 2:4], self.kp, self.kd)
         if self.feed_forward:
             u = u + observation[..., 6:8]
@@ -100,7 +108,7 @@ def _read_space(env: Any) -> spaces.Space:
     Raises:
         InvalidInputError: if a wrapper stands between that makes other actions or observations.
     """
-    inner = env.unwrapped
+    inner = instance("env", env, gym.Env, gym.vector.VectorEnv).unwrapped
     while env is not inner:
         same_spaces = all(
             getattr(env, space) == getattr(inner, space)

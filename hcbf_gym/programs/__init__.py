@@ -4,6 +4,7 @@ from typing import Any
 
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import check_options
+from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.general.program import GeneralProgram
@@ -67,7 +68,7 @@ def make(
     plan, prices, inputs = _read(program, program_options, input_set)
     if solver is None and inputs.n_u == 2:
         return PlanarProgram(plan, prices, inputs)
-    return GeneralProgram(plan, prices, inputs, solver or "daqp")
+    return GeneralProgram(plan, prices, inputs, "daqp" if solver is None else solver)
 
 
 def make_batch(
@@ -97,5 +98,5 @@ def _read(
     return (
         plan,
         Prices.read(plan, **given),
-        Box.symmetric(5.0) if input_set is None else input_set,
+        Box.symmetric(5.0) if input_set is None else input_sets.read("input_set", input_set),
     )

@@ -7,6 +7,8 @@ import numpy as np
 from hcbf_gym.arrays import Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.errors import InvalidInputError, finite_float, instance
+from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.general.qp import Solver
 from hcbf_gym.programs.general.remaining import Remaining
@@ -42,12 +44,19 @@ def conflict_report(
     Args:
         rows: the rows of one state.
         result: what a program made of them.
-        input_set: U.
+        input_set: U, or a bounded action space of Gymnasium.
 
     Raises:
-        InvalidInputError: on malformed rows.
+        InvalidInputError: on malformed rows, what is no result of theirs, or no U.
     """
+    input_set = input_sets.read("input_set", input_set)
     check_rows(rows, input_set.n_u)
+    instance("result", result, FilterResult)
+    if np.shape(result.slack) != rows.b.shape or rows.b.ndim != 1:
+        raise InvalidInputError(
+            f"conflict report: got rows of shape {rows.b.shape} and a result of shape "
+            f"{np.shape(result.slack)}, expected both of one state: (m,)"
+        )
     admissible = Remaining.of(input_set, np.zeros(input_set.n_u), Solver("daqp"))
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
@@ -88,6 +97,11 @@ def equivalent_offset(alpha2: ClassK, psi: float, delta: float) -> float:
         psi: the barrier at its relative degree.
         delta: δ.
 
+    Raises:
+        InvalidInputError: if α₂ is no class-K function, or a number is not finite.
+
     Source: section III-A of the paper.
     """
+    alpha2 = instance("alpha2", alpha2, ClassK)
+    psi, delta = finite_float("psi", psi), finite_float("delta", delta)
     return alpha2.inverse(alpha2(psi) + delta) - psi

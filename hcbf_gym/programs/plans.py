@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from hcbf_gym.errors import InvalidInputError, check_options, choose
+from hcbf_gym.errors import InvalidInputError, check_options, choose, shown
 
 STRICT = ("first", "all")
 LOWER = ("nothing", "relaxed", "drawn")
@@ -160,9 +160,11 @@ def register(name: str, plan: Plan) -> None:
         InvalidInputError: if the name is taken or no text, or the plan is none.
     """
     if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"program name: got {name!r}, expected a text that is not empty")
+        raise InvalidInputError(
+            f"program name: got {shown(name)}, expected a text that is not empty"
+        )
     if not isinstance(plan, Plan):
-        raise InvalidInputError(f"plan: got {plan!r}, expected a Plan")
+        raise InvalidInputError(f"plan: got {shown(plan)}, expected a Plan")
     if _PLANS.get(name, plan) != plan:
         raise InvalidInputError(
             f"program name: got {name!r}, expected one that is not taken; taken: {sorted(_PLANS)}"

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import kernel
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, holds_numbers, instance, shown
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
@@ -34,7 +34,7 @@ class Program(ABC):
         """Filter one nominal input.
 
         Args:
-            u_nominal: (n_u,) u*, inside U or not.
+            u_nominal: (n_u,) u*, inside U or not, of 32 or 64 bits; the result has 64.
             rows: the rows of one state, m ≥ 0.
 
         Returns:
@@ -76,6 +76,13 @@ def check_shapes(rows: CbfRows, n_u: int) -> None:
     Raises:
         InvalidInputError: on such rows.
     """
+    instance("rows", rows, CbfRows)
+    for name, part in zip(CbfRows._fields, rows, strict=True):
+        is_left_out = part is None and name == "alpha2_psi"
+        if not is_left_out and not (type(part) is np.ndarray and holds_numbers(part.dtype)):
+            raise InvalidInputError(
+                f"rows.{name}: got {shown(part)}, expected an array of real numbers"
+            )
     shape = rows.b.shape
     expected = {"a": (*shape, n_u), "h": shape, "priority": shape}
     if rows.alpha2_psi is not None:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.compilation import kernel
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, shown
 
 
 class Weights(NamedTuple):
@@ -57,9 +57,13 @@ class Weights(NamedTuple):
                 priority 1.
         """
         if isinstance(weights, str) or not isinstance(weights, Sequence):
-            raise InvalidInputError(f"weights: got {weights!r}, expected a list of numbers or None")
+            raise InvalidInputError(
+                f"weights: got {shown(weights)}, expected a list of numbers or None"
+            )
         if weights and weights[0] is not None:
-            raise InvalidInputError(f"weights: got {weights[0]} for priority 1, expected None")
+            raise InvalidInputError(
+                f"weights: got {shown(weights[0])} for priority 1, expected None"
+            )
         slope = finite_float("delta_gamma", delta_gamma, minimum=0.0)
         levels = [
             np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in weights[1:]
@@ -103,6 +107,7 @@ def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:
             raise InvalidInputError(f"{name}: got {array.min()}, expected numbers >= 0.0")
         return array, True
     is_list = columns is None and isinstance(value, Sequence | np.ndarray)
+    is_list = is_list and not isinstance(value, bytes)
     is_list = is_list and not (isinstance(value, np.ndarray) and value.ndim == 0)
     entries = list(value) if is_list else [value]
     if not entries:

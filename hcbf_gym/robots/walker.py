@@ -21,6 +21,7 @@ from hcbf_gym.errors import (
     RobotModelError,
     UnknownNameError,
     finite_float,
+    shown,
 )
 from hcbf_gym.robots import carts, walker_policy
 from hcbf_gym.robots.body_points import radius
@@ -259,7 +260,7 @@ def _find(path: str | Path) -> Path:
     """
     if not isinstance(path, str | Path):
         raise InvalidInputError(
-            f"robot: got {path!r}, expected a contract's path or one of {list(NAMES)}"
+            f"robot: got {shown(path)}, expected a contract's path or one of {list(NAMES)}"
         )
     if str(path) in NAMES:
         return NAMES[str(path)]

@@ -100,7 +100,7 @@ class Response:
 
     def save(self, path: Path) -> None:
         """Write what was measured to a file, in one move."""
-        path.parent.mkdir(parents=True, exist_ok=True)
+        records.make_folder(path.parent)
         with records.whole(path) as partial:
             partial.write_text(json.dumps(records.plain(asdict(self)), indent=2) + "\n", "utf-8")
 

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from hcbf_gym.arguments import Amount, Folder, Seed
 from hcbf_gym.errors import require_packages
+from hcbf_gym.records import make_folder
 from hcbf_gym.ros.command import require_rclpy
 
 
@@ -25,15 +27,15 @@ class Args:
     """More of them, each published on the topic of its file's name."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x, y [m] and yaw [rad]."""
-    noise: float = 0.01
+    noise: Amount = 0.01
     """Standard deviation of the scan's ranges [m]."""
     stamped: bool | None = None
     """Whether cmd_vel is TwistStamped [default: as the distribution has it]."""
-    clock: float = 0.0
+    clock: Amount = 0.0
     """Above 0: publish /clock, and let it go so many times as fast as the wall's."""
-    seed: int = 0
+    seed: Seed = 0
     """Of the noise."""
-    path: Path | None = None
+    path: Folder | None = None
     """At the end, write there (N, 4) time, x, y and yaw of every tick, a .npy."""
 
 
@@ -45,6 +47,8 @@ def main(args: Args) -> None:
     from hcbf_gym.ros.robot import SimulatedRobot
 
     robot = SimulatedRobot(args.robot, args.map, args.start, args.noise, seed=args.seed)
+    if args.path is not None:
+        make_folder(args.path.parent)
     grids = {"map": args.map} if args.map else {}
     grids |= {Path(mask).stem: mask for mask in args.masks}
     try:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym import records
+from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, shown, text
 from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps
 from hcbf_gym.scenarios.floor_plans import Route
 from hcbf_gym.scenarios.hall import Layout
@@ -80,18 +81,26 @@ def on_map(
     Raises:
         InvalidInputError: if there are masks and no map.
     """
+    for what, given in (("masks", masks), ("slow", slow)):
+        records.check_mapping(what, given)
     zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in slow.items()}
     entries: dict[str, object] = {**masks, **zones}
     if file is None:
         if entries:
             raise InvalidInputError("masks: got some without a map, expected --map, too")
-        return otherwise
+        return text("otherwise", otherwise)
     here = {name: str(Path(name).resolve()) if Path(name).exists() else name for name in entries}
-    return {"map": {"file": str(file), "masks": {here[k]: entry for k, entry in entries.items()}}}
+    found = {here[name]: entry for name, entry in entries.items()}
+    return {"map": {"file": text("map", file), "masks": found}}
 
 
 def draw(scenario: ScenarioLike, rng: np.random.Generator) -> Layout | Route:
     """Return what the generator decides of a scene that is random."""
+    if not is_random(scenario):
+        raise InvalidInputError(
+            f"scenario: got {shown(scenario)}, expected one of {sorted(RANDOM | PLANS)}, or a map"
+        )
+    instance("rng", rng, np.random.Generator)
     if isinstance(scenario, Mapping):
         return floor_plans.through(floor_plans.described(scenario["map"]), rng)
     drawers: dict[str, Callable[[np.random.Generator], Layout | Route]] = {**RANDOM, **PLANS}
@@ -120,7 +129,7 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
         return from_dict(scenario)
     if not isinstance(scenario, str | Path):
         raise InvalidInputError(
-            f"scenario: got {scenario!r}, expected a name, a dict, a JSON file or a Scenario"
+            f"scenario: got {shown(scenario)}, expected a name, a dict, a JSON file or a Scenario"
         )
     if str(scenario) in _NAMED:
         return _NAMED[str(scenario)]()

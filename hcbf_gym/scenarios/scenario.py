@@ -9,7 +9,14 @@ from typing import Any
 from hcbf_gym import barriers, records
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float
+from hcbf_gym.errors import (
+    InvalidInputError,
+    choose,
+    finite_array,
+    finite_float,
+    listed,
+    shown,
+)
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.constants import FARTHEST
@@ -47,7 +54,7 @@ class BoxObstacle:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"obstacle name: got {self.name!r}, expected text")
+            raise InvalidInputError(f"obstacle name: got {shown(self.name)}, expected text")
         center = finite_array(f"{self.name}: center", self.center, (2,), largest=FARTHEST)
         size = finite_array(f"{self.name}: size", self.size, (3,), largest=FARTHEST)
         for side in size:
@@ -94,9 +101,18 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"scenario name: got {self.name!r}, expected text")
+            raise InvalidInputError(f"scenario name: got {shown(self.name)}, expected text")
         if not (self.map is None or isinstance(self.map, RankedMap)):
-            raise InvalidInputError(f"{self.name}: map: got {self.map!r}, expected a RankedMap")
+            raise InvalidInputError(
+                f"{self.name}: map: got {shown(self.map)}, expected a RankedMap"
+            )
+        for part, kind in (("barriers", Barrier), ("obstacles", BoxObstacle)):
+            entries = listed(f"{self.name}: {part}", getattr(self, part), kind)
+            object.__setattr__(self, part, entries)
+        if not callable(self.reference) or not hasattr(self.reference, "duration"):
+            raise InvalidInputError(
+                f"{self.name}: reference: got {shown(self.reference)}, expected a Reference"
+            )
         names = [barrier.name for barrier in self.conditions]
         if not names or len(set(names)) != len(names):
             raise InvalidInputError(
@@ -115,7 +131,9 @@ class Scenario:
             )
         start = finite_array(f"{self.name}: start", self.start, (2,), largest=FARTHEST)
         object.__setattr__(self, "start", tuple(start.tolist()))
-        corners = self.input_set.vertices()
+        inputs = input_sets.read(f"{self.name}: input_set", self.input_set)
+        object.__setattr__(self, "input_set", inputs)
+        corners = inputs.vertices()
         finite_array(f"{self.name}: input_set", corners, (None, 2), largest=LARGEST_INPUT)
         finite_float(f"{self.name}: goal_radius", self.goal_radius, minimum=0.0, exclusive=True)
         if self.v_max is not None:
@@ -188,7 +206,7 @@ def load(path: str | Path) -> Scenario:
     Raises:
         InvalidInputError: if the file cannot be read, is not JSON or is no scenario.
     """
-    data = records.read_json("scenario file", Path(path))
+    data = records.read_json("scenario file", path)
     if isinstance(data, Mapping) and isinstance(data.get("map"), Mapping) and "file" in data["map"]:
         beside = Path(path).parent / str(data["map"]["file"])
         data = {**data, "map": {**data["map"], "file": str(beside)}}

@@ -1,17 +1,28 @@
 """What a filter's wrapper refuses before it filters anything."""
 
+import dis
+import functools
+import inspect
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import VectorEnv
+from gymnasium.vector import SyncVectorEnv, VectorEnv
+from gymnasium.wrappers.vector import DictInfoToList
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, as_array, shown
-from hcbf_gym.models.input_sets import Box, InputSet
+from hcbf_gym.errors import InvalidInputError, floats, instance
+from hcbf_gym.models import input_sets
+from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 
+TRANSFORM = (
+    gym.ObservationWrapper,
+    gym.vector.VectorObservationWrapper,
+    gym.wrappers.MaxAndSkipObservation,
+)
+"""Wrappers that make other observations, also where the space is the same."""
 JOINED = "; around single environments put a SafetyFilter on each before they are joined"
 
 
@@ -19,15 +30,9 @@ def real_input(action: object, shape: tuple[int, ...]) -> Array:
     """Return a copy of u* as float64; the cores refuse what is not finite.
 
     Raises:
-        InvalidInputError: if it is not an array of real numbers of that shape.
+        InvalidInputError: if it is not an array of 32 or 64 bits of that shape.
     """
-    given = as_array("action", action)
-    if given.dtype.kind not in "fiu":
-        raise InvalidInputError(f"action: got {shown(action)}, expected {shape} real numbers")
-    u = given.astype(np.float64)
-    if u.shape != shape:
-        raise InvalidInputError(f"action: got shape {u.shape}, expected {shape}")
-    return u
+    return floats("action", action, shape).astype(np.float64)
 
 
 def plant_of(env: object) -> Plant:
@@ -63,9 +68,14 @@ def check_order(env: Any) -> None:
     """Refuse what no action space shows: a held decision inside, episodes that begin unseen.
 
     Raises:
-        InvalidInputError: if there is one.
+        InvalidInputError: if there is one, or infos of another form.
     """
     while env is not env.unwrapped:
+        if isinstance(env, DictInfoToList):
+            raise InvalidInputError(
+                "safety filter: got a DictInfoToList inside, whose infos are no dict; expected it "
+                "outside: DictInfoToList(VectorSafetyFilter(env))"
+            )
         if isinstance(env, gym.wrappers.Autoreset):
             raise InvalidInputError(
                 "safety filter: got an Autoreset inside, so that episodes would begin without the "
@@ -80,12 +90,80 @@ def check_order(env: Any) -> None:
         env = env.env
 
 
+def check_observations(env: Any, plant: Plant) -> None:
+    """Refuse wrappers that transform what the plant's readers read.
+
+    Args:
+        env: as the filter is put around it.
+        plant: of it.
+
+    Raises:
+        InvalidInputError: if a wrapper inside transforms observations, and a reader reads them.
+    """
+    fields = ("state", "barriers", "goal", "extent")
+    reading = [name for name in fields if reads_observation(getattr(plant, name))]
+    wrapper = _transforming(env)
+    if reading and wrapper is not None:
+        name = type(wrapper).__name__
+        raise InvalidInputError(
+            f"safety filter: got a {name} inside, which transforms observations, with a plant "
+            f"whose {' and '.join(reading)} may read them; expected it outside: {name}(filtered, "
+            "…), or readers (env, observation, info) that read env or info alone"
+        )
+
+
+def _transforming(env: Any) -> Any:
+    """Return the outermost wrapper that transforms observations; None where there is none."""
+    while env is not env.unwrapped:
+        named = isinstance(env, TRANSFORM)
+        if named or env.observation_space != env.env.observation_space:
+            return env
+        env = env.env
+    singles = env.envs if isinstance(env, SyncVectorEnv) else ()
+    return next(filter(None, map(_transforming, singles)), None)
+
+
+def reads_observation(reader: object) -> bool:
+    """Return whether a reader (env, observation, info) of a plant may read the observation.
+
+    Its own code decides. Where that is not known, as of a callable of C, it may.
+
+    Args:
+        reader: a function, or what is no reader.
+    """
+    if not callable(reader):
+        return False
+    at = 1
+    while isinstance(reader, functools.partial):
+        at += len(reader.args)
+        reader = reader.func
+    if not inspect.isroutine(reader):
+        reader = type(reader).__call__
+        at += 1
+    elif inspect.ismethod(reader):
+        at += 1
+    code = getattr(inspect.unwrap(reader), "__code__", None)
+    if code is None:
+        return True
+    name = code.co_varnames[at] if at < code.co_argcount else None
+    if name is None and code.co_flags & inspect.CO_VARARGS:
+        name = code.co_varnames[code.co_argcount + code.co_kwonlyargcount]
+    if name is None or name in code.co_cellvars:
+        return True
+    loads = (one for one in dis.get_instructions(code) if "LOAD" in one.opname)
+    return any(
+        name in (one.argval if isinstance(one.argval, tuple) else (one.argval,)) for one in loads
+    )
+
+
 def check_spaces(outer: gym.Space, inner: gym.Space) -> None:
     """Refuse a wrapper between filter and environment that changes the actions.
 
     Raises:
         InvalidInputError: if the action spaces differ.
     """
+    instance("action space", outer, gym.Space)
+    instance("action space", inner, gym.Space)
     if outer != inner:
         raise InvalidInputError(
             f"safety filter: got an environment whose wrappers change the actions from {inner} to "
@@ -109,5 +187,22 @@ def input_set_of(plant: Plant, space: gym.Space) -> InputSet:
             f"plant: input_set is missing, and the action space {space} cannot take its place, "
             "expected an input_set, or a bounded Box of shape (n_u,) that u shares"
         )
-    assert isinstance(space, gym.spaces.Box)
-    return Box(space.low.astype(np.float64), space.high.astype(np.float64))
+    return input_sets.read("action space", space)
+
+
+def check_type(plant: Plant, space: gym.Space) -> None:
+    """Refuse an action space that cannot hold u.
+
+    Raises:
+        InvalidInputError: if u is the environment's action, and the space is no Box of (n_u,)
+            numbers of 32 or 64 bits.
+    """
+    if plant.to_action is not None:
+        return
+    is_box = isinstance(space, gym.spaces.Box) and space.dtype.char in "fd"
+    if not is_box or space.shape != (plant.model.n_u,):
+        raise InvalidInputError(
+            f"action space: got {space}, expected a Box of shape ({plant.model.n_u},) and dtype "
+            "float32 or float64, which can hold u; where actions are others, give "
+            "Plant(to_action=…, from_action=…)"
+        )

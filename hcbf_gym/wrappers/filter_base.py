@@ -10,6 +10,7 @@ from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
+from hcbf_gym.errors import count, instance
 from hcbf_gym.filtering.certified import certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
@@ -20,8 +21,10 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.wrappers.checks import (
     check_begun,
+    check_observations,
     check_order,
     check_spaces,
+    check_type,
     input_set_of,
     plant_of,
     real_input,
@@ -64,11 +67,14 @@ class FilterBase:
                 plant, or a wrapper inside changes the actions.
         """
         self._inner: Any = self.env.unwrapped
-        plant = plant_of(self._inner) if plant is None else plant
+        plant = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
+        count("threads", threads)
         one = None if certificate is None else certificates.load(certificate)
         self.plant = plant if one is None else certified(plant, one, self._inner)
         check_order(self.env)
+        check_observations(self.env, self.plant)
         check_spaces(*spaces)
+        check_type(self.plant, spaces[0])
         input_set = input_set_of(self.plant, spaces[1])
         self._core: FilterCore = _core_of(self.plant)(
             self.plant, input_set, settings, batch, threads

@@ -6,6 +6,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Info
 from hcbf_gym.barriers.set import Condition
+from hcbf_gym.errors import listed
 from hcbf_gym.programs import FilterStatus
 
 
@@ -24,7 +25,8 @@ class FilterLog:
     """
 
     def __init__(self, conditions: Sequence[Condition]):
-        self._ranks = np.array([condition.rank for condition in conditions])
+        given = listed("conditions", conditions, Condition)
+        self._ranks = np.array([condition.rank for condition in given])
         self._clear()
 
     def add(self, report: Info) -> None:

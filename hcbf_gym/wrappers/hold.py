@@ -10,7 +10,8 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.envs import infos as vector_infos
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, count
+from hcbf_gym.wrappers.arguments import record
 
 SUMMED = ("cost", "costs", "fallbacks")
 """Infos that a held decision sums over its steps, beside the reward's terms."""
@@ -36,20 +37,20 @@ class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     """
 
     def __init__(self, env: gym.Env[ObsType, ActType], steps: int):
-        self.steps = _check_steps(steps)
-        RecordConstructorArgs.__init__(self, steps=steps)
+        self.steps = count("steps", steps)
+        record(self, env, gym.Env, steps=steps)
         gym.Wrapper.__init__(self, env)
 
     def step(self, action: ActType) -> tuple[ObsType, float, bool, bool, Info]:
         """Hold the action and return what came of it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         total = float(reward)
-        for count in range(2, self.steps + 1):
+        for k in range(2, self.steps + 1):
             if terminated or truncated:
                 break
             observation, reward, terminated, truncated, now = self.env.step(action)
             total += float(reward)
-            info = _merge(info, now, count)
+            info = _merge(info, now, k)
         return observation, total, terminated, truncated, info
 
 
@@ -76,8 +77,9 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         steps: int,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ):
-        self.steps = _check_steps(steps)
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.steps = count("steps", steps)
+        self.autoreset_mode = vector_infos.mode_of(autoreset_mode)
+        record(self, env, VectorEnv, steps=steps, autoreset_mode=self.autoreset_mode.value)
         if isinstance(env.unwrapped, SyncVectorEnv | AsyncVectorEnv):
             raise InvalidInputError(
                 f"environment: got {env}, expected the native vector environment; around single "
@@ -88,7 +90,6 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
                 f"environment: got autoreset_mode {env.metadata['autoreset_mode']}, expected "
                 "'Disabled'; give VectorHoldAction the mode instead"
             )
-        RecordConstructorArgs.__init__(self, steps=steps, autoreset_mode=self.autoreset_mode.value)
         VectorWrapper.__init__(self, env)
         self.metadata = env.metadata | {"autoreset_mode": self.autoreset_mode}
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
@@ -103,7 +104,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
     def step(self, actions: Any) -> tuple[Any, Array, Mask, Mask, Info]:
         """Hold the actions and return what came of them."""
         observation, reward, terminated, truncated, infos = self.env.step(actions)
-        for count in range(2, self.steps + 1):
+        for k in range(2, self.steps + 1):
             running = ~(terminated | truncated)
             if not running.any():
                 break
@@ -111,7 +112,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
             observation = np.where(running[:, None], now, observation)
             reward = reward + running * gained
             terminated, truncated = terminated | running & ends, truncated | running & stops
-            infos = _merge(infos, report, count, running)
+            infos = _merge(infos, report, k, running)
         return self._start_over(observation, reward, terminated, truncated, infos)
 
     def _start_over(
@@ -132,12 +133,6 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
             vector_infos.start_over(infos, ended, observation, fresh_infos)
             observation = np.where(ended[:, None], fresh, observation)
         return observation, reward, terminated, truncated, infos
-
-
-def _check_steps(steps: object) -> int:
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise InvalidInputError(f"steps: got {steps!r}, expected a whole number >= 1")
-    return int(steps)
 
 
 def _merge(held: Info, now: Info, count: int, running: Mask | None = None) -> Info:

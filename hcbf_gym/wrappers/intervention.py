@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.wrappers.arguments import record
 from hcbf_gym.wrappers.safety_filter import SafetyFilter
 from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
@@ -40,9 +41,9 @@ class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], Recor
     """
 
     def __init__(self, env: gym.Env[ObsType, ActType], weight: float = 0.01):
+        record(self, env, gym.Env, weight=weight)
         _check_filtered(env, SafetyFilter)
         self.weight = finite_float("weight", weight, minimum=0.0)
-        RecordConstructorArgs.__init__(self, weight=weight)
         gym.Wrapper.__init__(self, env)
 
     def reset(
@@ -73,9 +74,9 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
     """
 
     def __init__(self, env: VectorEnv, weight: float = 0.01):
+        record(self, env, VectorEnv, weight=weight)
         _check_filtered(env, VectorSafetyFilter)
         self.weight = finite_float("weight", weight, minimum=0.0)
-        RecordConstructorArgs.__init__(self, weight=weight)
         VectorWrapper.__init__(self, env)
         self._fresh = np.zeros(env.num_envs)
         self._reporter = Reporter(env, "reward_intervention")

@@ -9,10 +9,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, count
+from hcbf_gym.wrappers.arguments import record
 
 SLOTS = 27
 """As many conditions as the largest family of random scenes has."""
+MOST_SLOTS = 100_000
 FAR = 5.0
 """Unit of lengths, and from where on a condition does not count as present [m]."""
 HEAD, SENSED, SLOT = 8, 4, 6
@@ -37,7 +39,7 @@ class RankedObservation(gym.ObservationWrapper, RecordConstructorArgs):
     """
 
     def __init__(self, env: gym.Env, slots: int = SLOTS):
-        RecordConstructorArgs.__init__(self, slots=slots)
+        record(self, env, gym.Env, slots=slots)
         gym.ObservationWrapper.__init__(self, env)
         self.slots = slots
         self.observation_space = _space(env.unwrapped, slots)
@@ -60,7 +62,7 @@ class VectorRankedObservation(gym.vector.VectorObservationWrapper, RecordConstru
     """
 
     def __init__(self, env: gym.vector.VectorEnv, slots: int = SLOTS):
-        RecordConstructorArgs.__init__(self, slots=slots)
+        record(self, env, gym.vector.VectorEnv, slots=slots)
         gym.vector.VectorObservationWrapper.__init__(self, env)
         self.slots = slots
         self.single_observation_space = _space(env.unwrapped, slots)
@@ -103,6 +105,5 @@ def _space(inner: Any, slots: int) -> spaces.Box:
         raise InvalidInputError(
             f"ranked observation: got {inner}, expected an environment of this package"
         )
-    if isinstance(slots, bool) or not isinstance(slots, int) or slots < 1:
-        raise InvalidInputError(f"slots: got {slots!r}, expected a whole number >= 1")
+    count("slots", slots, maximum=MOST_SLOTS)
     return spaces.Box(-np.inf, np.inf, (HEAD + SLOT * slots,), np.float64)

@@ -7,6 +7,7 @@ from typing import Any, SupportsFloat
 import gymnasium as gym
 import numpy as np
 from gymnasium.core import ActType, ObsType
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
 from hcbf_gym import programs, records
@@ -14,6 +15,7 @@ from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
+from hcbf_gym.wrappers.arguments import record, with_plant
 from hcbf_gym.wrappers.filter_base import FilterBase
 
 
@@ -89,8 +91,10 @@ class SafetyFilter(
         certificate: str | Path | Certificate | None = None,
         **options: Any,
     ):
-        RecordConstructorArgs.__init__(
+        record(
             self,
+            env,
+            gym.Env,
             program=programs.plain(program),
             plant=plant,
             rows=rows,
@@ -108,6 +112,13 @@ class SafetyFilter(
         )
         spaces = env.action_space, env.unwrapped.action_space
         self._prepare(spaces, plant, settings, certificate)
+        self._is_own = plant is not None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What the environment is made from again; as JSON without a plant of one's own."""
+        spec = super().spec
+        return with_plant(spec) if self._is_own and spec is not None else spec
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None

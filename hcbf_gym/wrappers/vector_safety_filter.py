@@ -15,6 +15,7 @@ from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
+from hcbf_gym.wrappers.arguments import record
 from hcbf_gym.wrappers.filter_base import FilterBase
 from hcbf_gym.wrappers.readers import joined, reported
 
@@ -62,8 +63,10 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         threads: int = 1,
         **options: Any,
     ):
-        RecordConstructorArgs.__init__(
+        record(
             self,
+            env,
+            VectorEnv,
             program=programs.plain(program),
             plant=plant,
             rows=rows,

@@ -17,17 +17,18 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from hcbf_gym import certificates, policies, records
+from hcbf_gym import certificates, policies, programs, records
+from hcbf_gym.arguments import Count, Folder, Positive, Range, Seed, Workers
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import InvalidInputError, RefusedError, finite_float
+from hcbf_gym.errors import MOST, HcbfError, InvalidInputError, RefusedError, choose
 from hcbf_gym.evaluation import attacks, chunks
 from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.output_folder import open_folder, write_text
+from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_text
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.robots.walker import NAMES, Walker
@@ -43,28 +44,32 @@ GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""
 
 
+Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
+Episode = Annotated[int, Range(0, MOST)]
+
+
 @dataclass(frozen=True)
 class Args:
     """What to certify, and by how many episodes."""
 
     plant: Annotated[str | None, tyro.conf.Positional] = None
     """What is certified."""
-    bound: float = 0.01
+    bound: Share = 0.01
     """What P(enter) is to be below. Where none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each
     that enters takes a quarter more."""
-    at_most: int | None = None
+    at_most: Count | None = None
     """Episodes to wait for; ten times those fewest if not given. More may be requested later."""
-    confidence: float = 0.999
+    confidence: Share = 0.999
     """Of the bound."""
-    attempt: Annotated[int, tyro.conf.arg(name="try")] = 0
+    attempt: Annotated[int, Range(0, 50), tyro.conf.arg(name="try")] = 0
     """Where a plant may be tried again: which try this is, from 1, each with fresh episodes. The
     n-th spends 2⁻ⁿ of the doubt; 0 is the only try that there will be, and spends it all."""
-    part: tuple[int, int] | None = None
+    part: tuple[Episode, Episode] | None = None
     """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
     the chunks of all machines into one folder, and run the command without --part."""
-    episodes: int = 50
+    episodes: Count = 50
     """Of --check: how many are repeated; all of them repeat the calibration, too."""
-    calibration: int = 200
+    calibration: Annotated[int, Range(0, MOST)] = 200
     """Episodes of each round that sets the margins; 0 takes the plant's own."""
     scenes: tuple[str, ...] = ()
     """Families of random scenes; all that are covered if not given."""
@@ -72,24 +77,24 @@ class Args:
     """Attacks and policies, each as likely; all that can act in these scenes if not given. Your own
     too: file.py:function, module:function, model.zip, policy.onnx, policy.pt; a zip and a .pt hold
     pickles, which run code."""
-    v_max: tuple[float, float] | None = None
+    v_max: tuple[Positive, Positive] | None = None
     """Least and greatest cap on the speed of a walker [m/s]; if not given, half of what it can do,
     or as much as its speed row needs, to all of it."""
-    steps: int | None = None
+    steps: Count | None = None
     """The most that an episode takes; 1,000, or 500 of a plant of your own, if not given."""
     program: str = "lex-cbf-qp"
     """What the filter runs."""
-    seed: int = 0
+    seed: Seed = 0
     """Decides the episodes; those of the calibration are others than those of the certificate."""
     name: str | None = None
     """What the certificate is called; the plant's name if not given."""
     check: str | None = None
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
-    workers: int | None = None
+    workers: Workers | None = None
     """Chunks that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
-    output: Path | None = None
+    output: Folder | None = None
     """Folder of the chunks and of the certificate; results/certify/NAME if not given."""
 
 
@@ -103,15 +108,20 @@ def main(args: Args) -> None:
         return
     if args.plant is None:
         raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
+    if args.part is not None and not args.part[0] < args.part[1]:
+        first, end = args.part
+        raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
+    choose("program", args.program, dict.fromkeys(programs.names()))
+    name = records.check_name("name", _name(args.plant) if args.name is None else args.name)
     family = family_of(args)
-    name = args.name or _name(args.plant)
     folder = args.output or Path("results/certify") / name
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
         "calibration": args.calibration, "versions": chunks.versions(),
     }  # fmt: skip
-    _try_policies(family, args.seed)
+    check_folder(folder, records.plain(settings))
+    _try(family, args.seed)
     open_folder(folder, records.plain(settings))
     runs = replace(runs, folder=folder / "chunks")
     frozen = certify.Frozen(
@@ -132,15 +142,8 @@ def main(args: Args) -> None:
 
 
 def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
-    """Run a range of the episodes, whose chunks stay.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
-    first, end = part
-    if not 0 <= first < end:
-        raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
-    seen = list(certify.in_order(frozen, runs, range(first, end)))
+    """Run a range of the episodes, whose chunks stay."""
+    seen = list(certify.in_order(frozen, runs, range(*part)))
     entered = sum(one.entered for one in seen)
     console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
@@ -191,18 +194,37 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
     return replace(family, policies=able)
 
 
-def _try_policies(family: Family, seed: int) -> None:
-    """Refuse policies of the user's own that do not act in a family's episodes.
+def _try(family: Family, seed: int) -> None:
+    """Refuse what is the user's own and fails in the first steps of a family's episodes.
 
     Raises:
         HcbfError: as `policies.try_out` does.
+        InvalidInputError: if an environment, a plant or an attack raises an error.
     """
-    for name, _ in getattr(family, "policies", ()):
-        own = name.removesuffix(families.GUIDED)
-        if policies.is_own(own) and not attacks.is_attack(own):
+    if not isinstance(family, SceneFamily | OwnFamily):
+        return
+    for name, _ in family.policies:
+        if not attacks.is_attack(base := name.removesuffix(families.GUIDED)):
+            policies.check(base)
+    own = [name for name, _ in family.policies if policies.is_own(name)]
+    if isinstance(family, OwnFamily) and not own:
+        own = [family.policies[0][0]]
+    for name in own:
+        if policies.is_own(name) and not attacks.is_attack(name):
             env = certify.env_of(family)
-            policies.try_out(own, env, seed)
+            policies.try_out(name, env, seed)
             env.close()
+        trial = replace(family, policies=((name, 1.0),), steps=2)
+        try:
+            families.run_seed(trial, None, seed)
+        except HcbfError:
+            raise
+        except Exception as error:  # whatever a user's environment or attack raises
+            said = str(error).strip().partition("\n")[0]
+            raise InvalidInputError(
+                f"certify: got {type(error).__name__}: {said} in the first steps of an episode "
+                f"with the policy {name!r}, expected none"
+            ) from error
 
 
 def _caps(walker: Walker) -> tuple[float, float]:
@@ -228,7 +250,7 @@ def _margins(
     if isinstance(family, A1Mixture):
         return None, ()
     plant, _ = certify.plant_of(family)
-    if finite_float("calibration", args.calibration, minimum=0.0) == 0.0:
+    if args.calibration == 0:
         return plant.uncertainty, ()
     found = certify.calibrated(
         family, plant.uncertainty, runs, args.calibration, args.bound / SAFER, args.seed

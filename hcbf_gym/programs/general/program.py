@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.errors import SolverError, finite_array
+from hcbf_gym.errors import SolverError, finite_array, floats
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.general.cascade import decide
 from hcbf_gym.programs.general.polyhedron import SolverInputs
@@ -40,7 +40,8 @@ class GeneralProgram(Program):
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
-        desired = finite_array("u_nominal", u_nominal, (self.input_set.n_u,))
+        given = floats("u_nominal", u_nominal, (self.input_set.n_u,))
+        desired = finite_array("u_nominal", given, given.shape)
         check_rows(rows, desired.size)
         least = self.prices.least_slack(rows)
         if self.input_set.contains(desired, 0.0) and (rows.a @ desired >= rows.b).all():

@@ -87,7 +87,7 @@ def check_solver(name: str) -> str:
     Raises:
         UnknownNameError: if no solver of that name is installed; the message lists those that are.
     """
-    if name in ("daqp", "clarabel"):
+    if isinstance(name, str) and name in ("daqp", "clarabel"):  # which need no look around
         return name
     return choose("solver", name, {known: known for known in solver_names()})
 

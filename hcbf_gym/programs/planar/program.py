@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import kernel
-from hcbf_gym.errors import InvalidInputError, finite_array
+from hcbf_gym.errors import InvalidInputError, finite_array, floats, holds_numbers
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.planar.cascade import filter_batch
 from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Settings
@@ -73,9 +73,10 @@ class _Compiled:
             self.prices.least_slack(rows)
             rows = rows._replace(alpha2_psi=rows.b)
         shape = rows.b.shape
-        kind = rows.priority.dtype.kind
+        kind, psi = rows.priority.dtype.kind, rows.alpha2_psi
         fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
-        if not fits or kind not in "iu" or rows.alpha2_psi.shape != shape:  # type: ignore[union-attr]
+        fits = fits and type(psi) is np.ndarray and psi.shape == shape and holds_numbers(psi.dtype)
+        if not fits or kind not in "iu":
             check_shapes(rows, 2)
         answer = np.empty(3 * (u_nominal.size // 2) + 2 * rows.b.size)
         if not _filter_all(
@@ -103,8 +104,8 @@ class PlanarProgram(_Compiled, Program):
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
         if not _is_pair(u_nominal):
-            u_nominal = finite_array("u_nominal", u_nominal, (2,))
-        if rows.b.ndim != 1:
+            u_nominal = finite_array("u_nominal", floats("u_nominal", u_nominal, (2,)), (2,))
+        if _dimensions(rows) != 1:
             raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
         answer = self._solve(self._of_one, np.ascontiguousarray(u_nominal), rows)
         end, status = 2 + rows.b.size, _STATUSES[int(answer[-1])]
@@ -127,10 +128,10 @@ class BatchProgram(_Compiled):
         Raises:
             InvalidInputError: on malformed input or rows, or weights of another number of states.
         """
-        desired = finite_array("u_nominal", u_nominal, (None, 2))
+        desired = finite_array("u_nominal", floats("u_nominal", u_nominal), (None, 2))
+        count, dimensions = len(desired), _dimensions(rows)
         shape = rows.b.shape
-        count = len(desired)
-        if rows.b.ndim != 2 or shape[0] != count:
+        if dimensions != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
         answer = self._solve(tuple(self.settings_of(count)), desired, rows)
         sizes = 2 * count, rows.b.size, rows.b.size
@@ -142,6 +143,18 @@ class BatchProgram(_Compiled):
             status.astype(np.int64),
             np.zeros(count, dtype=np.int64),
         )
+
+
+def _dimensions(rows: CbfRows) -> int:
+    """Return how many axes b has.
+
+    Raises:
+        InvalidInputError: if they are no rows of real numbers.
+    """
+    parts = rows if isinstance(rows, CbfRows) else (None,)
+    if not all(type(part) is np.ndarray and holds_numbers(part.dtype) for part in parts[:4]):
+        check_shapes(rows, 2)
+    return rows.b.ndim
 
 
 def _is_pair(u: ArrayLike) -> bool:

@@ -9,19 +9,21 @@ which the contract's next reader and `hcbf_gym.Response.load` take, and a pictur
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
+from hcbf_gym.arguments import Folder, Positive, Range, Seed
 from hcbf_gym.errors import InvalidInputError, finite_float, require_packages
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response
 from hcbf_gym.studies.identification.analysis import Identified
 from hcbf_gym.studies.identification.log import identify_log
 
-SHORTEST = 10.0
-"""Of random commands [s]: less tells nothing."""
+SHORTEST, LONGEST = 10.0, 3600.0
+"""Of random commands [s]: less tells nothing, and more tells nothing new."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +34,14 @@ class Args:
     """The contract's path, or a name of a walker of the package; none is needed with --log."""
     log: Path | None = None
     """CSV file of a drive, in place of a simulation."""
-    look_ahead: float | None = None
+    look_ahead: Positive | None = None
     """Of a differential drive without a contract: how far before its axle the point lies that
     follows [m]."""
-    seconds: float = 60.0
+    seconds: Annotated[float, Range(SHORTEST, LONGEST)] = 60.0
     """How long it gets random commands [s]."""
-    seed: int = 0
+    seed: Seed = 0
     """Decides them."""
-    output: Path | None = None
+    output: Folder | None = None
     """Folder to write to; the contract's own, or the log's, if not given."""
 
 
@@ -67,7 +69,7 @@ def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
     """
     if not args.contract:
         raise InvalidInputError("identify: got neither a contract nor --log, expected one of them")
-    seconds = finite_float("seconds", args.seconds, minimum=SHORTEST)
+    seconds = finite_float("seconds", args.seconds, minimum=SHORTEST, maximum=LONGEST)
     require_packages("a simulated drive; --log needs none", "mujoco")
     from hcbf_gym.robots.walker import Walker
     from hcbf_gym.studies.identification.identify import identify

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 import hcbf_gym
+from hcbf_gym.arguments import Folder, Workers
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
@@ -33,9 +34,9 @@ class Args:
     """Which figure of the paper."""
     quick: bool = False
     """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
-    output: Path = Path("results/reproduce")
+    output: Folder = Path("results/reproduce")
     """Folder for the pictures, the episodes and reproduction.json."""
-    workers: int | None = None
+    workers: Workers | None = None
     """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""

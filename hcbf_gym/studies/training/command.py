@@ -12,6 +12,8 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
+from hcbf_gym.arguments import Count, Folder
+from hcbf_gym.errors import require
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.studies.training import TrainingConfig, train
 from hcbf_gym.studies.training.curves import plot_curves
@@ -26,9 +28,9 @@ class Args:
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     """The run; its seed is the first of `seeds`."""
-    seeds: int = 1
+    seeds: Count = 1
     """Runs with the seeds seed, seed + 1, …"""
-    output: Path = Path("results/train")
+    output: Folder = Path("results/train")
     """Folder; each run has a subfolder of it."""
     resume: bool = False
     """Go on from each run's checkpoint, if there is one."""
@@ -38,6 +40,8 @@ class Args:
 
 def main(args: Args) -> None:
     """Train with every seed and draw the learning curves."""
+    if args.tensorboard:
+        require("--tensorboard", "rl", "tensorboard")
     curves = {}
     for seed in range(args.config.seed, args.config.seed + args.seeds):
         config, folder = replace(args.config, seed=seed), args.output / f"seed-{seed}"

@@ -1,11 +1,12 @@
 """What decides a training run: its record, its environments, its algorithm."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.arguments import Amount, Count, Range
 from hcbf_gym.errors import (
     InvalidInputError,
     MissingDependencyError,
@@ -62,25 +63,25 @@ class TrainingConfig:
     """The filter's program."""
     guidance: Literal["geodesic"] | None = None
     """Whether the filter leads around the regions to the goal."""
-    penalty: float = 0.005
+    penalty: Amount = 0.005
     """Price of an intervention, with filter "penalty" [s²/m]."""
     learn_from: Literal["nominal", "filtered"] = "nominal"
     """Which action the algorithm learns from: its own, or what the filter made of it."""
-    steps: int | None = None
+    steps: Annotated[int, Range(1, 10**12)] | None = None
     """Decisions over all environments [default: ppo 1000000, sac and td3 200000]."""
-    num_envs: int | None = None
+    num_envs: Count | None = None
     """Environments stepped together [default: ppo 256, sac and td3 32]."""
-    hold: int = 5
+    hold: Count = 5
     """Control steps of 0.02 s for which training holds a decision."""
-    gamma: float = 0.99
+    gamma: Annotated[float, Range(0.0, 1.0, above=True)] = 0.99
     """Discount from one decision to the next."""
-    network: tuple[int, ...] = (64, 64)
+    network: tuple[Annotated[int, Range(1, 65_536)], ...] = (64, 64)
     """Widths of the hidden layers."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**32 - 1)] = 0
     """Decides everything."""
-    report_every: int = 150_000
+    report_every: Count = 150_000
     """Decisions between two evaluations on held-out scenes, each followed by a checkpoint."""
-    report_episodes: int = 200
+    report_episodes: Count = 200
     """Held-out scenes of one evaluation."""
 
     def __post_init__(self) -> None:

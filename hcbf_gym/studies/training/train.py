@@ -10,6 +10,7 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.policies.learned import LearnedPolicy, read
+from hcbf_gym.records import make_folder
 from hcbf_gym.studies.training import checkpoint
 from hcbf_gym.studies.training.callbacks import LearnFromFiltered, Reports
 from hcbf_gym.studies.training.config import TrainingConfig, make_env, make_model
@@ -43,7 +44,6 @@ def train(
         InvalidInputError: if the checkpoint belongs to another run.
     """
     torch.set_num_threads(1)  # the network is small: threads cost more than they bring
-    folder.mkdir(parents=True, exist_ok=True)
     log = str(folder / "tensorboard") if tensorboard else None
     found = checkpoint.find(folder) if resume else None
     if found is None:
@@ -51,6 +51,7 @@ def train(
         model = make_model(config, make_env(config), log)
     else:
         model, curve = checkpoint.resume(found, config, log)
+    make_folder(folder)
     about = asdict(config) | {"versions": {name: _version(name) for name in _PACKAGES}}
     callbacks: list[BaseCallback] = []
     if config.learn_from == "filtered":

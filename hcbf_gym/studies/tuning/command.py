@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 import optuna
+import sqlalchemy
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
+from hcbf_gym.arguments import Amount, Count, Folder, Seed, Workers
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_gym.studies.tuning.cost_map import inside, plot_cost_map, plot_samplers
@@ -39,48 +41,49 @@ class Args:
     """A program that takes both weights."""
     sampler: tuple[Literal["normal", "tpe", "cmaes"], ...] = ("normal",)
     """The paper's plain sampling, or Optuna's TPE and CMA-ES within [0, 5] x [0, 2.5]."""
-    samples: int = 500
+    samples: Count = 500
     """Samples of each sampler."""
     mean: tuple[float, float] = (3.0, 1.5)
     """µ of (γ₀, Δγ)."""
     covariance: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     """Σ of (γ₀, Δγ), row by row."""
-    w_i: float = 1.0
+    w_i: Amount = 1.0
     """Weight of the tracking error on the way."""
-    w_f: float = 1000.0
+    w_f: Amount = 1000.0
     """Weight of the tracking error at the end."""
-    w_delta: float = 0.5
+    w_delta: Amount = 0.5
     """Weight of the relaxation."""
-    seed: int = 0
+    seed: Seed = 0
     """Decides the samples and the episodes."""
     storage: str | None = None
     """URL of a database [default: a log in the output folder]."""
-    workers: int | None = None
+    workers: Workers | None = None
     """Episodes that run at once, in full physics [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
-    output: Path = Path("results/tune")
+    output: Folder = Path("results/tune")
     """Folder for the study, tuning.json and the maps."""
 
 
 def main(args: Args) -> None:
     """Sample, and write what came out."""
-    if args.samples < 1:
-        raise InvalidInputError(f"samples: got {args.samples}, expected at least 1")
     runs = Runs(None, args.workers, args.backend)
     runs.check()
     if "cmaes" in args.sampler:
         require("--sampler cmaes", "studies", "cmaes")
+    if args.storage is not None:
+        _check_url(args.storage)
     cost = Cost(args.w_i, args.w_f, args.w_delta)
     problem = Problem(args.env, args.scenario, args.program, seed=args.seed, cost=cost)
     normal = Normal(args.mean, args.covariance)
     settings = {"study": "tuning", "problem": problem.settings(), "seed": args.seed}
     settings |= {"mean": args.mean, "covariance": args.covariance, "samplers": args.sampler}
-    open_folder(args.output, settings)
-    storage: Any = args.storage or JournalStorage(
-        JournalFileBackend(str(args.output / "study.log"))
-    )
+    check_folder(args.output, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
+    storage: Any = None if args.storage is None else _database(args.storage)
+    open_folder(args.output, settings)
+    if storage is None:
+        storage = JournalStorage(JournalFileBackend(str(args.output / "study.log")))
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     studies, seconds = {}, {}
     with Progress(*columns) as progress:
@@ -97,6 +100,40 @@ def main(args: Args) -> None:
     for name, value in seconds.items():
         console.print(f"{name}: {args.samples} samples in {value:.1f} s")
     console.print(f"written to {args.output}")
+
+
+def _check_url(url: str) -> None:
+    """Refuse what is no URL of a database, before anything is computed.
+
+    Raises:
+        InvalidInputError: if it is none, or nothing here reads it.
+    """
+    if url.startswith("redis"):  # which Optuna reads itself
+        return
+    try:
+        sqlalchemy.engine.make_url(url).get_dialect().import_dbapi()
+    except Exception as error:  # of SQLAlchemy, or of a driver that is not there
+        raise _no_storage(url, error) from error
+
+
+def _no_storage(url: str, error: Exception) -> InvalidInputError:
+    said = str(error).strip().partition("\n")[0]
+    return InvalidInputError(
+        f"--storage: got {url!r} ({type(error).__name__}: {said}), expected the URL of a "
+        "database, such as sqlite:///study.db"
+    )
+
+
+def _database(url: str) -> Any:
+    """Return the storage at a URL.
+
+    Raises:
+        InvalidInputError: if there is none.
+    """
+    try:
+        return optuna.storages.get_storage(url)
+    except Exception as error:  # of Optuna, SQLAlchemy or a database's driver
+        raise _no_storage(url, error) from error
 
 
 def _write(

@@ -1,0 +1,95 @@
+"""What the arguments of commands may be: a range beside a field's type, checked before any work."""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from hcbf_gym.errors import MOST, InvalidInputError, shown, text
+from hcbf_gym.records import check_place
+
+
+class Range(NamedTuple):
+    """What a number may be.
+
+    Attributes:
+        least: the least value.
+        most: the largest value.
+        above: whether `least` itself is refused.
+    """
+
+    least: float
+    most: float
+    above: bool = False
+
+    def __contains__(self, number: object) -> bool:
+        assert isinstance(number, int | float)
+        return self.least <= number <= self.most and not (self.above and number == self.least)
+
+    def __str__(self) -> str:
+        return f"a number {'above' if self.above else 'from'} {self.least:g} to {self.most:g}"
+
+
+Seed = Annotated[int, Range(0, 2**53)]
+Count = Annotated[int, Range(1, MOST)]
+Workers = Annotated[int, Range(1, 4096)]
+Amount = Annotated[float, Range(0.0, 1e9)]
+Positive = Annotated[float, Range(0.0, 1e9, above=True)]
+
+
+class Output:
+    """Marks a path that a command writes to: a folder, or a file in one."""
+
+
+Folder = Annotated[Path, Output()]
+
+
+def check(args: Any) -> None:
+    """Refuse numbers out of their range, text that is none, and places that cannot be written to.
+
+    Args:
+        args: a dataclass of a command's arguments.
+
+    Raises:
+        InvalidInputError: on the first of them; the message names the argument.
+    """
+    hints = get_type_hints(type(args), include_extras=True)
+    for field in dataclasses.fields(args):
+        value, name = getattr(args, field.name), "--" + field.name.replace("_", "-")
+        if dataclasses.is_dataclass(value):
+            check(value)
+            continue
+        marks = list(_marks(hints[field.name]))
+        ranges = [mark for mark in marks if isinstance(mark, Range)]
+        for one in _values(value):
+            if isinstance(one, str | Path):
+                text(name, one)
+            if isinstance(one, Path):
+                check_place(name, one, makes=any(isinstance(mark, Output) for mark in marks))
+            elif isinstance(one, int | float) and not isinstance(one, bool):
+                if not math.isfinite(one):
+                    raise InvalidInputError(f"{name}: got {one}, expected a finite number")
+                for allowed in ranges:
+                    if one not in allowed:
+                        raise InvalidInputError(f"{name}: got {shown(one)}, expected {allowed}")
+
+
+def _values(value: Any) -> Iterator[Any]:
+    """Yield what an argument is made of: itself, or its entries."""
+    if isinstance(value, Mapping):
+        value = (*value, *value.values())
+    if isinstance(value, tuple | list):
+        for one in value:
+            yield from _values(one)
+    else:
+        yield value
+
+
+def _marks(hint: Any) -> Iterator[Any]:
+    """Yield what stands beside the types of a hint."""
+    if get_origin(hint) is Annotated:
+        yield from hint.__metadata__
+    for part in get_args(hint):
+        if part is not ...:
+            yield from _marks(part)
