@@ -325,6 +325,7 @@ def calls() -> dict[str, Call]:
         ),
         "DoubleIntegrator": Call(models.DoubleIntegrator, given(n_u=2, drag=0.1)),
         "SingleIntegrator": Call(models.SingleIntegrator, given(n_u=2)),
+        "Unicycle": Call(models.Unicycle, {}),
         "KinematicBicycle": Call(models.KinematicBicycle, given(rear=1.5)),
         "Disc": Call(barriers.Disc, given(
             name="a", priority=1, center=(0.0, 0.0), radius=1.0, velocity=(0.0, 0.0),

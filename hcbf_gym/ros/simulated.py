@@ -11,6 +11,7 @@ import numpy as np
 
 from hcbf_gym.arguments import Amount, Folder, Seed
 from hcbf_gym.errors import require_packages
+from hcbf_gym.maps import nav2
 from hcbf_gym.records import make_folder
 from hcbf_gym.ros.command import require_rclpy
 
@@ -47,10 +48,12 @@ def main(args: Args) -> None:
     from hcbf_gym.ros.robot import SimulatedRobot
 
     robot = SimulatedRobot(args.robot, args.map, args.start, args.noise, seed=args.seed)
-    if args.path is not None:
-        make_folder(args.path.parent)
     grids = {"map": args.map} if args.map else {}
     grids |= {Path(mask).stem: mask for mask in args.masks}
+    for file in grids.values():
+        nav2.read(file)
+    if args.path is not None:
+        make_folder(args.path.parent)
     try:
         sim_node.spin(robot, grids, args.stamped, args.clock)
     finally:
