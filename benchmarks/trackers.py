@@ -96,7 +96,7 @@ class World:
         rows = zip(seen.tolist(), self.radius.tolist(), velocity.tolist(), strict=True)
         self.door.set_scene([
             [
-                Disc(f"person {k}", 1, tuple(c), r, tuple(v))
+                Disc(f"person {k}", 1, (c[0], c[1]), r, (v[0], v[1]))
                 for k, (c, r, v) in enumerate(zip(*row, strict=True))
             ]
             for row in rows

@@ -300,13 +300,16 @@ def test_certify_tries_what_is_the_user_s_own_before_it_begins(
 
 
 def test_a_folder_without_a_result_goes_with_an_error_and_one_with_a_result_stays(tmp_path):
+    def fails(result):
+        records.make_folder(tmp_path / "a" / "b")
+        (tmp_path / "a" / "b" / records.SETTINGS).write_text("{}", encoding="utf-8")
+        if result:
+            (tmp_path / "a" / "b" / result).write_text("{}", encoding="utf-8")
+        raise HcbfError("no")
+
     for result, left in ((None, []), ("result.json", ["a", "a/b", "a/b/result.json"])):
         with pytest.raises(HcbfError), records.nothing_left_behind():
-            records.make_folder(tmp_path / "a" / "b")
-            (tmp_path / "a" / "b" / records.SETTINGS).write_text("{}", encoding="utf-8")
-            if result:
-                (tmp_path / "a" / "b" / result).write_text("{}", encoding="utf-8")
-            raise HcbfError("no")
+            fails(result)
         found = [one for one in tree(tmp_path) if not one.endswith(records.SETTINGS)]
         assert found == left
 

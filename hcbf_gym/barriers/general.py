@@ -593,7 +593,7 @@ def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
         kind[i, : len(scene)] = ELSEWHERE
         k = 0
         for cls, run in itertools.groupby(scene, type):
-            barriers = list(run)
+            barriers: list[Any] = list(run)
             end = k + len(barriers)
             if cls in SHAPES:
                 kind[i, k:end] = cls.compiled.code

@@ -151,5 +151,3 @@ def _shape(array: Any, expected: tuple[int, ...], name: str) -> tuple[int, ...]:
             f"{name}: got shape {array.shape}, expected {expected} or {expected[1:]} for all plants"
         )
     return expected
-
-
