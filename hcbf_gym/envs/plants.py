@@ -31,7 +31,7 @@ def _estimate(env: Any, *_: object) -> Any:
     return env.estimate
 
 
-READERS = _barriers, _estimate, _GOAL
+READERS = _barriers, _estimate, _GOAL, _JUDGED
 """They look at the environment alone, neither at observations nor at infos."""
 
 

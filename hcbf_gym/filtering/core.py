@@ -134,6 +134,11 @@ class FilterCore(Configured, ABC):
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(said, self._fresh)
 
+    def follow_cover(self, said: object) -> None:
+        """Note where the promise is no longer a tested one; see `Covering.follow`."""
+        self.covering.follow(said)
+        self.covering.tell(self._buffer.plants)
+
     def begin(
         self,
         barriers: object,

@@ -37,9 +37,28 @@ class Covering:
         Raises:
             InvalidInputError: if it is none.
         """
+        for kept, news in zip((self._coverage, self._why), self._said(said), strict=True):
+            kept[fresh] = news[fresh]
+
+    def follow(self, said: object) -> None:
+        """Note where a promise that was tested when the episode began is no longer.
+
+        Args:
+            said: as `begin` takes it, at a later step.
+
+        Raises:
+            InvalidInputError: as `begin` does.
+        """
+        coverage, why = self._said(said)
+        ends = (self._coverage == Coverage.COVERED) & (coverage != Coverage.COVERED)
+        self._coverage[ends], self._why[ends] = coverage[ends], why[ends]
+
+    def _said(self, said: object) -> tuple[Integers, Integers]:
+        """Return (N,) a `Coverage` and a `CoveredBy` of each plant."""
+        shape = self._coverage.shape
         given = as_array("covered", said.covered if isinstance(said, Judged) else said)
         known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
-        if not known or given.shape not in ((), fresh.shape):
+        if not known or given.shape not in ((), shape):
             raise InvalidInputError(f"covered: got {said!r}, expected one of {list(Coverage)}")
         why = said.covered_by if isinstance(said, Judged) else BY_ITSELF[given]
         unreleased = of_another_version()
@@ -47,8 +66,7 @@ class Covering:
             warn_of_version(unreleased)
             why = np.where(given != Coverage.OUTSIDE, CoveredBy.VERSION, why)
             given = np.zeros_like(given)
-        for kept, news in ((self._coverage, given), (self._why, why)):
-            kept[fresh] = np.broadcast_to(news, fresh.shape)[fresh]
+        return np.broadcast_to(given, shape), np.broadcast_to(why, shape)
 
     def doubt(self, scenes: Integers, fresh: Mask) -> None:
         """Cover no episode that begins in a scene where rank 1 cannot be promised.

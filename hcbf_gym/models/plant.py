@@ -198,11 +198,10 @@ class Plant:
     """The reduced-order model behind an environment, and how to read and drive it.
 
     Readers are functions of the unwrapped environment, the latest observation and the latest info.
-    Those of barriers, state, goal and extent are read at every step, goal and extent where guidance
-    leads; that of `covered` where an episode begins, that of `declared` where a certificate is
-    compared. One that raises at the first reset raises to the user; later the plant brakes.
-    Positions may be those of a survey, such as UTM's: where a plant starts far away, they count
-    from there. What a vector's infos do not report is NaN for its readers.
+    All are read at every step, goal and extent where guidance leads; that of `declared` where a
+    certificate is compared. One that raises at the first reset raises to the user; later the plant
+    brakes. Positions may be those of a survey, such as UTM's: where a plant starts far away, they
+    count from there. What a vector's infos do not report is NaN for its readers.
 
     Args:
         model: ẋ = f(x) + g(x)u.
@@ -226,7 +225,8 @@ class Plant:
             it where it knows nothing, and after an alarm that makes it brake.
         max_age: the greatest age of a state that is believed [s]; None believes any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
-        covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either.
+        covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either. Within
+            an episode it may end, and not begin.
         axle: what limits a differential drive, whose x is that of the point before its axle, at
             ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
         braking: deceleration with which the body stops from its greatest speed, by how much later

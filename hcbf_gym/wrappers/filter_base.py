@@ -11,7 +11,7 @@ from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import count, instance
-from hcbf_gym.filtering.certified import certified, differs, limits
+from hcbf_gym.filtering.certified import Earned, certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -90,8 +90,11 @@ class FilterBase:
         self._is_first = True  # no episode has begun yet
         self._readers = Readers(self.plant, self._core.guides)
         plant = self.plant
+        own = callable(plant.covered) and plant.covered not in READERS
+        self._covers_anew = own and not isinstance(plant.covered, Earned) and not self._limits
         read_now = plant.barriers, plant.state, plant.goal, plant.extent
-        self._copies = any(callable(one) and one not in READERS for one in read_now)
+        others = [one for one in read_now if callable(one) and one not in READERS]
+        self._copies = bool(others) or self._covers_anew
 
     @property
     def input_set(self) -> InputSet:
@@ -139,6 +142,8 @@ class FilterBase:
         u_nominal = real_input(wanted, self._shape)
         seen = self._inner, self._observation, self._info
         barriers, estimate, world = self._readers(*seen)
+        if self._covers_anew:
+            self._core.follow_cover(self._readers.covered(*seen, first=False))
         u, report = self._core.step(u_nominal, barriers, estimate, world=world)
         if plant.to_action is None:
             return u.astype(self._dtype), report

@@ -104,7 +104,8 @@ def run(name, x, y, count, guided=False):
         lag = np.full_like(state, 0.001)
         part = state if count is not None else state[0]
         heading = np.zeros(n) if count is not None else 0.0
-        return Estimate(part, k * T, heading=heading if axle else None, model=part.copy(),
+        now = np.full(n, k * T) if count is not None else k * T
+        return Estimate(part, now, heading=heading if axle else None, model=part.copy(),
                         lag=lag if count is not None else lag[0])  # fmt: skip
 
     core.restart(np.ones(n, dtype=np.bool_))

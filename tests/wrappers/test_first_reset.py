@@ -1,5 +1,7 @@
 """A reader that raises at the first reset raises to the user; later it brakes."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -86,7 +88,7 @@ def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
     safe.step(action)
     sensor.raises = name
     with pytest.warns(SafetyWarning) as warned:
-        info = safe.reset()[1] if name == "covered" else safe.step(action)[4]
+        info = safe.step(action)[4]
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])
     _, info = safe.reset()
     said = [str(one.message) for one in warned]
@@ -105,3 +107,21 @@ def test_the_message_names_the_reader():
     with pytest.raises(KeyError) as raised:
         safe.reset()
     assert "reader of the state" in raised.value.__notes__[0]
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_covered_is_read_at_every_step_and_ends_within_an_episode(many):
+    said = [Coverage.COVERED]
+    sensor = Sensor(many)
+    plant = dataclasses.replace(sensor.plant, covered=lambda *_: said[0])
+    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, One())
+    safe = wrap(env, plant=plant)
+    action = np.zeros((N, 2)) if many else np.zeros(2)
+    _, info = safe.reset()
+    began = np.unique(info["safety_filter"]["covered"]).tolist()
+    found = []
+    for now in (Coverage.COVERED, Coverage.OUTSIDE, Coverage.COVERED):
+        said[0] = now
+        found.append(np.unique(safe.step(action)[4]["safety_filter"]["covered"]).tolist())
+    assert found == [began, [Coverage.OUTSIDE], [Coverage.OUTSIDE]]
+    assert np.unique(safe.reset()[1]["safety_filter"]["covered"]).tolist() == began
