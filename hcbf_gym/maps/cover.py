@@ -4,6 +4,10 @@ A piece is the convex hull of some rectangles of cells. It has at most eight cor
 grid's crossings, and holds no point that lies more than one cell from an occupied square: it meets
 no cell but occupied ones and those that share an edge with one. So a cell that is covered is never
 lost, and a gap narrows by at most one cell from each side.
+
+A merge is looked at row by row. All merges together may look at no more than `WORK` rows for each
+cell, so that the cost grows with the cells and with nothing else. Rooms need a few rows for each
+cell. Where a raster needs more, what is left stays in more pieces, which cover the same cells.
 """
 
 from typing import NamedTuple, Self
@@ -12,7 +16,12 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask, Places
 from hcbf_gym.compilation import kernel
+from hcbf_gym.errors import InvalidInputError
 
+MOST_PIECES = 500_000
+"""Of a cover: a raster that needs more shows no walls."""
+WORK, LEAST_WORK = 100, 1_000_000
+"""Rows that merges may look at: so many for each cell, and at least so many in all."""
 MOST_CORNERS = 8
 """Of a piece, as many as a convex polygon's block of numbers holds."""
 
@@ -37,10 +46,28 @@ class Cover(NamedTuple):
 
     @classmethod
     def of(cls, cells: Mask) -> Self:
-        """Return the cover of all true cells (rows, columns)."""
+        """Return the cover of all true cells (rows, columns).
+
+        Raises:
+            InvalidInputError: if it needs more than `MOST_PIECES`.
+        """
         owner = np.full(cells.shape, -1, dtype=np.int32)
         whole = (0, 0, cells.shape[0], cells.shape[1])
-        return cls(*_cover(cells, *whole, owner, 0), owner)
+        return cls(*_cover(cells, *whole, owner, 0), owner)._checked()
+
+    def _checked(self) -> Self:
+        """Return the cover.
+
+        Raises:
+            InvalidInputError: if it has more than `MOST_PIECES`.
+        """
+        if len(self.sizes) > MOST_PIECES:
+            raise InvalidInputError(
+                f"map: got {self.owner.shape} cells that need {len(self.sizes)} convex pieces, "
+                f"expected at most {MOST_PIECES}: use a coarser resolution, such as every second "
+                "row and column, or remove what is no wall"
+            )
+        return self
 
     def after(self, cells: Mask, window: Window) -> Self:
         """Return the cover of `cells`, which differ from those covered here in a window alone.
@@ -50,6 +77,9 @@ class Cover(NamedTuple):
         Args:
             cells: (rows, columns) as they are now.
             window: first row, first column, and the row and column after the last.
+
+        Raises:
+            InvalidInputError: if it needs more than `MOST_PIECES`.
         """
         low_row, low_column, high_row, high_column = window
         inner = np.arange(self.corners.shape[1]) < self.sizes[:, None]
@@ -67,7 +97,7 @@ class Cover(NamedTuple):
             np.concatenate([self.corners[~near], corners]),
             np.concatenate([self.sizes[~near], count]),
             owner,
-        )
+        )._checked()
 
     def grown(self) -> Array:
         """Return (P, 8, 2) the corners, `GROWTH` farther out in column and row.
@@ -192,6 +222,8 @@ def _merge(
 ) -> tuple[Integers, Integers]:
     """Merge touching boxes for as long as their hull meets no stranger; write who went where."""
     rows, columns = owner.shape
+    left = max(LEAST_WORK, WORK * strangers.size)
+    extents = np.empty((len(strangers), 2), dtype=np.int64)
     total = len(boxes)
     tried = np.full(total, -1, dtype=np.int32)
     waiting = np.empty(total, dtype=np.int64)
@@ -224,11 +256,15 @@ def _merge(
                     points[:n] = corners[pieces, :n]
                     _box_corners(boxes[other], points, n)
                     size = _hull(points[: n + 4], hull)
-                    if size > MOST_CORNERS or _meets(hull[:size], strangers, r0, c0):
+                    if size > MOST_CORNERS:
                         continue
-                    corners[pieces, :size] = hull[:size]
-                    corners[pieces, size:] = 0
-                    count[pieces] = size
+                    if size != n or (hull[:size] != corners[pieces, :n]).any():
+                        left -= hull[:size, 1].max() - hull[:size, 1].min()
+                        if left < 0 or _meets(hull[:size], strangers, r0, c0, extents):
+                            continue
+                        corners[pieces, :size] = hull[:size]
+                        corners[pieces, size:] = 0
+                        count[pieces] = size
                     piece_of[other] = pieces
                     waiting[end] = other
                     end += 1
@@ -281,30 +317,41 @@ def _turn(a: Integers, b: Integers, x: int, y: int) -> int:
 
 
 @kernel()
-def _meets(hull: Integers, strangers: Places, r0: int, c0: int) -> bool:
+def _meets(hull: Integers, strangers: Places, r0: int, c0: int, extents: Integers) -> bool:
     """Return whether a hull meets the inside of a stranger, row by row.
 
     Corners lie on crossings, so that a row's outermost points are those on its lower or upper line.
+    Edges that rise bound rows on the right, those that fall on the left.
+
+    Args:
+        hull: (k, 2) corners, counter-clockwise.
+        strangers: as `_strangers` returns them.
+        r0: row of the first.
+        c0: column of the first.
+        extents: (h, 2) room for the first and the last column of each row.
     """
-    size = len(hull)
-    low, high = hull[:, 1].min(), hull[:, 1].max()
+    for i in range(len(hull)):
+        x, y = hull[i - 1]
+        end_x, end_y = hull[i]
+        if y == end_y:
+            continue
+        rises = y < end_y
+        if not rises:
+            x, y, end_x, end_y = end_x, end_y, x, y
+        sign = -1 if rises else 1  # rounded down on the left, up on the right
+        high = end_y - y
+        steps, more = sign * (end_x - x) // high, sign * (end_x - x) % high
+        at, over = sign * x, 0
+        for row in range(y - r0, end_y - r0):
+            here = at
+            at, over = at + steps, over + more
+            if over >= high:
+                at, over = at + 1, over - high
+            extents[row, int(rises)] = sign * min(here, at)
+    low, high = hull[:, 1].min() - r0, hull[:, 1].max() - r0
     for row in range(low, high):
-        left, right = np.int64(2**62), np.int64(-(2**62))
-        for i in range(size):
-            x0, y0 = hull[i]
-            x1, y1 = hull[(i + 1) % size]
-            if y0 == y1:
-                continue
-            if y0 > y1:
-                x0, y0, x1, y1 = x1, y1, x0, y0
-            if y0 > row or y1 < row + 1:
-                continue
-            for y in (row, row + 1):
-                rise = (x1 - x0) * (y - y0)
-                left = min(left, x0 + rise // (y1 - y0))
-                right = max(right, x0 - (-rise) // (y1 - y0))
-        counted = strangers[row - r0]
-        if counted[right - c0] != counted[left - c0]:
+        first, last = extents[row, 0] - c0, extents[row, 1] - c0
+        if strangers[row, last] != strangers[row, first]:
             return True
     return False
 

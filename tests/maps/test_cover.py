@@ -1,10 +1,14 @@
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.covers import rasters
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.maps.cover import Cover
+from hcbf_gym.maps.cover import MOST_PIECES, Cover
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 
 CELL = 0.05
@@ -75,3 +79,56 @@ def test_a_change_far_from_a_piece_leaves_it_as_it_is():
     anew = RankedMap(changed.grid, changed.classes)
     points = np.random.default_rng(0).uniform(0.0, 4.0, (500, 2))
     assert np.abs(changed.distance(points, 1) - anew.distance(points, 1)).max() <= 1.5 * CELL
+
+
+SIDE = 600
+HARD = dict(rasters(SIDE))
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_a_cover_is_exact_whatever_the_raster(name):
+    cells, rng = HARD[name], np.random.default_rng(0)
+    cover = Cover.of(cells)
+    assert ((cover.owner >= 0) == cells).all()
+    near = cells.copy()
+    near[1:] |= cells[:-1]
+    near[:-1] |= cells[1:]
+    near[:, 1:] |= cells[:, :-1]
+    near[:, :-1] |= cells[:, 1:]
+    places = np.argwhere(cells)
+    for row, column in places[rng.integers(len(places), size=300)]:
+        piece = cover.owner[row, column]
+        corners = cover.corners[piece, : cover.sizes[piece]]
+        edges = np.roll(corners, -1, axis=0) - corners
+
+        def left(points, corners=corners, edges=edges):
+            """Return how far points (k, 2) are on the left of each edge, all edges in a row."""
+            offset = points[:, None] - corners
+            return edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0]
+
+        own = np.array([column, row]) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        assert (left(own) >= 0).all()
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        points = rng.uniform(low, high, (200, 2))
+        points = points[(left(points) > 1e-9).all(axis=1)]
+        column_of, row_of = np.floor(points).astype(int).T
+        assert near[row_of, column_of].all()
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_a_million_cells_are_covered_within_three_seconds(name):
+    cells = dict(rasters(1000))[name]
+    Cover.of(cells[:3, :3].copy())
+    begun = time.process_time()
+    Cover.of(cells)
+    assert time.process_time() - begun < 3.0
+
+
+def test_a_raster_of_too_many_pieces_is_refused_with_their_number_and_the_remedy():
+    cells = np.zeros((1500, 1500), dtype=np.bool_)
+    cells[::2, ::2] = True
+    with pytest.raises(InvalidInputError, match=r"need 562500 convex pieces.*coarser resolution"):
+        Cover.of(cells)
+    cells[1000:] = False
+    cover = Cover.of(cells)
+    assert len(cover.sizes) == 375_000 < MOST_PIECES
