@@ -16,7 +16,10 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 STEP = 1e-6
 """In units of the state."""
-SMOOTH = "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s)"
+SMOOTH = (
+    "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s), and a "
+    "minimum of functions as a condition of the same rank for each"
+)
 """The remedy."""
 
 
