@@ -20,6 +20,7 @@ from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import ConflictReport
 
 Scene = Sequence[Barrier]
 
@@ -108,6 +109,15 @@ class BatchFilter:
         """Return name and rank of each row in the report of plant `i`."""
         i = count("i", i, minimum=0, maximum=self._count - 1)
         return [] if self._barriers is None else self._barriers.conditions(i)
+
+    def conflict(self, i: int = 0) -> ConflictReport | None:
+        """Return which conditions no input met together at the last step of plant `i`.
+
+        Returns:
+            `rows` are indices of `conditions(i)`; None where there was no conflict, or the state
+            was not accepted.
+        """
+        return self._core.conflict(i)
 
     def set_scene(
         self,

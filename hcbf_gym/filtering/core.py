@@ -37,9 +37,10 @@ from hcbf_gym.filtering import causes, solvers, step
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.configured import Configured
+from hcbf_gym.filtering.conflict import conflict_of
 from hcbf_gym.filtering.covering import Covering
 from hcbf_gym.filtering.nearness import Nearness
-from hcbf_gym.filtering.plants import Plants
+from hcbf_gym.filtering.plants import Plants, part_of
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
@@ -48,7 +49,7 @@ from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
-from hcbf_gym.programs import FilterStatus
+from hcbf_gym.programs import ConflictReport, FilterStatus
 
 SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
 """Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
@@ -82,6 +83,7 @@ class FilterCore(Configured, ABC):
         self._buffer.plants["alpha1_scale"] = self.alpha1_scale
         self._world: tuple[object, object] | None = None  # of this step
         self._m = -1  # there was no scene yet
+        self._last: tuple[SceneArrays, Array] | None = None  # scenes and rows of the last step
         self._scene = BarrierSet([()] * self.count)  # as of time 0 of the plants' clocks
         self._given = self._scene  # as it was returned or set
         self._version, self._edits = self._scene.version.copy(), -1
@@ -212,7 +214,7 @@ class FilterCore(Configured, ABC):
             self._make_room(self._m)
         buffer.u_nominal[...] = u_nominal
         self._kinks.u = u_nominal
-        arrays, own = self._made(scene, u_nominal)
+        self._last = arrays, own = self._made(scene, u_nominal)
         said = self._filter(arrays, own)
         if said == step.NOT_FINITE:
             bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
@@ -233,6 +235,27 @@ class FilterCore(Configured, ABC):
             self._finish(estimate)
         report = buffer.report()
         return report["u_safe"], report
+
+    def conflict(self, i: int = 0) -> ConflictReport | None:
+        """Return which conditions no input of U met together at the last step of plant i.
+
+        Returns:
+            `rows` are indices of `conditions`; None where one input met all, or the state of the
+            plant was not accepted.
+        """
+        if self._last is None or 0 < self._buffer.plants["reason"][i] < FIRST_ALARM:
+            return None
+        one = slice(i, i + 1)
+        sensed, told, rows = self._samples.plants, self._buffer.plants, self._buffer.rows
+        (kind, parameters, priority, own_margin, atlas), own = self._last
+        plants = Plants(
+            kind[one], parameters[one], priority[one], own_margin[one],
+            sensed[one], own[one], told[one], rows[one],
+        )  # fmt: skip
+        program = part_of(self._constants, self._program, one)
+        turns = self.plant.axle is not None
+        shared = self._constants, program, self._drives
+        return conflict_of(shared, plants, atlas, None if turns else self.input_set)
 
     def _renew(self) -> None:
         """Give a batch's next report memory of its own: the user has that of the last one."""

@@ -15,7 +15,7 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
 from hcbf_gym.barriers.class_k import LogClassK
-from hcbf_gym.barriers.set import BarrierSet, Entry
+from hcbf_gym.barriers.set import BarrierSet, Condition, Entry
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -41,7 +41,7 @@ from hcbf_gym.online.follower import Follower
 from hcbf_gym.online.odometry import Odometry
 from hcbf_gym.online.robot import Robot, cap_of, known_of
 from hcbf_gym.online.sample import Sample, frame_of, number, placed, sample_of
-from hcbf_gym.programs import FilterStatus
+from hcbf_gym.programs import ConflictReport, FilterStatus
 from hcbf_gym.robots.walker_margins import (
     axle_of,
     braked,
@@ -251,6 +251,20 @@ class VelocityFilter:
                 reserves and one input brings.
         """
         self._core.check_limits(BarrierSet([self._listed(barriers)]))
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions in the order of the report's rows."""
+        return self._core.conditions
+
+    def conflict(self) -> ConflictReport | None:
+        """Return which conditions no velocity met together at the last step, and who pays.
+
+        Returns:
+            `rows` are indices of `conditions`; None where there was no conflict, or the state was
+            not accepted.
+        """
+        return self._core.conflict()
 
     @property
     def goal(self) -> Array | None:

@@ -1,18 +1,16 @@
 """What a step of the playground says: a record of readings and one plain sentence."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Integers
-from hcbf_gym.barriers.layout import MAPPED
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
-from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.play.settings import Settings
-from hcbf_gym.programs import FilterResult, FilterStatus
+from hcbf_gym.programs import ConflictReport, FilterStatus
 from hcbf_gym.scenarios import Scenario
 
 if TYPE_CHECKING:
@@ -135,43 +133,28 @@ def sentence(
     return f"{pay[0].upper()}{pay[1:]} so that {hold}."
 
 
-def conflict(inner: Any, x: Array, t: float, margin: Array, slack: Array, names: list[str]) -> str:
-    """Return which rows conflict at a state, and whether the input's limits are part of it.
+def conflict(found: ConflictReport | None, barriers: Sequence[Barrier], x: Array) -> str:
+    """Return which conditions conflict, and whether the input's limits are part of it.
 
     Of a map's class it names the nearest place, too.
 
     Args:
-        inner: the environment.
+        found: by the filter.
+        barriers: of the scene.
         x: (4,) the state that the filter saw.
-        t: its time [s].
-        margin: (m,) what the rows of each barrier reserved.
-        slack: (m,) their violation.
-        names: of the m barriers.
     """
-    limits = inner.scenario.input_set
-    settings = RowSettings(period=CONTROL_DT, u_max=limits.radius)
-    barriers, whose = inner.barrier_set, np.arange(len(names))
-    mapped = barriers.kind[0] == MAPPED
-    if barriers.atlas:
-        exact = x, np.zeros(4), np.zeros((4, 4))
-        barriers, whose = barriers.nearby(
-            settings, inner.plant.uncertainty, limits.radius, x, *exact
-        )
-    batch = barriers.rows(x[None], np.array([t]), settings, margin[None, whose])
-    rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
-    paid = slack[whose]
-    answer = FilterResult(np.zeros(2), paid, paid, FilterStatus.RELAXED, 0)
-    report = programs.conflict_report(rows, answer, limits)
-    if report is None:
+    if found is None:
         return ""
     parts = []
-    for row in report.rows:
-        name = names[whose[row]]
-        if mapped[whose[row]]:
-            place = x[:2] - rows.h[row] * rows.a[row]  # a is the way from the nearest piece
+    for k in found.rows:
+        barrier = barriers[k]
+        name = barrier.name
+        if isinstance(barrier, Mapped):
+            h, normal = barrier.nearest(x)
+            place = x[:2] - h * normal
             name += f" at {place[0]:.1f}, {place[1]:.1f} m"
-        parts.append(f"{name} (rank {rows.priority[row]})")
-    if report.needs_input_set:
+        parts.append(f"{name} (rank {barrier.priority})")
+    if found.needs_input_set:
         parts.append("the limits of the input")
     return "In conflict: " + ", ".join(parts) + "."
 

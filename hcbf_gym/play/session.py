@@ -262,7 +262,6 @@ class Session:
         """Step once, unless the robot lies on the floor."""
         inner = self._now.inner
         x = inner.estimate.x.copy()
-        t = inner.time
         policy = self._now.policy
         wanted = self._human.act(x) if policy is None else policy(self._observation, self._info)
         self._action = np.asarray(wanted, dtype=np.float64)
@@ -282,10 +281,8 @@ class Session:
         if said is None or not said["slack"].any():
             self._conflict = ""
         elif self._ticks % CONFLICT_EVERY == 0 or not self._conflict:
-            m = len(self._names)
-            self._conflict = report.conflict(
-                inner, x, t, said["margin"][:m], said["slack"][:m], self._names
-            )
+            filtered: Any = self._now.env
+            self._conflict = report.conflict(filtered.conflict(), inner.barriers, x)
 
     def _arrive(self, steered: bool) -> None:
         """Say that the robot is at its goal, and after a rest let it go on.

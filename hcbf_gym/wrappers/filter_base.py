@@ -19,6 +19,7 @@ from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import ConflictReport
 from hcbf_gym.wrappers.checks import (
     check_begun,
     check_observations,
@@ -105,6 +106,18 @@ class FilterBase:
     def conditions(self) -> list[Condition]:
         """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
         return self._core.conditions
+
+    def conflict(self, i: int = 0) -> ConflictReport | None:
+        """Return which conditions no input met together at the last step, and which ranks pay.
+
+        Args:
+            i: which plant of N.
+
+        Returns:
+            `rows` are indices of `conditions`; None where there was no conflict, or the state was
+            not accepted.
+        """
+        return self._core.conflict(i)
 
     def _see(self, observation: object, info: Info) -> None:
         """Note what readers look at before the next action; the caller may change what it has."""
