@@ -1,6 +1,6 @@
 """A scene seen from above, drawn on matplotlib axes: regions, walls, boxes and the reference."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from hcbf_gym.maps.cover import boxes
 from hcbf_gym.scenarios import Scenario
 
 _FAR = 100.0
+_NAMED = 4  # regions of a rank that a legend names
 _CELLS = 100  # along a side of the grid on which a condition without an outline is drawn
 
 
@@ -59,9 +60,9 @@ def draw_scene(axes: Axes, scenario: Scenario, t: float = 0.0) -> None:
         axes.add_patch(Polygon(corners, facecolor=color, edgecolor="k", lw=0.6, zorder=2))
     times = np.linspace(0.0, scenario.reference.duration, 200)
     reference = np.array([scenario.reference(s)[0] for s in times])
-    axes.plot(*reference.T, "--", color=palette.REFERENCE, lw=1.0, zorder=3, label="reference")
-    axes.plot(*scenario.start, "o", color="k", ms=4, zorder=3)
-    axes.plot(*scenario.goal, "*", color="k", ms=10, zorder=3)
+    axes.plot(*reference.T, "--", color=palette.REFERENCE, lw=1.2, zorder=6, label="reference")
+    axes.plot(*scenario.start, "o", color="k", ms=4, ls="", zorder=7, label="start")
+    axes.plot(*scenario.goal, "*", color="k", ms=10, ls="", zorder=7, label="goal")
     low, high = limits(scenario)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="$p_x$ [m]", ylabel="$p_y$ [m]")
@@ -131,11 +132,31 @@ def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
         axes.add_collection(PolyCollection(shapes, **(style | edge)))
 
 
-def legend_below(figure: Figure, axes: Axes) -> None:
-    """Put the legend of `axes` under the panels of a figure, where it covers nothing."""
-    handles, labels = axes.get_legend_handles_labels()
-    columns = min(len(labels), 4)
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
+def rank_patches(barriers: Iterable[Barrier | Shapes]) -> list[Patch]:
+    """Return a patch for each rank, labelled for a legend: "rank 1: trolley, wall"."""
+    named: dict[int, list[str]] = {}
+    for barrier in barriers:
+        named.setdefault(barrier.priority, []).append(barrier.name)
+    patches = []
+    for rank, names in sorted(named.items()):
+        color = palette.priority_color(rank)
+        label = f"rank {rank}" + (f": {', '.join(names)}" if len(names) <= _NAMED else "")
+        face = palette.paler(color, 0.6)
+        patches.append(Patch(facecolor=face, edgecolor=color, lw=1.2, label=label))
+    return patches
+
+
+def legend_below(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> None:
+    """Put the legend of `axes` under the panels of a figure, where it covers nothing.
+
+    Args:
+        figure: with the axes.
+        axes: whose labels count.
+        others: labelled, before those.
+    """
+    handles = [*others, *axes.get_legend_handles_labels()[0]]
+    columns = min(len(handles), 4)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8)
 
 
 def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

@@ -10,13 +10,21 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import Barrier, Shape, Shapes
+from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
-from hcbf_gym.drawing.scene_plot import draw_barriers, draw_scene, legend_below, window
+from hcbf_gym.drawing.scene_plot import (
+    draw_barriers,
+    draw_scene,
+    legend_below,
+    limits,
+    rank_patches,
+    window,
+)
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.scenarios import Scenario
 
 _STYLES = ("-", "--", ":", "-.")
+_ARROW = {"arrowstyle": "->", "color": "k", "lw": 1.2}
 
 Shown = Mapping[tuple[str, str], Episode]
 """(policy, program) → an episode; either may be any label."""
@@ -48,11 +56,28 @@ def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
     figure = new_figure(6.4, 5.4)
     axes = figure.add_subplot()
     draw_scene(axes, scenario)
+    seen = [*limits(scenario), *(place for e in episodes.values() for place in e.position)]
+    low, high = window(seen, ())
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     for (_, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
         axes.plot(*episode.position.T, lw=1.8, zorder=4, **style)
-    legend_below(figure, axes)
+    _draw_motion(axes, scenario.barriers)
+    legend_below(figure, axes, rank_patches(scenario.conditions))
     axes.set_title(scenario.name, fontsize=10)
     return figure
+
+
+def _draw_motion(axes: Axes, barriers: Sequence[Barrier]) -> None:
+    """Draw by an arrow how far each region moves in 2 s; it is drawn where it is at the start."""
+    for barrier in barriers:
+        if not isinstance(barrier, Shape) or not barrier.frame_velocity.any():
+            continue
+        drawn = barrier.outline()
+        if isinstance(drawn, Wall):
+            continue
+        center = drawn.center if isinstance(drawn, Oval) else drawn.mean(axis=0)
+        tip_x, tip_y = np.add(center, 2.0 * barrier.frame_velocity).tolist()
+        axes.annotate("", (tip_x, tip_y), (float(center[0]), float(center[1])), arrowprops=_ARROW)
 
 
 def plot_series(episodes: Shown) -> Figure:

@@ -10,7 +10,7 @@ from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.filtering import step
 from hcbf_gym.filtering.plants import Drives, Plants, split
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs import ConflictReport, FilterResult, FilterStatus, conflict_report
+from hcbf_gym.programs.conflicts import ConflictReport, conflict_among
 
 
 class Polygon(NamedTuple):
@@ -68,13 +68,16 @@ def conflict_of(
     _, part, work, source = step.pose(constants, program, drives, copies, atlas)
     m = part.kind.shape[1]
     whose = source if source.size else np.arange(m)
-    rows = CbfRows(work.a[0, :m], work.rows[B, 0, :m], work.rows[H, 0, :m], part.priority[0])
-    paid = slack[whose]
-    answer = FilterResult(np.zeros(work.u.shape[1]), paid, paid, FilterStatus.RELAXED, 0)
+    there = part.priority[0] > 0  # a batch fills up shorter scenes
+    rows = CbfRows(
+        work.a[0, :m][there], work.rows[B, 0, :m][there], work.rows[H, 0, :m][there],
+        part.priority[0][there],
+    )  # fmt: skip
+    whose = whose[there]
     limits: Any = input_set
     if limits is None:
         limits = Polygon(split(constants[0], program)[0][0])
-    found = conflict_report(rows, answer, limits)
+    found = conflict_among(rows, slack[whose], limits)
     if found is None:
         return None
     return found._replace(rows=tuple(sorted({int(whose[row]) for row in found.rows})))

@@ -57,7 +57,18 @@ def conflict_report(
             f"conflict report: got rows of shape {rows.b.shape} and a result of shape "
             f"{np.shape(result.slack)}, expected both of one state: (m,)"
         )
-    admissible = Remaining.of(input_set, np.zeros(input_set.n_u), Solver("daqp"))
+    return conflict_among(rows, result.slack, input_set)
+
+
+def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport | None:
+    """Report the conflict among rows that are sound; see `conflict_report`.
+
+    Args:
+        rows: the rows of one state.
+        slack: (m,) what a program violates them by.
+        limits: U, by its n_u, radius and halfspaces().
+    """
+    admissible = Remaining.of(limits, np.zeros(limits.n_u), Solver("daqp"))
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None
@@ -67,8 +78,8 @@ def conflict_report(
             kept = rest
     unbounded = admissible._replace(a=admissible.a[:0], b=admissible.b[:0])
     paid = {
-        int(priority): float(result.slack[rows.priority == priority].max())
-        for priority in np.unique(rows.priority[result.slack > 0.0])
+        int(priority): float(slack[rows.priority == priority].max())
+        for priority in np.unique(rows.priority[slack > 0.0])
     }
     return ConflictReport(
         tuple(sorted(int(row) for row in kept)), _feasible(rows, kept, unbounded), paid

@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, shown, text
-from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps
+from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps, trolley
 from hcbf_gym.scenarios.floor_plans import Route
 from hcbf_gym.scenarios.hall import Layout
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
@@ -36,6 +36,7 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "paper-four-levels": paper.four_levels,
     "paper-experiment": paper.experiment,
     "paper-experiment-straight": paper.experiment_straight,
+    "trolley": trolley.scenario,
 }
 
 RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
