@@ -19,7 +19,7 @@ def run(quick: bool) -> dict[str, Any]:
         quick: fewer episodes.
     """
     folder = FOLDER / ("reproduce-quick" if quick else "reproduce")
-    return reproduce(list(FIGURES), folder, quick, Runs(folder / "episodes"))
+    return reproduce(FIGURES, folder, quick, Runs(folder / "episodes"))
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

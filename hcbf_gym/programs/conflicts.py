@@ -1,10 +1,10 @@
 """Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Integers
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_float, instance

@@ -214,3 +214,11 @@ def test_a_command_says_what_was_wrong_in_one_line_and_fails(tmp_path):
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("error: w_i: got -1.0, expected")
     assert not (tmp_path / "out").exists()
+
+
+def test_the_reduced_order_model_has_figure_5_alone(tmp_path):
+    from hcbf_gym.studies.reproduction import command
+
+    with pytest.raises(InvalidInputError, match=r"expected one of \['fig5'\]"):
+        command.main(command.Args("fig6", model="rom", output=tmp_path))
+    assert not list(tmp_path.iterdir())

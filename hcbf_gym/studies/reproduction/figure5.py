@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,6 +31,8 @@ from hcbf_gym.studies.tuning import (
 )
 from hcbf_gym.studies.tuning.cost_map import inside
 
+Model = Literal["both", "rom"]
+"""On which models a figure is drawn: reduced-order model and A1, or the first alone."""
 SCENE = "paper-simulation"
 R_WEIGHT = 0.05
 """γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
@@ -51,13 +53,14 @@ _INNER = (1.0, 4.75)
 """Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
 
 
-def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
+def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
     Args:
         runs: how episodes run.
         folder: where the pictures go.
         quick: fewer samples, and no cost map on the A1.
+        model: "both", or "rom" for the reduced-order model alone.
 
     Returns:
         ``claims`` {text: bool} and the figures they rest on, in JSON types.
@@ -66,24 +69,31 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     rom = _rom()
     samples = TuningStudy(Problem(scenario=SCENE), Normal()).run(2000)
     plots.fig5_panels(rom, GAMMAS, fan, samples).savefig(folder / "fig5-rom.png")
+    result = {
+        "claims": _claims("ROM", rom) | _map_claims("ROM", samples),
+        "rom": _summary(rom),
+        "rom_map": _map_summary(samples),
+        "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
+        "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
+    }
+    if model == "rom":
+        return result
+    of_a1 = _on_a1(runs, folder, quick, rom)
+    return result | of_a1 | {"claims": result["claims"] | of_a1["claims"]}
 
+
+def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str, Any]:
+    """Draw the A1's panels, and its paths beside those of the reduced-order model."""
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
     a1 = of_episodes(chunks.in_order(runs.over(Job.run, jobs, "fig 5, A1")))
-    a1_samples = None if quick else _a1_samples(runs)
-    plots.fig5_panels(a1, GAMMAS, None, a1_samples).savefig(folder / "fig5-a1.png")
+    samples = None if quick else _a1_samples(runs)
+    plots.fig5_panels(a1, GAMMAS, None, samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
     result = {
-        "claims": _claims("ROM", rom)
-        | _claims("A1", a1)
-        | _map_claims("ROM", samples)
-        | ({} if a1_samples is None else _map_claims("A1", a1_samples)),
-        "rom": _summary(rom),
+        "claims": _claims("A1", a1) | ({} if samples is None else _map_claims("A1", samples)),
         "a1": _summary(a1),
-        "rom_map": _map_summary(samples),
-        "a1_map": None if a1_samples is None else _map_summary(a1_samples),
-        "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
-        "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
+        "a1_map": None if samples is None else _map_summary(samples),
     }
     times = (2.0, 5.0, 8.0, 12.0)
     try:
