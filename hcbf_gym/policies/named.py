@@ -108,14 +108,13 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
     if seed is not None:
         seed = count("seed", seed, minimum=0, maximum=np.inf)
     observation, info = env.reset(seed=seed)
-    shape = np.shape(observation)
     try:
         action = policy(observation, info)
     except Exception as error:  # whatever a user's policy raises
         said = str(error).strip().partition("\n")[0]
         raise InvalidInputError(
             f"policy {name!r}: got {type(error).__name__}: {said} for an observation of shape "
-            f"{shape}, expected an action"
+            f"{_shape(env.observation_space)}, expected an action"
         ) from error
     array, wanted = as_array(f"policy {name!r}: action", action), env.action_space.shape
     if array.dtype.kind not in "fiu" or array.shape != wanted:
@@ -131,10 +130,17 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
     return action
 
 
+def _shape(space: gym.Space) -> Any:
+    """Return the shape of a space's entries, key → shape of a Dict; the space itself of others."""
+    if isinstance(space, spaces.Dict):
+        return {key: _shape(part) for key, part in space.spaces.items()}
+    return space.shape if isinstance(space, spaces.Box) else space
+
+
 class _Spaces(NamedTuple):
     """The spaces of an environment that a network has to fit."""
 
-    observation: tuple[int, ...]
+    observation: gym.Space
     action: spaces.Box
 
     @classmethod
@@ -142,18 +148,32 @@ class _Spaces(NamedTuple):
         """Return them.
 
         Raises:
-            InvalidInputError: if they are no boxes.
+            InvalidInputError: if the actions are no Box.
         """
-        for space in (env.observation_space, env.action_space):
-            if not isinstance(space, spaces.Box):
-                raise InvalidInputError(f"policy {name!r}: got the space {space}, expected a Box")
-        assert isinstance(env.observation_space, spaces.Box)
-        assert isinstance(env.action_space, spaces.Box)
-        return cls(env.observation_space.shape, env.action_space)
+        action = env.action_space
+        if not isinstance(action, spaces.Box):
+            raise InvalidInputError(
+                f"policy {name!r}: got the action space {action}, expected a Box"
+            )
+        return cls(env.observation_space, action)
+
+    def box(self, path: Path) -> tuple[int, ...]:
+        """Return the shape of the observations, which have to be arrays.
+
+        Raises:
+            InvalidInputError: if they are none.
+        """
+        if isinstance(self.observation, spaces.Box):
+            return self.observation.shape
+        raise InvalidInputError(
+            f"policy {path.name}: got the observation space {self.observation}, expected a Box: "
+            "such a file maps one array to an action; a zip of Stable-Baselines3 takes a Dict, "
+            "gymnasium.wrappers.FlattenObservation makes a Box"
+        )
 
 
 def _of_onnx(path: Path, fits: _Spaces) -> Policy:
-    network = loading.Network(path, (fits.observation[0], fits.action.shape[0]))
+    network = loading.Network(path, (fits.box(path)[0], fits.action.shape[0]))
     low, high = fits.action.low, fits.action.high
     return lambda observation, info: np.clip(network(observation), low, high)
 
@@ -161,6 +181,7 @@ def _of_onnx(path: Path, fits: _Spaces) -> Policy:
 def _of_torch(path: Path, fits: _Spaces) -> Policy:
     """Return the policy of a torch module that was saved whole, or as TorchScript."""
     require(f"policy {path.name}", "rl", "torch")
+    fits.box(path)
     torch: Any = importlib.import_module("torch")
     expected = "expected a module: torch.save(module, path), or torch.jit.script(module).save(path)"
     with warnings.catch_warnings():
@@ -206,11 +227,12 @@ def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
         raise InvalidInputError(
             f"policy: got {str(path)!r} ({type(error).__name__}: {said}), {expected}"
         ) from error
-    seen, given = model.observation_space.shape, model.action_space.shape
-    if (seen, given) != (fits.observation, fits.action.shape):
+    seen, given = _shape(model.observation_space), model.action_space.shape
+    expected_seen = _shape(fits.observation)
+    if (seen, given) != (expected_seen, fits.action.shape):
         raise InvalidInputError(
             f"policy: got a model of observations of shape {seen} and actions of shape {given} in "
-            f"{path.name}, expected {fits.observation} and {fits.action.shape}, as the environment "
+            f"{path.name}, expected {expected_seen} and {fits.action.shape}, as the environment "
             "has them"
         )
     low, high = fits.action.low, fits.action.high
@@ -218,7 +240,7 @@ def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
     same = np.array_equal(low, least) and np.array_equal(high, most)
     stretch = (high - low) / (most - least).astype(np.float64)
 
-    def act(observation: Array, info: Info) -> NDArray[Any]:
+    def act(observation: Any, info: Info) -> NDArray[Any]:
         action, _ = model.predict(observation, deterministic=True)
         return action if same else low + (action - least) * stretch
 

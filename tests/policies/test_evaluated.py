@@ -10,6 +10,7 @@ from needs import needs
 from networks import gains, write_onnx
 
 from hcbf_gym import cli, loading, wrappers
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.policies import named
 
 pytestmark = pytest.mark.filterwarnings(
@@ -113,3 +114,43 @@ def test_a_command_gives_the_numbers_of_a_loop_by_hand(where, form, tmp_path, mo
     (row,) = told["episodes"]
     assert row["return"] == pytest.approx(total, rel=1e-9)
     assert row["intervention_rms"] == pytest.approx(changed, rel=1e-9)
+
+
+DICT = """
+
+class Split(Point):
+    observation_space = spaces.Dict({"x": Point.observation_space, "goal": Point.observation_space})
+
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        return {"x": seen, "goal": 0 * seen}, info
+
+    def step(self, u):
+        seen, *rest = super().step(u)
+        return {"x": seen, "goal": 0 * seen}, *rest
+
+
+def split():
+    return Split(), make()[1]
+"""
+
+
+@needs("stable_baselines3")
+def test_a_model_of_dict_observations_is_evaluated(tmp_path, monkeypatch):
+    import stable_baselines3
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "seen.py").write_text(OWN + DICT, encoding="utf-8")
+    env, plant = loading.function("env", "seen.py:split")()
+    stable_baselines3.PPO("MultiInputPolicy", env, seed=0, device="cpu").save("model")
+    cli.main([
+        "evaluate", "--env=seen.py:split", "--policy=model.zip", "--program=lex-cbf-qp",
+        f"--steps={STEPS}", "--workers=1", "--seed=3", "--output=out",
+    ])  # fmt: skip
+    written = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    policy = named.make("model.zip", env)
+    total, _ = by_hand(wrappers.SafetyFilter(env, plant=plant), policy, 3, STEPS)
+    assert written["episodes"][0]["return"] == pytest.approx(total, rel=1e-9)
+    (tmp_path / "network.onnx").write_bytes(b"")
+    with pytest.raises(InvalidInputError, match="FlattenObservation"):
+        named.make("network.onnx", env)
