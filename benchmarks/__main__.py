@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from hcbf_gym import cli
 
 PICTURES = {
+    "conflict": "benchmarks.pictures.conflict",
     "gallery": "benchmarks.pictures.gallery",
     "guidance": "benchmarks.pictures.guidance",
     "input-plane": "benchmarks.pictures.input_plane",
