@@ -91,6 +91,7 @@ def film() -> list[Image.Image]:
     camera = mujoco.MjvCamera()
     camera.lookat[:] = 0.0, -0.25, 0.15
     camera.distance, camera.azimuth, camera.elevation = 3.7, 115.0, -36.0
+    place = data.xpos[1, :2].copy()
     for step in range(round(SECONDS / CONTROL_DT)):
         sample = next(walk)
         h = np.asarray(sample.info["body_h"])[:2]
@@ -131,7 +132,8 @@ def save(path: Path, pictures: list[Image.Image]) -> None:
         pictures: of one size, at least one.
     """
     pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
-    for quality in range(90, 20, -5):
+    quality = 90
+    while True:
         pictures[0].save(
             path,
             save_all=True,
@@ -141,8 +143,9 @@ def save(path: Path, pictures: list[Image.Image]) -> None:
             quality=quality,
             method=4,
         )
-        if path.stat().st_size <= LARGEST:
+        if path.stat().st_size <= LARGEST or quality <= 25:
             break
+        quality -= 5
     print(f"{path}: {len(pictures)} pictures, quality {quality}, {path.stat().st_size:,} bytes")
 
 
