@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from hcbf_gym import cli
 
 PICTURES = {
+    "between-samples": "benchmarks.pictures.between_samples",
+    "conflict": "benchmarks.pictures.conflict",
     "gallery": "benchmarks.pictures.gallery",
     "guidance": "benchmarks.pictures.guidance",
     "input-plane": "benchmarks.pictures.input_plane",

@@ -341,7 +341,7 @@ def keepout_part(count: int) -> Table:
             ]
         )
     header = [
-        "map", "starts", "out", "within 3 s + way / .4 m/s", "time / most over way [s]",
+        "map", "starts", "out", "within 3 s + way / 0.4 m/s", "time / most over way [s]",
         "longest stand [s]", "entered rank 1",
     ]  # fmt: skip
     return Table("Out of a zone", header, rows)

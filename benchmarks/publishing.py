@@ -215,7 +215,7 @@ def _published(root: Path, name: str) -> dict[str, str]:
     record = json.loads(path.read_text(encoding="utf-8"))
     changed = " with changes" if record["changed_since_commit"] else ""
     came = (
-        f"`python -m benchmarks --suite {name}`, commit {record['commit']}{changed}, "
+        f"`--suite {name}`, commit {record['commit']}{changed}, "
         f"{record['date']}; {record['machine']}."
     )
     try:

@@ -1,4 +1,9 @@
-"""hcbf-gym: safety filters that know priorities, for any policy, on a walking robot."""
+"""hcbf-gym.
+
+A prioritised control-barrier-function (CBF) safety filter for Gymnasium and for robots: rank 1 is
+never violated, lower ranks are relaxed in order; with environments in which a Unitree A1 walks
+through ranked regions.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -53,7 +53,22 @@ def named(page):
 
 
 def test_the_readme_is_short():
-    assert len(read(ROOT / "README.md").split()) <= 300
+    assert len(read(ROOT / "README.md").split()) <= 450
+
+
+def test_readme_site_and_package_have_one_pitch():
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        project = tomllib.load(file)["project"]
+    with open(ROOT / "zensical.toml", "rb") as file:
+        site = tomllib.load(file)["project"]["site_description"]
+    for text in (site, hcbf_gym.__doc__, read(ROOT / "README.md"), read(ROOT / "docs/index.md")):
+        assert project["description"] in " ".join(text.split())
+
+
+def test_readme_clones_from_the_address_of_the_project():
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        address = tomllib.load(file)["project"]["urls"]["Repository"]
+    assert f"git clone {address}`" in read(ROOT / "README.md")
 
 
 @pytest.mark.physics
@@ -67,7 +82,9 @@ def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "arrived: True"
     assert len(said) == 1 + len(names["env"].conditions)
-    assert re.fullmatch(r"left wall 1 \d\.\d+", said[1])  # name, rank and least h
+    assert re.fullmatch(r"left wall, rank 1: least h \d\.\d+ m", said[1])
+    (shown,) = re.findall(r"prints `(.*?)`", read(ROOT / "README.md"))
+    assert shown in said
 
 
 def test_the_readmes_figure_is_that_of_the_certificate():

@@ -77,7 +77,7 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return how many of each kind were refused, accepted, or mishandled."""
-    header = ("bent", "mutations", *OUTCOMES)
+    header = ("malformed", "mutations", *OUTCOMES)
     rows = [
         (row["kind"], *(str(row[column]) for column in header[1:])) for row in figures["figures"]
     ]

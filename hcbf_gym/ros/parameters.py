@@ -40,7 +40,7 @@ class SourceSettings:
     margin: float = parameter(0.0, "reserved around it [m]", low=0.0, high=100.0)
     when_inside: str = parameter(
         "leave",
-        "the robot in it drives out as its rank says, or stops",
+        "the robot in it drives out by its rank, or stops",
         choices=("leave", "stop"),
     )
     source_timeout: float = parameter(
@@ -112,11 +112,11 @@ class Settings:
         1.0, "after so long at zero nothing is published [s]", low=0.0, high=3600.0
     )
     pose_jump: float = parameter(
-        0.25, "by which a pose may differ from what the twist says [m]", low=0.01, high=100.0
+        0.25, "by which a pose may differ from the twist [m]", low=0.01, high=100.0
     )
     settle_time: float = parameter(0.2, "at zero after a jump of the pose [s]", low=0.0, high=60.0)
     alarm_pause: float = parameter(
-        2.0, "at zero after an alarm: the robot did not do what it was told [s]", low=0.0, high=3600
+        2.0, "at zero after an alarm: the robot did not follow its commands [s]", low=0.0, high=3600
     )
     base_shift_correction: bool = parameter(
         True, "whether a scan is placed by the pose at its stamp, or by the newest"
@@ -140,7 +140,7 @@ class Settings:
     footprint: str = parameter(
         "", "its outline as Nav2 writes it, [[x, y], …]: reach becomes no less than holds it"
     )
-    response_file: str = parameter("", 'from hcbf identify; "": a slow robot that sways')
+    response_file: str = parameter("", 'from hcbf identify; "": the margins of a slow robot')
     program: str = parameter("lex-cbf-qp", "which ranked program", choices=programs.names())
     period: float = parameter(
         0.05, "after so long without a new one, the velocity is filtered again [s]",
