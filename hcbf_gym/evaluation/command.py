@@ -1,7 +1,7 @@
 """Evaluate policies under safety filters: a table, figures, summary.json and, if asked, videos.
 
-Without arguments it walks the A1 through the paper's course, 20 s each, with no filter, with
-R-CBF-QP and with H-CBF-QP.
+Without arguments it walks the A1 for 20 s through a scene in which ranks conflict, with no filter
+and with lex-CBF-QP; sentences at the end say what became of each rank.
 
 A policy of your own is a function (observation, info) → action as FILE.py:FUNCTION or
 MODULE:FUNCTION, a zip of Stable-Baselines3, an ONNX network, or a torch module (.pt). Zips and .pt
@@ -53,6 +53,7 @@ from hcbf_gym.evaluation.rollouts import (
     aggregate,
     evaluate,
 )
+from hcbf_gym.evaluation.sentences import sentences
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
@@ -63,6 +64,8 @@ from hcbf_gym.robots.walker import Walker
 GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""
 OUTPUT = Path("results/evaluate")
+ROBOTS = {"HCBF-A1Regions-v0": "Unitree A1", "HCBF-Regions-v0": "reduced-order model"}
+"""What walks in an environment whose robot is no argument."""
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
 OWN_STEPS = 500
@@ -78,7 +81,7 @@ class Args:
     robot that takes velocities), or FILE.py:FUNCTION, which returns (environment, plant)."""
     robot: str = "cart"
     """Of HCBF-WalkerRegions-v0: a contract's path or a name."""
-    scenario: str = "paper-simulation"
+    scenario: str = "trolley"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     map: Path | None = None
     """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. Seeds draw start and goal."""
@@ -93,7 +96,7 @@ class Args:
     policy: tuple[str, ...] = ("pd",)
     """pd, pd-ff (the reference's acceleration fed forward), a name of hcbf train's, or policies of
     your own: file.py:function, module:function, model.zip, policy.onnx, policy.pt, policy.npz."""
-    program: tuple[str, ...] = (UNFILTERED, "r-cbf-qp", "h-cbf-qp")
+    program: tuple[str, ...] = (UNFILTERED, "lex-cbf-qp")
     """none, or names from hcbf_gym.programs.names()."""
     guidance: Literal["geodesic", "local"] | None = None
     """Lead around the regions: to the goal, or where none is known."""
@@ -225,6 +228,9 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
             written.append(_record(case, args, output))
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot, output)
+    for row, label in zip(rows, labels, strict=True):
+        said = " ".join(sentences(row, names))
+        console.print(f"{label.replace(chr(10), ', ')}: {said}", soft_wrap=True, highlight=False)
     console.print(f"written to {output}: {', '.join(written)}", soft_wrap=True)
 
 
@@ -274,6 +280,8 @@ def _check(args: Args) -> None:
 def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     """Return what decides a run: arguments, the user's files, versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
+    if args.env != "HCBF-WalkerRegions-v0":
+        left_out.add("robot")  # that of the environment is no argument
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
     decided = {"files": sources_hash(list(files)) if files else "", "versions": chunks.versions()}
     return records.plain(given) | decided
@@ -288,6 +296,8 @@ def _summary(
 ) -> dict[str, Any]:
     """Return what summary.json holds: enough to run it again, and a row for a table."""
     return {
+        "environment": args.env,
+        "robot": ROBOTS.get(args.env, None if args.own else args.robot),
         "settings": _settings(args, files),
         "seeds": [args.seed, args.seed + args.episodes - 1],
         "interval": INTERVAL,

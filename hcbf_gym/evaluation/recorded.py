@@ -79,6 +79,15 @@ class Episode:
         """(k,) ‖u − u*‖."""
         return np.linalg.norm(self.u - self.u_nominal, axis=1)
 
+    def _relaxed_seconds(self) -> dict[str, float]:
+        """Return rank → for how long a row of it was violated [s]; ranks without are left out."""
+        seconds = np.diff(self.time)
+        relaxed = {
+            str(rank): float(seconds @ (self.slack[:, self.priority == rank] > 0.0).any(axis=1))
+            for rank in np.unique(self.priority).tolist()
+        }
+        return {rank: time for rank, time in relaxed.items() if time > 0.0}
+
     def summary(self) -> dict[str, Any]:
         """Return the figures of the episode as plain numbers and lists.
 
@@ -91,6 +100,7 @@ class Episode:
         return {
             "min_h": self.min_h.min(axis=0).tolist(),
             "violation_seconds": inside.tolist(),
+            "relaxed_seconds": self._relaxed_seconds(),
             "violation_depth": np.maximum(-self.min_h, 0.0).max(axis=0).tolist(),
             "tracking_rms": _known(np.sqrt(np.mean(error[1:] ** 2))),
             "final_error": _known(error[-1]),

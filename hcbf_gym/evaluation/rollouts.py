@@ -195,6 +195,7 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             "min_h": least.min(axis=0).tolist(),
             "share_entered": (least < 0.0).mean(axis=0).tolist(),
             "violation_seconds": seconds.mean(axis=0).tolist(),
+            "relaxed_seconds": _mean_of_each([member["relaxed_seconds"] for member in members]),
         }
         for key in MEANS:
             row[key] = mean([member[key] for member in members])
@@ -215,3 +216,9 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         }
         rows.append(row)
     return rows
+
+
+def _mean_of_each(members: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return key → the mean of members, of which one without the key counts as 0."""
+    keys = sorted({key for member in members for key in member})
+    return {key: sum(member.get(key, 0.0) for member in members) / len(members) for key in keys}
