@@ -47,7 +47,7 @@ def scenes_of(barriers: object, count: int, before: BarrierSet | None = None) ->
             f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
             f"barriers for all plants, or {count} lists, one for each"
         )
-    scenes = BarrierSet([tuple(scene) for scene in barriers], before)
+    scenes = BarrierSet([tuple(scene) for scene in barriers], before, fills=True)
     scenes.is_kept = True
     return scenes
 

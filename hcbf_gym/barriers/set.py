@@ -51,17 +51,18 @@ class BarrierSet:
     call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
 
     A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
-    m is the length of the longest scene; shorter ones end with places of the kind `layout.NONE`,
-    which have no row.
 
     Args:
-        scenes: N sequences of at most m barriers; `Shapes` and what is `Several` count as so many.
+        scenes: N sequences of m barriers; `Shapes` and what is `Several` count as so many.
         before: a set that nobody sets any more, whose pieces of maps stay where they stand.
         since: the plant's time at which shapes are where they are put [s]; None is the time at
             which a filter first sees a scene.
+        fills: whether scenes may be shorter than the longest one, m; they end with places of the
+            kind `layout.NONE`, which have no row.
 
     Raises:
-        InvalidInputError: if an entry is no `Barrier`.
+        InvalidInputError: if the scenes differ in length and are not filled, or an entry is no
+            `Barrier`.
 
     Attributes:
         kind: (N, m) which kernel evaluates the barrier, see `layout`.
@@ -84,12 +85,13 @@ class BarrierSet:
         scenes: Sequence[Sequence[Entry]],
         before: "BarrierSet | None" = None,
         since: float | None = None,
+        fills: bool = False,
     ):
         if not is_list(scenes):
             raise InvalidInputError(f"barrier set: got {shown(scenes)}, expected N sequences")
         if before is not None:
             instance("before", before, BarrierSet)
-        self.since, self.is_kept = since, False
+        self.since, self.is_kept, self._fills = since, False, fills
         shape = (len(scenes), max(map(_length, scenes), default=0))
         self.kind = np.zeros(shape, dtype=np.int64)
         self.parameters = np.zeros((*shape, layout.WIDTH))
@@ -110,7 +112,8 @@ class BarrierSet:
         """Replace the barriers of scene `i`.
 
         Raises:
-            InvalidInputError: if there are more than m, or an entry is no `Barrier`.
+            InvalidInputError: if there are not m of them, or more in a set that fills up scenes, or
+                an entry is no `Barrier`.
         """
         i = count("scene", i, minimum=0, maximum=len(self.kind) - 1)
         entries: Any = _scene(scene)
@@ -125,10 +128,8 @@ class BarrierSet:
             barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
         runs = [(cls, list(run)) for cls, run in groupby(barriers, type)]
         given, m = sum(_count(cls, run) for cls, run in runs), self.kind.shape[1]
-        if given > m:
-            raise InvalidInputError(
-                f"barrier set: got a scene of {given} barriers, expected at most {m}"
-            )
+        if given > m or (given < m and not self._fills):
+            raise InvalidInputError(f"barrier set: got a scene of {given} barriers, expected {m}")
         self.version[i] += 1
         self.edits += 1
         self.entries[i], self.listed[i] = entries, barriers
@@ -187,7 +188,7 @@ class BarrierSet:
         """Read what stands for several barriers and has changed in place; its scenes are news.
 
         Raises:
-            InvalidInputError: if it stands for more barriers now than there is room for.
+            InvalidInputError: as `set_scene` does.
         """
         for i in [i for i, read in self._read.items() if not _stand(read)]:
             self.set_scene(i, self.entries[i])
@@ -278,7 +279,7 @@ class BarrierSet:
         """Return the masked scenes (N,), as a set of their own; this one where all are."""
         if mask.all():
             return self
-        chosen = BarrierSet([()] * int(mask.sum()), since=self.since)
+        chosen = BarrierSet([()] * int(mask.sum()), since=self.since, fills=self._fills)
         for name in (*_ARRAYS, "version"):
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
