@@ -231,8 +231,10 @@ class Samples:
         self._note(_bare(ages), age)
         wrong = ~clocks.is_accepted(ages, self._max_age)
         self.blame(Reason.AGE, wrong)
-        if wrong.any():
-            self.says = f"the state: {clocks.says(float(ages[wrong][0]), self._max_age)}"
+        known = ages[wrong & np.isfinite(ages)]
+        self.says = ""
+        if known.size:
+            self.says = f"the state: {clocks.says(float(known[0]), self._max_age)}"
 
 
 def _bare(numbers: Array) -> Array:

@@ -21,7 +21,7 @@ def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
     """Return whether data of an age, or of an array of ages, are accepted.
 
     Args:
-        age: [s]; NaN where there is none.
+        age: [s]; NaN or infinite where there is none.
         oldest: the greatest age that is accepted [s].
         ahead: by which a stamp may be ahead [s].
     """
@@ -29,9 +29,9 @@ def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
 
 
 def says(age: float, oldest: float, ahead: float = AHEAD) -> str:
-    """Return in words why an age is not accepted; see `is_accepted`."""
+    """Return in words why an age is not accepted (`is_accepted`); "" where there is none."""
+    if not math.isfinite(age):
+        return ""
     if age < 0.0:
         return f"stamp {-age:.2f} s ahead of the clock, at most {ahead:g} s allowed"
-    if not math.isfinite(age):
-        return "missing"
     return f"{age:.2f} s old, at most {oldest:g} s allowed"
