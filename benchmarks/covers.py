@@ -21,7 +21,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.maps.cover import Cover
 
-SMALL = 400
+SMALL = 800
 
 
 def rasters(side: int) -> Iterator[tuple[str, Mask]]:
