@@ -472,6 +472,7 @@ def calls() -> dict[str, Call]:
         ),
         "policies.load": Call(policies.load, given(name="ppo", env=regions())),
         "policies.make": Call(policies.make, given(name="pd", env=regions())),
+        "policies.check": Call(policies.check, given(name="pd")),
         "policies.files": Call(policies.files, given(name="pd")),
         "policies.is_own": Call(policies.is_own, given(name="pd")),
         "policies.try_out": Call(policies.try_out, given(name="pd", env=regions(), seed=0)),
