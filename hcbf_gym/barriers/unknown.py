@@ -102,13 +102,21 @@ def several(
             f, g = model.terms_of(points)
             f, g = f.reshape(2, count, n, n), g.reshape(2, count, n, n, model.n_u)
             f, g = (f[0] - f[1]) / (2.0 * confidence), (g[0] - g[1]) * most / (2.0 * confidence)
-            drift = np.ascontiguousarray(np.einsum("ijp,ijq->ipq", f, f))
+            drift = _gram(f)
             if g.any():
-                turns = np.ascontiguousarray(np.einsum("ijpu,ijqu->iupq", g, g))
+                turns = np.stack([_gram(g[..., u]) for u in range(model.n_u)], axis=1)
     except UNREADABLE:
         drift[:] = slip[:] = np.nan
     growth = np.zeros(count)
     return Several(x, time, lag, x - body, slip, covariance, drift, growth, turns)
+
+
+def _gram(a: Array) -> Array:
+    """Return (N, q, q) ``Σ_j a_jᵀ a_j`` of a (N, n, q), summed in one order whatever N is."""
+    total = np.zeros((len(a), a.shape[2], a.shape[2]))
+    for j in range(a.shape[1]):
+        total += a[:, j, :, None] * a[:, j, None, :]
+    return total
 
 
 def largest(input_set: InputSet) -> Array:
@@ -152,9 +160,9 @@ def slopes(
                 jets = barrier.batch(known.x[scenes], known.time[scenes])
                 gradient[scenes, k], hessian = jets.gradient, np.asarray(jets.hessian)
             off, spread = known.off[scenes], root[scenes]
-            of_spread = np.einsum("ijp,ipq,ikq->ijk", spread, hessian, spread)
+            of_spread = spread @ hessian @ np.swapaxes(spread, 1, 2)
             least = np.linalg.eigvalsh(of_spread)[:, 0]
-            of_off = np.einsum("ip,ipq,iq->i", off, hessian, off)
+            of_off = (off[:, None] @ hessian @ off[..., None])[:, 0, 0]
             bend[scenes, k] = -0.5 * (np.minimum(least, 0.0) + np.minimum(of_off, 0.0))
         except UNREADABLE:
             gradient[scenes, k] = np.nan

@@ -88,6 +88,7 @@ class FilterCore(Configured, ABC):
         self._given = self._scene  # as it was returned or set
         self._version, self._edits = self._scene.version.copy(), -1
         self._placing, self._nearness = Placing(self.count), Nearness(self.count)
+        self._rebased = False  # whether positions count from elsewhere since this step
         self._moving = ""  # the name of a region that moves undeclared
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
@@ -102,6 +103,11 @@ class FilterCore(Configured, ABC):
     def guides(self) -> bool:
         """Whether guidance leads the plants, so that they need a goal."""
         return False
+
+    @property
+    def lost(self) -> str:
+        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
+        return ""
 
     @property
     def conditions(self) -> list[Condition]:
@@ -400,7 +406,9 @@ class FilterCore(Configured, ABC):
         Where barriers move, and neither the estimate nor the period tells the time, nor are they.
         """
         samples, given = self._samples, self._given
+        was_far = samples.origin.is_far
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
+        self._rebased = samples.origin.is_far != was_far
         differs = barriers is not given or given.edits != self._edits or given.may_change
         if differs or self._placing.is_due or self._placing.is_edited(given):
             self._take_barriers(barriers, since)
@@ -459,11 +467,12 @@ class FilterCore(Configured, ABC):
             news |= (scene.parameters != before.parameters).any(axis=(1, 2))
         self._age_scans()
         is_kept = scene is not before and not (in_place and given.atlas)
-        compared = is_kept and self._looks_back()
+        compared = is_kept and not self._rebased and self._looks_back()
         plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
         if news.any():
             at = self._samples.x, self._samples.time
-            self._nearness.compare(before, scene, at, news, self._are_known())
+            known = self._are_known() & (not self._rebased)
+            self._nearness.compare(before, scene, at, news, known)
         self._given, self._version, self._edits = given, given.version.copy(), given.edits
         self._scene = scene
         held = scene.atlas.held.items()

@@ -7,6 +7,7 @@ every tick, and nobody is waited for.
 import queue
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,7 +21,13 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, finite_float
+from hcbf_gym.errors import (
+    HcbfError,
+    InvalidInputError,
+    SafetyWarning,
+    finite_array,
+    finite_float,
+)
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.play import editing, report
 from hcbf_gym.play.report import Snapshot
@@ -239,7 +246,9 @@ class Session:
         """Go on in the same episode under another filter or policy."""
         if arrangement.env is not arrangement.inner:
             filtered: Any = arrangement.env
-            filtered.join(self._observation, self._info)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SafetyWarning)  # the page shows what is wrong
+                filtered.join(self._observation, self._info)
         else:
             self._info.pop("safety_filter", None)
         self._now, self.settings = arrangement, settings
@@ -247,10 +256,13 @@ class Session:
         self._revision += 1
 
     def _edit(self, scenario: Scenario) -> None:
-        """Go on in an edited scene, or in the old one if the filter refuses it."""
+        """Go on in an edited scene, or in the old one if the filter refuses it or finds no path."""
         self._now.inner.change_scene(scenario)
         try:
             self._join(arrange(self.settings, scenario, self._now.inner), self.settings)
+            filtered: Any = self._now.env
+            if filtered is not self._now.inner and filtered.lost:
+                raise InvalidInputError(filtered.lost)
         except HcbfError:
             self._now.inner.change_scene(self.scenario)
             self._join(arrange(self.settings, self.scenario, self._now.inner), self.settings)

@@ -107,6 +107,11 @@ class FilterBase:
         """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
         return self._core.conditions
 
+    @property
+    def lost(self) -> str:
+        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
+        return self._core.lost
+
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which conditions no input met together at the last step, and which ranks pay.
 

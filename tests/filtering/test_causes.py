@@ -59,9 +59,9 @@ CASES = {
         "covariance: got",
     ),
     "elapsed": (lambda x, t: Estimate(x, t, elapsed=-1.0), Reason.STATE, "elapsed: got -1 s"),
-    "old": (lambda x, t: Estimate(x, t, age=0.35), Reason.AGE, "0.35 s old, expected at most 0.1"),
-    "ahead": (lambda x, t: Estimate(x, t, age=-0.2), Reason.AGE, "0.2 s ahead of the present"),
-    "missing": (lambda x, t: Estimate(x, t, age=math.inf), Reason.AGE, "there is none"),
+    "old": (lambda x, t: Estimate(x, t, age=0.35), Reason.AGE, "0.35 s old, at most 0.1"),
+    "ahead": (lambda x, t: Estimate(x, t, age=-0.2), Reason.AGE, "0.20 s ahead of the clock"),
+    "missing": (lambda x, t: Estimate(x, t, age=math.inf), Reason.AGE, "missing"),
     "back": (lambda x, t: Estimate(x, t - 1.0), Reason.CLOCK, "got -0.9 s after 0.05 s"),
     "no time": (lambda x, t: Estimate(x, math.nan), Reason.CLOCK, "got nan"),
 }  # fmt: skip
@@ -113,7 +113,7 @@ def test_a_derivative_that_is_nan_at_one_state_alone_is_taken_beside_it(model, n
 
 @pytest.mark.parametrize(
     ("stamp", "now", "part"),
-    [(9.0, 10.0, "it is 1 s old, expected at most 0.1 s"), (12.0, 10.0, "2 s ahead")],
+    [(9.0, 10.0, "1.00 s old, at most 0.1 s"), (12.0, 10.0, "2.00 s ahead")],
 )
 def test_a_stamp_of_odometry_that_is_old_or_ahead_is_named(stamp, now, part):
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -3.0)

@@ -59,13 +59,14 @@ class Bowl(PlanarBarrier):
 def robots():
     """name → model, axle, number of inputs, uncertainty, guidance that there is, solver."""
     uncertain = Uncertainty(distance=0.02, per_velocity=0.1, cap=0.05, body=0.1, speed=0.02)
+    placed = Uncertainty(distance=0.02, body=0.1)
     point, led = models.DoubleIntegrator(), (None, "geodesic", "local", "through")
     return {
         "point": (point, None, 2, Uncertainty(), led, None),
         "uncertain": (point, None, 2, uncertain, led, None),
         "cart": (point, Axle(0.2, 1.0, 1.5, 2.0), 2, uncertain, led[:2], None),
         "drag": (models.DoubleIntegrator(drag=0.5), None, 2, uncertain, (None,), None),
-        "velocities": (models.SingleIntegrator(), None, 2, uncertain, (None,), None),
+        "velocities": (models.SingleIntegrator(), None, 2, placed, (None,), None),
         "three inputs": (models.DoubleIntegrator(3), None, 3, Uncertainty(), (None,), "daqp"),
     }
 

@@ -83,7 +83,7 @@ def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--port", "70000"], "expected 0 to 65535"),
+        (["--port", "70000"], "expected a number from 0 to 65535"),
         (["--scenario", "{folder}/broken.json"], "broken.json"),
         (["--scenario", "{folder}/deep.json"], "deep.json"),
         (["--scenario", "{folder}/nothing.json"], "nothing.json"),

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hcbf_gym.arguments import check
 from hcbf_gym.cli import COMMANDS
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError
@@ -186,9 +187,9 @@ def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
     [
         ("tune", {"covariance": ((1.0, 2.0), (2.0, 1.0))}, "positive semidefinite"),
         ("tune", {"program": "cbf-qp"}, "takes gamma0"),
-        ("tune", {"samples": 0}, "samples: got 0"),
+        ("tune", {"samples": 0}, "samples: got 0, expected"),
         ("tune", {"scenario": "moon"}, "unknown scenario"),
-        ("tune", {"w_f": -1.0}, "w_f"),
+        ("tune", {"w_f": -1.0}, "w-f"),
         ("tune", {}, "another study"),
         ("reproduce", {"workers": 0}, "workers"),
         ("reproduce", {}, "another study"),
@@ -197,8 +198,14 @@ def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
 def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, arguments, message):
     open_folder(tmp_path, {"study": "something else"})
     module = importlib.import_module(COMMANDS[script].module)
+    args = module.Args(output=tmp_path, **arguments)
+
+    def run():
+        check(args)
+        module.main(args)
+
     with pytest.raises(InvalidInputError, match=message):
-        module.main(module.Args(output=tmp_path, **arguments))
+        run()
     assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]
     assert json.loads((tmp_path / "settings.json").read_text()) == {"study": "something else"}
 
@@ -212,7 +219,7 @@ def test_a_command_says_what_was_wrong_in_one_line_and_fails(tmp_path):
         check=False,
     )
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith("error: w_i: got -1.0, expected")
+    assert done.stderr.splitlines()[-1].startswith("error: --w-i: got -1.0, expected")
     assert not (tmp_path / "out").exists()
 
 
