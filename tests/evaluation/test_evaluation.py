@@ -26,6 +26,7 @@ KEYS = {
     "seed",
     "min_h",
     "violation_seconds",
+    "relaxed_seconds",
     "tracking_rms",
     "final_error",
     "fell",
@@ -48,10 +49,14 @@ def command(*arguments):
 def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
     run = command("--env", ROM, "--episodes", 2, "--workers", 1, "--output", tmp_path)
     assert run.returncode == 0, run.stderr
-    assert "h-cbf-qp" in run.stdout
+    assert "lex-cbf-qp: Rank 1 held in all episodes (least h " in run.stdout
+    assert "Rank 2 was relaxed for " in run.stdout
+    assert "none: Rank 1 was violated (least h -" in run.stdout
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
-    assert len(summary["episodes"]) == 6
-    assert len(summary["aggregate"]) == 3
+    assert (summary["environment"], summary["robot"]) == (ROM, "reduced-order model")
+    assert "robot" not in summary["settings"]
+    assert len(summary["episodes"]) == 4
+    assert len(summary["aggregate"]) == 2
     for episode in summary["episodes"]:
         assert set(episode) >= KEYS
         assert sum(episode["status_counts"].values()) == 1000

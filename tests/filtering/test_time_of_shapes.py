@@ -119,7 +119,7 @@ class Batch:
             self.door.set_scene([list(listed) for _ in range(3)])
         elif self.set is None:
             room = [Disc(f"{k}", 1, ROOM, 1.0) for k in range(40)]
-            self.set = BarrierSet([room] * 3)
+            self.set = BarrierSet([room] * 3, fills=True)
             for i in range(3):
                 self.set.set_scene(i, listed)
             self.door.set_scene(self.set)
