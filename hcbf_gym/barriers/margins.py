@@ -50,6 +50,9 @@ from hcbf_gym.barriers.shapes import convex_polygon, half_plane
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import Uncertainty
 
+UNIT = 1.0 + 1e-9
+"""A slope below it is taken for 1: that of a distance is 1 but for rounding, which no m may show."""
+
 SHORT = 1e-4
 """By how much h − m [m], ψ [m/s] and a speed limit may be missed: all return to 0 without end."""
 
@@ -224,7 +227,7 @@ def of_row(
     for j in range(placed):
         steep2 += gradient[j] * gradient[j]
     steep = np.sqrt(steep2)
-    if 0.0 < steep < 1.0:
+    if 0.0 < steep < UNIT:
         for j in range(placed):
             gradient[j] /= steep
         steep = 1.0

@@ -61,7 +61,7 @@ CASES = {
     "elapsed": (lambda x, t: Estimate(x, t, elapsed=-1.0), Reason.STATE, "elapsed: got -1 s"),
     "old": (lambda x, t: Estimate(x, t, age=0.35), Reason.AGE, "0.35 s old, at most 0.1"),
     "ahead": (lambda x, t: Estimate(x, t, age=-0.2), Reason.AGE, "0.20 s ahead of the clock"),
-    "missing": (lambda x, t: Estimate(x, t, age=math.inf), Reason.AGE, "missing"),
+    "missing": (lambda x, t: Estimate(x, t, age=math.inf), Reason.AGE, "the stamp of the state"),
     "back": (lambda x, t: Estimate(x, t - 1.0), Reason.CLOCK, "got -0.9 s after 0.05 s"),
     "no time": (lambda x, t: Estimate(x, math.nan), Reason.CLOCK, "got nan"),
 }  # fmt: skip
