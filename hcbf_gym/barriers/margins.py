@@ -51,7 +51,7 @@ from hcbf_gym.compilation import kernel
 from hcbf_gym.models.plant import Uncertainty
 
 UNIT = 1.0 + 1e-9
-"""A slope below it is taken for 1: that of a distance is 1 but for rounding, which no m may show."""
+"""A slope below it is taken for 1: that of a distance is 1 but for rounding, which no m shows."""
 
 SHORT = 1e-4
 """By how much h − m [m], ψ [m/s] and a speed limit may be missed: all return to 0 without end."""
