@@ -252,12 +252,20 @@ ON_PAGES = sorted({
 })  # fmt: skip
 
 
+def needed(name, words):
+    """Return the modules that a command needs before its work begins."""
+    of_files = (word.partition(":")[0] for word in words if ".py:" in word)
+    texts = [read(ROOT / file) for file in of_files if (ROOT / file).is_file()]
+    own = ["stable_baselines3"] if "training" in name else []
+    return [*own, *(module for text in texts for module in imported(text))]
+
+
 @pytest.mark.physics
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         pytest.param(name, words, id=" ".join((name, *words)),
-                     marks=needs("stable_baselines3") if "training" in name else ())
+                     marks=needs(*needed(name, words)))
         for name, words in [*ON_PAGES, *((name, tuple(words)) for name, words in HELP)]
     ],
 )  # fmt: skip

@@ -4,6 +4,7 @@ import pytest
 
 from benchmarks import uncertain
 
+pytest.importorskip("jax")  # of an own model
 CASES = uncertain.cases()
 
 
@@ -11,7 +12,6 @@ CASES = uncertain.cases()
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.filterwarnings("ignore")
 def test_no_region_is_entered_under_a_calm_status(name, error):
-    pytest.importorskip("jax")
     count = uncertain.run(CASES[name], error, steps=2000, seed=0)
     assert count.entered == 0
     assert count.calm > 0.6 * count.steps

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from needs import needs
 
 from benchmarks import trackers
 from hcbf_gym import BatchFilter
@@ -45,7 +46,9 @@ MAKES = {
 }
 
 
-@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize(
+    "make", [pytest.param(one, marks=needs("jax") if one == "function" else ()) for one in MAKES]
+)
 @pytest.mark.parametrize("way", WAYS)
 def test_motion_without_a_velocity_is_reported_in_half_a_second_and_then_ends(way, make):
     made, door = MAKES[make], WAYS[way]()

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from needs import needs
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
@@ -218,6 +219,7 @@ def one_of(many, j):
     return many.parameters[j, 2:5].tolist()
 
 
+@needs("jax")
 @pytest.mark.parametrize("way", WAYS)
 def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
     door = WAYS[way]()
