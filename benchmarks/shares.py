@@ -62,7 +62,7 @@ def shares() -> list[dict[str, Any]]:
     def sense() -> Any:
         return env._readers(env._inner, env._observation, env._info)
 
-    barriers, estimate = sense()
+    barriers, estimate, _ = sense()
 
     def call(told: Any) -> None:
         samples.time[0] += PERIOD
