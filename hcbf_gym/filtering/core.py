@@ -419,6 +419,7 @@ class FilterCore(Configured, ABC):
             samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.doubt(Reason.CLOCK)
+        samples.plants["moves"] = 0
         if self._nearness.is_some:
             self._note_moves()
 

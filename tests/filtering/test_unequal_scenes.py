@@ -36,3 +36,9 @@ def test_a_fast_robot_is_not_braked_by_what_is_not_there():
     np.testing.assert_array_equal(report["h"][1], np.inf)
     np.testing.assert_array_equal(report["margin"][1], 0.0)
     assert [tuple(one) for one in filt.conditions(1)] == [("nothing", 0)] * 2
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_region_that_is_gone_moves_no_longer_whatever_the_other_plants_see():
+    program = unequal.PROGRAMS[37 // len(unequal.ROBOTS) % len(unequal.PROGRAMS)]
+    assert unequal.compare_batch(37, "uncertain", program, "local").total() > 0
