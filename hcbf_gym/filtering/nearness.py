@@ -73,7 +73,7 @@ class Nearness:
         x, t = at
         speed = np.linalg.norm(now.parameters[..., _VELOCITY], axis=2) * now.is_region
         self._forgiven = FORGIVEN + OF_SPEED * speed
-        if not known.any() or not before.kind.size or not now.kind.size:
+        if not before.kind.size or not now.kind.size:
             self._due, self._counted = np.zeros((2, *now.kind.shape))
             return
         earlier, present = _heights(before, x, t), _heights(now, x, t)
