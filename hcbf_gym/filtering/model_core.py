@@ -126,6 +126,7 @@ class ModelCore(FilterCore):
         taken, reserve = self._samples, self.reserve
         changes = taken.told or (reserve.is_steep and bool(prepared.entries))
         if self._reserved and not changes:
+            self._own[..., FAST] = 0.0  # of a body that is its model, h itself shows it
             return
         self._reserved = not changes
         states = taken.states

@@ -42,3 +42,9 @@ def test_a_fast_robot_is_not_braked_by_what_is_not_there():
 def test_a_region_that_is_gone_moves_no_longer_whatever_the_other_plants_see():
     program = unequal.PROGRAMS[37 // len(unequal.ROBOTS) % len(unequal.PROGRAMS)]
     assert unequal.compare_batch(37, "uncertain", program, "local").total() > 0
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_plant_that_was_too_fast_is_unsafe_no_longer_than_its_speed_lasts():
+    program = unequal.PROGRAMS[363 // len(unequal.ROBOTS) % len(unequal.PROGRAMS)]
+    assert unequal.compare_batch(363, "drag", program, None).total() > 0
