@@ -1,5 +1,10 @@
 # The verbs of CI, for hands.
-.PHONY: install test lint types imports check docs quick ci full
+.PHONY: core install test lint types imports check docs quick ci full
+
+# The compiled part, into hcbf_gym/. PYTHON=… of another environment; needs the extra `core`.
+PYTHON ?= python
+core:
+	$(PYTHON) build_backend/in_place.py
 
 install:
 	pip install -c constraints.txt -e ".[test]"

@@ -1,0 +1,80 @@
+"""scikit-build-core, and a compiler as a wheel where the machine has none.
+
+An editable installation compiles into `hcbf_gym/`, so that a checkout stands for itself.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from scikit_build_core import build
+from scikit_build_core.build import build_sdist as build_sdist
+from scikit_build_core.build import get_requires_for_build_sdist as get_requires_for_build_sdist
+from scikit_build_core.build import (
+    prepare_metadata_for_build_wheel as prepare_metadata_for_build_wheel,
+)
+
+ROOT = Path(__file__).parents[1]
+COMPILERS = "c++", "g++", "clang++", "cl"
+ZIG = "ziglang==0.17.1"
+Settings = dict[str, Any] | None
+
+
+def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
+    """Return what building needs: CMake and Ninja where they are missing, and a compiler."""
+    return [*build.get_requires_for_build_wheel(config_settings), *_compiler()]
+
+
+get_requires_for_build_editable = get_requires_for_build_wheel
+
+
+def _compiler() -> list[str]:
+    """Return the wheel of a compiler where this machine has none."""
+    if os.environ.get("CXX") or any(map(shutil.which, COMPILERS)):
+        return []
+    print(f"no C++17 compiler found: {ZIG} compiles the core, once", file=sys.stderr)
+    return [ZIG]
+
+
+def _use_zig() -> None:
+    """Let CMake find the compiler that came as a wheel."""
+    if not _compiler():
+        return
+    folder = Path(tempfile.mkdtemp())
+    for name, command in (("cc", "cc"), ("c++", "c++"), ("ar", "ar"), ("ranlib", "ranlib")):
+        script = folder / f"zig-{name}"
+        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ziglang {command} "$@"\n')
+        script.chmod(0o755)
+    os.environ["CC"], os.environ["CXX"] = str(folder / "zig-cc"), str(folder / "zig-c++")
+    os.environ["AR"], os.environ["RANLIB"] = str(folder / "zig-ar"), str(folder / "zig-ranlib")
+
+
+def build_wheel(
+    wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
+) -> str:
+    """Compile the core into a wheel."""
+    _use_zig()
+    return build.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def build_editable(
+    wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
+) -> str:
+    """Compile the core into the checkout, and return a wheel that points there."""
+    _use_zig()
+    with tempfile.TemporaryDirectory() as folder:
+        compile_in_place(folder)
+    settings = {**(config_settings or {}), "wheel.cmake": "false", "editable.mode": "inplace"}
+    return build.build_editable(wheel_directory, settings, metadata_directory)
+
+
+def compile_in_place(folder: str) -> None:
+    """Compile the core into `hcbf_gym/`, with CMake's files in a folder."""
+    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON"
+    generator = ("-G", "Ninja") if shutil.which("ninja") else ()
+    subprocess.run(["cmake", *generator, "-S", ROOT / "core", "-B", folder, *settings], check=True)
+    subprocess.run(["cmake", "--build", folder, "--parallel"], check=True)

@@ -1,0 +1,7 @@
+#include "bindings.hpp"
+
+namespace hcbf {
+
+void bind_barriers(nb::module_&) {}
+
+}  // namespace hcbf

@@ -1,0 +1,45 @@
+// What every translation unit of the Python module shares.
+#pragma once
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
+
+#include <hcbf/arrays.hpp>
+
+namespace hcbf {
+
+namespace nb = nanobind;
+
+// Arrays as Python hands them over: in rows, of one type, never converted.
+template <class T, int N>
+using Numbers = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+Vector<T> view(const Numbers<T, 1>& a) {
+  return {a.data(), static_cast<Index>(a.shape(0))};
+}
+template <class T>
+Matrix<T> view(const Numbers<T, 2>& a) {
+  return {a.data(), static_cast<Index>(a.shape(0)), static_cast<Index>(a.shape(1))};
+}
+template <class T>
+Cube<T> view(const Numbers<T, 3>& a) {
+  return {a.data(), static_cast<Index>(a.shape(0)), static_cast<Index>(a.shape(1)), static_cast<Index>(a.shape(2))};
+}
+
+// Lets other threads of Python run meanwhile.
+using Unlocked = nb::call_guard<nb::gil_scoped_release>;
+
+void bind_models(nb::module_& m);
+void bind_programs(nb::module_& m);
+void bind_barriers(nb::module_& m);
+void bind_filter(nb::module_& m);
+void bind_guidance(nb::module_& m);
+void bind_maps(nb::module_& m);
+void bind_scenarios(nb::module_& m);
+void bind_locomotion(nb::module_& m);
+void bind_estimation(nb::module_& m);
+void bind_robots(nb::module_& m);
+
+}  // namespace hcbf

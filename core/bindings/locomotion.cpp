@@ -1,0 +1,7 @@
+#include "bindings.hpp"
+
+namespace hcbf {
+
+void bind_locomotion(nb::module_&) {}
+
+}  // namespace hcbf

@@ -1,0 +1,17 @@
+// The Python module hcbf_gym._core.
+#include "bindings.hpp"
+#include "hash.hpp"
+
+NB_MODULE(_core, m) {
+  m.attr("HASH") = HCBF_HASH;
+  hcbf::bind_models(m);
+  hcbf::bind_programs(m);
+  hcbf::bind_barriers(m);
+  hcbf::bind_filter(m);
+  hcbf::bind_guidance(m);
+  hcbf::bind_maps(m);
+  hcbf::bind_scenarios(m);
+  hcbf::bind_locomotion(m);
+  hcbf::bind_estimation(m);
+  hcbf::bind_robots(m);
+}
