@@ -68,7 +68,8 @@ def build_editable(
     _use_zig()
     with tempfile.TemporaryDirectory() as folder:
         compile_in_place(folder)
-    settings = {**(config_settings or {}), "wheel.cmake": "false", "editable.mode": "inplace"}
+    points = {"wheel.cmake": "false", "wheel.py-api": "py3", "editable.mode": "inplace"}
+    settings = {**(config_settings or {}), **points}
     return build.build_editable(wheel_directory, settings, metadata_directory)
 
 
