@@ -7,7 +7,9 @@ NB_MODULE(_core, m) {
   hcbf::bind_models(m);
   hcbf::bind_programs(m);
   hcbf::bind_barriers(m);
+  hcbf::bind_margins(m);
   hcbf::bind_filter(m);
+  hcbf::bind_monitors(m);
   hcbf::bind_guidance(m);
   hcbf::bind_maps(m);
   hcbf::bind_scenarios(m);

@@ -1,0 +1,7 @@
+#include "bindings.hpp"
+
+namespace hcbf {
+
+void bind_monitors(nb::module_&) {}
+
+}  // namespace hcbf
