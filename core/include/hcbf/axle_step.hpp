@@ -68,11 +68,11 @@ inline Placed place(const Constants& c, const Plant& plant) {
 }
 
 inline margins::Known known_of(const Plant& plant, const double* x, const double* model, const double* lag) {
-  return {{x, 4}, plant.time, {model, 4}, {lag, 4}, {plant.covariance[0], 4, 4}, plant.growth};
+  return {x, plant.time, model, lag, {plant.covariance[0], 4, 4}, plant.growth};
 }
 
 // Writes the rows of one plant, whose axle or point has the state x (4,).
-inline void write_rows(const One& p, const double* x, const double* settings, Matrix<const double> margin,
+inline void write_rows(const One& p, const double* x, const RowSettings& settings, Matrix<const double> margin,
                        Matrix<double> a, Matrix<double> out) {
   const Index m = p.count();
   rows::rows({p.kind.data, 1, m}, {p.parameters.data, 1, m, layout::WIDTH}, {margin.data, 4, 1, margin.columns},
@@ -82,20 +82,20 @@ inline void write_rows(const One& p, const double* x, const double* settings, Ma
 // Returns b of a zone: braking alone changes the speed, turning the position besides. x: (4,) of the
 // axle; settings: of rows, with the braking for u_max.
 inline double zone_row(const axle::Axle& axle, Vector<const double> c, const Work& w, Index k, const double* x,
-                       const double* settings) {
-  const double later = std::hypot(x[2], x[3]) + axle.braking * settings[row_settings::PERIOD];
+                       const RowSettings& settings) {
+  const double later = std::hypot(x[2], x[3]) + axle.braking * settings.period;
   const double hardest = std::hypot(axle.braking, later * axle.turn);
-  const double kept = w.rows(work::H, k) - w.margin(margins::MARGIN, k);
+  const double kept = w.rows(rows::H, k) - w.margin(margins::MARGIN, k);
   const double closing = c[layout::AWAY_X] * x[2] + c[layout::AWAY_Y] * x[3];
   return zone::row(kept, w.margin(margins::RATE, k), closing, x[2], x[3], c[layout::V_MAX], settings, hardest).b;
 }
 
 // Writes a row on the point as one in u: its velocity turns with the heading besides.
 inline void turn_row(const Constants& c, const One& p, Work& w, Index k) {
-  double *n = &w.a(k, 0), &b = w.rows(work::B, k);
+  double *n = &w.a(k, 0), &b = w.rows(rows::B, k);
   w.straight(k, 0) = n[0], w.straight(k, 1) = n[1], w.straight(k, 2) = b;
   const auto row = axle_rows::of_point(c.axle, p.plant.x, p.plant.heading, c.period, n[0], n[1], b);
-  n[0] = row.x, n[1] = row.y, b = row.b;
+  n[0] = row.ax, n[1] = row.ay, b = row.b;
 }
 
 // Writes margins and rows of what moves, which bind the point.
@@ -107,7 +107,7 @@ inline void make_rows_of_point(const Constants& c, const One& p, Work& w) {
   if (!some) return;
   const Plant& plant = p.plant;
   margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, plant.x, plant.model, plant.lag), c.period,
-                  w.other_margin);
+                  work::reserved(w.other_margin));
   for (Index k = 0; k < m; ++k) w.other_margin(margins::MARGIN, k) += p.own_margin[k] + c.axle.look_ahead;
   write_rows(p, plant.x, c.rows, w.other_margin, w.other_a, w.other_rows);
   for (Index k = 0; k < m; ++k) {
@@ -122,29 +122,29 @@ inline void make_rows_of_point(const Constants& c, const One& p, Work& w) {
 inline void make_rows(const Constants& c, const One& p, Work& w) {
   const Plant& plant = p.plant;
   const Placed at = place(c, plant);
-  margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, at.x, at.model, at.lag), c.period, w.margin);
+  margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, at.x, at.model, at.lag), c.period,
+                  work::reserved(w.margin));
   for (Index k = 0; k < p.count(); ++k) {
     w.margin(margins::QUICKENING, k) += c.jerk;
     w.margin(margins::MARGIN, k) += p.own_margin[k];
   }
-  double settings[plants::SETTINGS_WIDTH];
-  std::copy(std::begin(c.axle_rows), std::end(c.axle_rows), settings);
+  RowSettings settings = c.axle_rows;
   axle_rows::limit_axle(c.axle, plant.x, plant.heading, settings);
   write_rows(p, at.x, settings, w.margin, w.a, w.rows);
-  settings[row_settings::U_MAX] = c.axle.braking;  // of the speed: what turns it changes no speed
+  settings.u_max = c.axle.braking;  // of the speed: what turns it changes no speed
   for (Index k = 0; k < p.count(); ++k) {
     const Vector<const double> block = p.parameters[k];
-    double &n_x = w.a(k, 0), &n_y = w.a(k, 1), &b = w.rows(work::B, k);
+    double &n_x = w.a(k, 0), &n_y = w.a(k, 1), &b = w.rows(rows::B, k);
     if (p.kind[k] == layout::SPEED_LIMIT) {
-      const double kept = w.rows(work::H, k) - w.margin(margins::MARGIN, k);
+      const double kept = w.rows(rows::H, k) - w.margin(margins::MARGIN, k);
       b = rows::speed_row(kept, w.margin(margins::RATE, k), at.x[2], at.x[3], block[layout::V_MAX],
-                          settings + row_settings::ALPHA2, settings).b;
+                          settings.alpha2, settings).b;
     }
     if (p.kind[k] == layout::ZONE) b = zone_row(c.axle, block, w, k, at.x, settings);
     w.straight(k, 0) = n_x, w.straight(k, 1) = n_y, w.straight(k, 2) = b;
     if (is_on_speed(p.kind[k])) continue;  // n is along the heading, and e·u alone changes the speed
     const auto row = axle_rows::of_axle(c.axle, plant.x, plant.heading, c.period, n_x, n_y, b);
-    n_x = row.x, n_y = row.y, b = row.b;
+    n_x = row.ax, n_y = row.ay, b = row.b;
   }
   make_rows_of_point(c, p, w);
 }
@@ -194,9 +194,9 @@ inline void slide(const Constants& c, Settings settings, const One& p, Work& w) 
   const double square[8] = {-far, -far, far, -far, far, far, -far, far};
   double corners[8], asked[2] = {w.u[0], w.u[1]};
   const Matrix<double> a = w.other_a;
-  const Vector<double> b = w.other_rows[work::B];
+  const Vector<double> b = w.other_rows[rows::B];
   const auto take_rows = [&](Index from) {
-    for (Index k = from; k < total; ++k) a(k, 0) = w.a(k, 0), a(k, 1) = w.a(k, 1), b[k] = w.rows(work::B, k);
+    for (Index k = from; k < total; ++k) a(k, 0) = w.a(k, 0), a(k, 1) = w.a(k, 1), b[k] = w.rows(rows::B, k);
   };
   for (Index k = 0; k < m; ++k) a(k, 0) = w.straight(k, 0), a(k, 1) = w.straight(k, 1), b[k] = w.straight(k, 2);
   take_rows(m);
@@ -275,7 +275,7 @@ inline void turn_to_way(const Plant& plant, double* u) {
 
 // Whether h of a condition is that of the point, not of the axle: then it is no less than h less l.
 inline double of_body(const Constants& c, const One& p, const Work& w, Index k) {
-  const double h = w.rows(work::H, k);
+  const double h = w.rows(rows::H, k);
   return w.strict[k] && moves(p.kind[k], p.parameters[k]) ? h - c.axle.look_ahead : h;
 }
 

@@ -6,11 +6,10 @@
 #include <hcbf/memory.hpp>
 #include <hcbf/program_records.hpp>
 #include <hcbf/report.hpp>
+#include <hcbf/row_settings.hpp>
 #include <hcbf/uncertainty.hpp>
 
 namespace hcbf::plants {
-
-constexpr Index SETTINGS_WIDTH = 15;  // `RowSettings.packed`
 
 struct Constants {
   // the program, as `program_records::Settings` has it
@@ -26,7 +25,7 @@ struct Constants {
   bool made;         // whether rows, alarms and braking inputs were made beforehand
   // what rows reserve, and how they are made
   Uncertainty uncertainty;
-  double rows[SETTINGS_WIDTH];
+  RowSettings rows;
   double period;    // T [s], 0 where it is not known
   double rounding;  // of an input that is applied in 32 bits, 0 for 64 [m/s^2]
   double dip;       // what usual rows reserve against dips between samples
@@ -35,8 +34,8 @@ struct Constants {
   // a differential drive
   bool drives;
   axle::Axle axle;
-  double axle_rows[SETTINGS_WIDTH];  // of rows on the axle
-  double jerk;                       // what these reserve of the acceleration [m/s^2]
+  RowSettings axle_rows;  // of rows on the axle
+  double jerk;            // what these reserve of the acceleration [m/s^2]
   // guidance
   bool has_way;
   Index through;  // the highest rank that is relaxed for guidance, 0 for none
@@ -131,7 +130,7 @@ inline bool fits(const Plants& p, bool guided) {
   for (Index i = 0; i < count; ++i)
     for (Index k = 0; k < m; ++k) {
       const Index rank = p.priority(i, k);
-      if (p.kind(i, k) == layout::NONE ? rank != 0 : rank < 1 || rank > program_records::LOWEST_RANK) return false;
+      if (p.kind(i, k) == layout::NONE ? rank != 0 : rank < 1 || rank > layout::LOWEST_RANK) return false;
     }
   return true;
 }

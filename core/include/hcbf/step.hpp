@@ -5,12 +5,14 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <hcbf/axle_step.hpp>
 #include <hcbf/cascade.hpp>
 #include <hcbf/general_rows.hpp>
 #include <hcbf/guidance_row.hpp>
 #include <hcbf/map_rows.hpp>
+#include <hcbf/mapped.hpp>
 #include <hcbf/monitor.hpp>
 #include <hcbf/plants.hpp>
 #include <hcbf/reason.hpp>
@@ -22,7 +24,7 @@
 namespace hcbf::step {
 
 using plants::Constants, plants::One, plants::Plants, polygon::Point, program_records::Settings, work::Work;
-using work::ALPHA2_PSI, work::B, work::H, work::PSI;
+using rows::ALPHA2_PSI, rows::B, rows::H, rows::PSI;
 
 // What a call returns: nothing to do, u* is not finite, a scene is not of these plants, a warning is due.
 enum Said : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
@@ -46,9 +48,7 @@ inline void look(const Constants& c, const One& p) {
 
 // Takes condition k out: every input meets it.
 inline void leave_out(Work& w, Index k) {
-  for (Index j = 0; j < w.a.columns; ++j) w.a(k, j) = 0.0;
-  w.rows(B, k) = -1.0;
-  w.rows(H, k) = w.rows(ALPHA2_PSI, k) = w.rows(PSI, k) = 1.0;
+  rows::leave_out(0, k, {w.a.data, 1, w.a.rows, w.a.columns}, {w.rows.data, 4, 1, w.rows.columns});
 }
 
 // Writes the margins and rows of a planar double integrator, users' own barriers left out.
@@ -58,7 +58,7 @@ inline void make_planar_rows(const Constants& c, const One& p, Work& w) {
   if (c.drives) return axle_step::make_rows(c, p, w);
   const plants::Plant& plant = p.plant;
   const margins::Known known = axle_step::known_of(plant, plant.x, plant.model, plant.lag);
-  margins::derive(c.uncertainty, p.kind, p.parameters, known, c.period, w.margin);
+  margins::derive(c.uncertainty, p.kind, p.parameters, known, c.period, work::reserved(w.margin));
   for (Index k = 0; k < m; ++k) w.margin(margins::MARGIN, k) += p.own_margin[k];
   axle_step::write_rows(p, plant.x, c.rows, w.margin, w.a, w.rows);
 }
@@ -266,7 +266,7 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   const bool believed = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
   if (believed) {
     const auto lack = status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::LEANING],
-                                        w.rows[PSI], c.dip, c.sway, c.rows + row_settings::ALPHA1);
+                                        w.rows[PSI], c.dip, c.sway, c.rows.alpha1);
     violated = status::is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
     p.report.proved = !status::lacks(lack);
   }
@@ -278,6 +278,86 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   p.report.fallbacks = w.answer.fallbacks[0];
   p.report.deadlock = status::stands(p.plant.x[2] * p.plant.x[2] + p.plant.x[3] * p.plant.x[3], asked2);
   for (Index k = 0; k < m; ++k) report_row(c, p, w, k, believed);
+}
+
+// What one plant's step needs besides; it is kept, and used again for the next one.
+struct Room {
+  Work work;
+  mapped::Nearby nearby;         // the conditions of a plant on a map
+  std::vector<double> own;       // their rows that were made beforehand
+  std::vector<report::Row> rows;  // their report
+};
+
+// Returns a plant with the nearby pieces of its map, as they were found last.
+inline One with_pieces(const One& p, Room& room) {
+  const mapped::Scene scene = room.nearby.scene();
+  const Index count = scene.kind.size, width = p.own.columns;
+  return {scene.kind, scene.parameters, scene.priority, scene.own_margin,
+          {room.own.data(), p.own.rows > 0 ? count : 0, width}, p.plant, p.input, p.stop,
+          p.report, p.u_nominal, p.u_safe, {room.rows.data(), count + p.rows.size - p.count()}};
+}
+
+// Finds the nearby pieces of a plant's map.
+inline void find_pieces(const Constants& c, const One& p, Vector<const double> atlas, Room& room) {
+  axle_step::Placed at;
+  if (c.drives) at = axle_step::place(c, p.plant);
+  const margins::Known known = c.drives ? axle_step::known_of(p.plant, at.x, at.model, at.lag)
+                                        : axle_step::known_of(p.plant, p.plant.x, p.plant.model, p.plant.lag);
+  mapped::nearby(c.uncertainty, c.drives ? c.axle_rows : c.rows, c.drives ? c.axle_rows.u_max : c.radius,
+                 {p.kind, p.parameters, p.priority, p.own_margin, p.kind}, atlas, known, room.nearby);
+  room.rows.resize(room.nearby.kind.size() + p.rows.size - p.count());
+  room.own.clear();
+  if (p.own.rows == 0) return;
+  for (const Index k : room.nearby.source) room.own.insert(room.own.end(), p.own[k].begin(), p.own[k].end());
+}
+
+// Poses the program of one plant, and returns it with the plant's U.
+inline Settings pose(const Constants& c, Settings settings, const One& p, Work& w) {
+  w.fit(p.count(), p.rows.size, p.u_nominal.size, c.radius, c.corners);
+  make_rows(c, p, w);
+  if (c.drives) {
+    axle::corners(c.axle, p.plant.x, p.plant.heading, c.period, w.corners);
+    settings.vertices = {w.corners, 1, 4, 2};
+  }
+  ask(c, settings, p, w);
+  return settings;
+}
+
+// Filters one plant with what is nearby.
+inline void filter_nearby(const Constants& c, const Settings& program, const One& p, Work& w) {
+  const Settings settings = pose(c, program, p, w);
+  cascade::filter_range(settings, {w.u.data, 1, 2}, w.problem(w.a, w.rows[B]), w.answer, w.polygons, 0, 1);
+  if (c.drives && p.report.reason == 0) axle_step::slide(c, settings, p, w);
+  conclude(c, p, w);
+}
+
+// Filters one plant, and returns whether a warning is due. `atlas`: where the pieces of maps are; empty
+// without a map.
+inline bool filter(const Constants& c, const Settings& program, const One& p, Vector<const double> atlas,
+                   Room& room) {
+  look(c, p);
+  if (atlas.size == 0) {
+    filter_nearby(c, program, p, room.work);
+  } else {
+    find_pieces(c, p, atlas, room);
+    const One part = with_pieces(p, room);
+    filter_nearby(c, program, part, room.work);
+    map_rows::tell(room.nearby.scene().source, part.rows, p.rows.part(0, p.count()));
+  }
+  return p.report.reason != 0;
+}
+
+// Concludes what `pose` began. `answered`: whether a solver's answer is in `w`; if not, the plant is
+// brought to rest.
+inline void close(const Constants& c, const Settings& settings, bool answered, const One& p, Work& w) {
+  if (!answered) {
+    if (!stops(p.report.reason, c.brakes)) {
+      p.report.reason = reason::SOLVER;
+      wish_to_stop(c, settings, p, w.u);
+    }
+    apply(w);
+  }
+  conclude(c, p, w);
 }
 
 }  // namespace hcbf::step

@@ -6,12 +6,18 @@
 #include <vector>
 
 #include <hcbf/cbf_rows.hpp>
+#include <hcbf/margins.hpp>
 #include <hcbf/program_records.hpp>
 #include <hcbf/result.hpp>
+#include <hcbf/rows.hpp>
 
 namespace hcbf::work {
 
-enum Entry : Index { B, H, ALPHA2_PSI, PSI };  // of `rows`
+// The margins (4, m) of one plant, entry by entry.
+inline margins::Reserved reserved(Matrix<double> margin) {
+  return {margin[margins::MARGIN].data, margin[margins::RATE].data, margin[margins::QUICKENING].data,
+          margin[margins::LEANING].data};
+}
 
 class Work {
  public:
@@ -53,8 +59,8 @@ class Work {
   // The rows as a program reads them, with a leading 1.
   cbf_rows::CbfRows problem(Matrix<const double> gradients, Vector<const double> b) const {
     const Index total = priority.size;
-    return {{gradients.data, 1, total, gradients.columns}, {b.data, 1, total}, {rows[H].data, 1, total},
-            {priority.data, 1, total}, {rows[ALPHA2_PSI].data, 1, total}};
+    return {{gradients.data, 1, total, gradients.columns}, {b.data, 1, total}, {rows[hcbf::rows::H].data, 1, total},
+            {priority.data, 1, total}, {rows[hcbf::rows::ALPHA2_PSI].data, 1, total}};
   }
 
  private:
