@@ -40,6 +40,9 @@ class Filter {
     rooms_.resize(std::max<Index>(1, std::min(threads, count / LEAST_PLANTS)));
   }
 
+  Filter(const Filter&) = delete;
+  Filter& operator=(const Filter&) = delete;
+
   void set_scene(Numbers<const Index, 2> kind, Numbers<const double, 3> parameters, Numbers<const Index, 2> priority,
                  Numbers<const double, 2> own_margin, std::optional<Numbers<const double, 1>> atlas,
                  std::optional<Numbers<const double, 3>> own) {
