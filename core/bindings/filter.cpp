@@ -281,6 +281,16 @@ void bind_filter(nb::module_& m) {
            "Conclude what `pose` began, and return what is to be done.");
   m.def("is_covariance", [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
         "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
+  m.attr("ASIDE") = axle_step::ASIDE;
+  m.def("is_edge", axle_step::is_edge, "kind"_a, "Return whether a condition is on the place, by a unit normal.");
+  m.def("watch_sample", [](const Numbers1& sensed, double radius, double confidence, bool exact, bool observed) {
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed, 1);
+    const Vector<double> input{plants.tail(0), 2};
+    const Index why = state_check::believe(plants[0], input);
+    if (why == 0) monitor::watch(plants[0], input, radius, confidence, exact, observed);
+    return why;
+  }, "sensed"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
+  "Check the state of a planar double integrator, compare it with the one before, and return the reason.");
   m.def("face", [](const Numbers1& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
     const Records<plants::Plant> plants = records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
     for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hcbf_gym.filtering import belief, monitor, plants
+from hcbf_gym import _core
+from hcbf_gym.filtering import plants
 from hcbf_gym.models.plant import Reason
 
 PERIOD, LIMIT = 0.02, 5.0
@@ -14,12 +15,12 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    plant = np.zeros(1, dtype=plants.PLANT)[0]
+    one = np.zeros(1, dtype=plants.PLANT)
+    plant, words = one[0], one.view(np.float64)
     plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        assert belief.believe(plant) == 0
-        monitor.watch(plant, RADIUS, 3.0, exact=True, observed=True)
+        assert _core.watch_sample(words, RADIUS, 3.0, exact=True, observed=True) == 0
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really
