@@ -18,7 +18,8 @@ using program_records::Lock, program_records::Lower, program_records::Settings;
 using Numbers1 = Numbers<const double, 1>;
 using Numbers2 = Numbers<const double, 2>;
 using Integers = Numbers<const Index, 1>;
-using OneOrMany = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;  // of one state, or N
+template <class T>
+using OneOrMany = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;  // of one state, or N
 
 // An array for Python that owns its numbers.
 template <int N>
@@ -36,12 +37,13 @@ auto arrays_of(dense::Rows rows) {
 // A program of two inputs with its prices and U; its arrays are copies.
 class PlanarProgram {
  public:
-  PlanarProgram(Index lower, bool by_level, Index lock, bool ranks, bool guided, double radius, double lambda_u,
-                bool known_offset, const Numbers<const double, 3>& vertices, const Numbers2& weights)
+  PlanarProgram(Index lower, bool by_level, Index lock, bool ranks, bool guided, double radius,
+                double lambda_u, bool known_offset, const Numbers<const double, 3>& vertices,
+                const Numbers2& weights)
       : vertices_(vertices.data(), vertices.data() + vertices.size()),
         weights_(weights.data(), weights.data() + weights.size()),
-        settings_{static_cast<Lower>(lower), by_level, static_cast<Lock>(lock), ranks, guided, radius, lambda_u,
-                  known_offset, view(vertices), view(weights)} {
+        settings_{static_cast<Lower>(lower), by_level, static_cast<Lock>(lock), ranks, guided, radius,
+                  lambda_u, known_offset, view(vertices), view(weights)} {
     settings_.vertices.data = vertices_.data();
     settings_.weights.data = weights_.data();
   }
@@ -49,9 +51,9 @@ class PlanarProgram {
 
   // Filters N states into `answer`, u, slack, delta and status one after the other; false where u* or
   // a row is malformed.
-  bool filter(const OneOrMany& u_nominal, const OneOrMany& a, const OneOrMany& b, const OneOrMany& h,
-              const nb::ndarray<const Index, nb::c_contig, nb::device::cpu>& priority, const OneOrMany& alpha2_psi,
-              const Numbers<double, 1>& answer) const {
+  bool filter(const OneOrMany<double>& u_nominal, const OneOrMany<double>& a, const OneOrMany<double>& b,
+              const OneOrMany<double>& h, const OneOrMany<Index>& priority,
+              const OneOrMany<double>& alpha2_psi, const Numbers<double, 1>& answer) const {
     const Index n = u_nominal.size() / 2, total = b.size(), m = n > 0 ? total / n : 0;
     const cbf_rows::CbfRows rows{{a.data(), n, m, 2}, {b.data(), n, m}, {h.data(), n, m},
                                  {priority.data(), n, m}, {alpha2_psi.data(), n, m}};
@@ -77,8 +79,8 @@ void bind_planar(nb::module_& m) {
   nb::class_<PlanarProgram>(m, "PlanarProgram", "A program of two inputs with its prices and U.")
       .def(nb::init<Index, bool, Index, bool, bool, double, double, bool, const Numbers<const double, 3>&,
                     const Numbers2&>(),
-           "lower"_a, "by_level"_a, "lock"_a, "ranks"_a, "guided"_a, "radius"_a, "lambda_u"_a, "known_offset"_a,
-           "vertices"_a, "weights"_a, "Copy what `planar.records.Settings` has.")
+           "lower"_a, "by_level"_a, "lock"_a, "ranks"_a, "guided"_a, "radius"_a, "lambda_u"_a,
+           "known_offset"_a, "vertices"_a, "weights"_a, "Copy what `planar.records.Settings` has.")
       .def("filter", &PlanarProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a, "alpha2_psi"_a,
            "answer"_a.noconvert(), Unlocked(),
            "Write u, slack, delta and statuses of N states; False where u* or a row is malformed.");
@@ -109,12 +111,15 @@ void bind_planar(nb::module_& m) {
 }
 
 void bind_rows(nb::module_& m) {
+  m.attr("TOLERANCE_NOMINAL") = tolerances::NOMINAL;
+  m.attr("TOLERANCE_ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
+  m.attr("TOLERANCE_MET") = tolerances::MET;
   m.def("well_formed", [](const Numbers2& a, const Numbers1& b, const Numbers1& h, const Integers& priority) {
     return cbf_rows::well_formed({view(a), view(b), view(h), view(priority), {}});
   }, "a"_a, "b"_a, "h"_a, "priority"_a,
   "Return whether the rows of one state are finite, with priorities 1, 2, … without a gap.");
-  m.def("has_no_gap", [](const Integers& priority) { return cbf_rows::has_no_gap(view(priority)); }, "priority"_a,
-        "Return whether priorities are 1, 2, … without a gap.");
+  m.def("has_no_gap", [](const Integers& priority) { return cbf_rows::has_no_gap(view(priority)); },
+        "priority"_a, "Return whether priorities are 1, 2, … without a gap.");
   m.def("row_weight", [](const Numbers1& table, Index priority, double h) {
     return weights::weight_of(view(table), priority, h);
   }, "table"_a, "priority"_a, "h"_a, "Return λ_δ(h) of one row; infinity for one of a strict level.");
@@ -122,11 +127,13 @@ void bind_rows(nb::module_& m) {
     std::vector<double> slack(b.size());
     result::violation(view(a), view(b), view(u), radius, {slack.data(), view(b).size});
     return array_of<1>(std::move(slack), {b.size()});
-  }, "a"_a, "b"_a, "u"_a, "radius"_a, "Return each row's violation at u, with what rounding leaves set to 0.");
+  }, "a"_a, "b"_a, "u"_a, "radius"_a,
+  "Return each row's violation at u, with what rounding leaves set to 0.");
   m.def("stage_rows", [](const Numbers1& table, bool by_level, const Integers& priority, const Numbers1& h,
                          const Numbers<Index, 1>& stage, const Numbers<bool, 1>& strict,
                          const Numbers<double, 1>& weight) {
-    stage_rows::staged(view(table), by_level, view(priority), view(h), view(stage), view(strict), view(weight));
+    stage_rows::staged(view(table), by_level, view(priority), view(h), view(stage), view(strict),
+                       view(weight));
   }, "table"_a, "by_level"_a, "priority"_a, "h"_a, "stage"_a.noconvert(), "strict"_a.noconvert(),
   "weight"_a.noconvert(), "Write each row's stage, whether the stage meets it, and its weight.");
 }
@@ -135,11 +142,12 @@ void bind_dense(nb::module_& m) {
   using dense::Scale;
   m.def("unit_rows", [](const Numbers2& a, const Numbers1& b, double least) {
     return arrays_of(dense::scaled_rows(view(a), view(b), least, Scale::UNIT));
-  }, "a"_a, "b"_a, "least"_a, "Return the rows a x >= b scaled to unit norm, without those of norm `least` or below.");
+  }, "a"_a, "b"_a, "least"_a,
+  "Return the rows a x >= b scaled to unit norm, without those of norm `least` or below.");
   m.def("level_rows", [](const Numbers2& a, const Numbers1& b, double least) {
     return arrays_of(dense::scaled_rows(view(a), view(b), least, Scale::BY_POWER));
   }, "a"_a, "b"_a, "least"_a,
-  "Return the rows a x >= b scaled by powers of two to norms from 1/2 to 1, without those of norm `least`.");
+  "Return the rows a x >= b scaled by powers of two to norms from 1/2 to 1, without constants.");
   m.def("whiten", [](const Numbers2& a, const Numbers1& target, const Numbers1& centre) {
     const std::size_t n = centre.size();
     std::vector<double> factor(n * n), y(n);
@@ -161,8 +169,8 @@ void bind_dense(nb::module_& m) {
     return dense::meets(view(a), view(lower), view(x), tolerance);
   }, "a"_a, "lower"_a, "x"_a, "tolerance"_a,
   "Return whether x misses no row by more than tolerance (1 + max|x|); NaN fails.");
-  m.def("with_slack", [](const Numbers2& rows, const Numbers1& lower, const Numbers2& a, const Numbers1& target,
-                         const Numbers1& least) {
+  m.def("with_slack", [](const Numbers2& rows, const Numbers1& lower, const Numbers2& a,
+                         const Numbers1& target, const Numbers1& least) {
     return arrays_of(dense::with_slack(view(rows), view(lower), view(a), view(target), view(least)));
   }, "rows"_a, "lower"_a, "a"_a, "target"_a, "least"_a,
   "Return the rows on (z, s) of rows z >= lower, a z + s >= target and s >= least.");
@@ -172,7 +180,8 @@ void bind_dense(nb::module_& m) {
     dense::steepness(view(a), view(basis), {whole.data(), view(a).rows}, {within.data(), view(a).rows});
     return std::pair(array_of<1>(std::move(whole), {count}), array_of<1>(std::move(within), {count}));
   }, "a"_a, "basis"_a, "Return how steep the rows are (k,), and how steep in the directions of a basis.");
-  m.def("violated", [](const Numbers2& a, const Numbers1& b, const Numbers1& u, const Numbers<bool, 1>& violates) {
+  m.def("violated", [](const Numbers2& a, const Numbers1& b, const Numbers1& u,
+                       const Numbers<bool, 1>& violates) {
     dense::violated(view(a), view(b), view(u), view(violates));
   }, "a"_a, "b"_a, "u"_a, "violates"_a.noconvert(), "Write which rows a u >= b u violates, rounding aside.");
 }

@@ -286,6 +286,21 @@ def test_a_cut_leaves_a_polygon_within_the_polygon_whatever_the_line(d):
         assert (np.abs(left) <= 5.0).all()
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_input_is_in_the_set_even_where_squares_overflow(name):
+    rng = np.random.default_rng(9)
+
+    def numbers(*shape):
+        return rng.normal(0.0, 1.0, shape) * 10.0 ** rng.uniform(-300.0, 300.0, shape)
+
+    rows = CbfRows(
+        numbers(3000, 4, 2), numbers(3000, 4), numbers(3000, 4), np.tile([1, 2, 3, 2], (3000, 1))
+    )
+    rows = rows._replace(alpha2_psi=numbers(3000, 4))
+    result = programs.make_batch(name)(numbers(3000, 2), rows)
+    assert (np.abs(result.u) <= 5.0).all()
+
+
 def test_every_row_may_have_a_priority_of_its_own():
     m = 100  # more than the ranks that a filter has
     rng = np.random.default_rng(8)

@@ -64,7 +64,8 @@ inline void whiten(Matrix<const double> a, Vector<const double> target, Vector<c
     double t = target[k];
     for (Index i = 0; i < n; ++i) {
       if (row[i] == 0.0) continue;
-      const double length = std::hypot(factor(i, i), row[i]), cos = factor(i, i) / length, sin = row[i] / length;
+      const double length = std::hypot(factor(i, i), row[i]);
+      const double cos = factor(i, i) / length, sin = row[i] / length;
       for (Index j = i; j < n; ++j) {
         const double above = factor(i, j), below = row[j];
         factor(i, j) = cos * above + sin * below;
@@ -95,7 +96,8 @@ inline void back_substitute(Matrix<const double> factor, Vector<double> y) {
 }
 
 // Returns whether x (n,) misses no row by more than tolerance (1 + max|x|); NaN fails.
-inline bool meets(Matrix<const double> a, Vector<const double> lower, Vector<const double> x, double tolerance) {
+inline bool meets(Matrix<const double> a, Vector<const double> lower, Vector<const double> x,
+                  double tolerance) {
   double largest = 0.0;
   for (const double value : x) largest = std::isnan(value) ? value : std::max(largest, std::abs(value));
   const double allowed = tolerance * (1.0 + largest);
@@ -142,7 +144,8 @@ inline void steepness(Matrix<const double> a, Matrix<const double> basis, Vector
 }
 
 // Writes which rows a u >= b (s,) u violates, rounding aside.
-inline void violated(Matrix<const double> a, Vector<const double> b, Vector<const double> u, Vector<bool> violates) {
+inline void violated(Matrix<const double> a, Vector<const double> b, Vector<const double> u,
+                     Vector<bool> violates) {
   double largest = 0.0, total = 0.0;
   for (const double value : u) largest = std::max(largest, std::abs(value));
   const double allowed = tolerances::MET * (1.0 + largest);
