@@ -84,9 +84,9 @@ def _pointing(config_settings: Settings) -> dict[str, Any]:
     return {**(config_settings or {}), **points}
 
 
-def compile_in_place(folder: str) -> None:
-    """Compile the core into `hcbf_gym/`, with CMake's files in a folder."""
-    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON"
+def compile_in_place(folder: str, *options: str) -> None:
+    """Compile the core into `hcbf_gym/`, with CMake's files in a folder and options of its own."""
+    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON", *options
     generator = ("-G", "Ninja") if shutil.which("ninja") else ()
     subprocess.run(["cmake", *generator, "-S", ROOT / "core", "-B", folder, *settings], check=True)
     subprocess.run(["cmake", "--build", folder, "--parallel"], check=True)
