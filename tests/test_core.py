@@ -22,30 +22,30 @@ def compiler():
 
 
 def test_the_module_was_made_from_the_sources_beside_it():
-    assert sources.sources_hash() == _core.HASH
+    assert sources.core_hash() == _core.HASH
 
 
 def test_a_core_that_is_older_than_its_sources_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(sources, "sources_hash", lambda: "another")
+    monkeypatch.setattr(sources, "core_hash", lambda: "another")
     with pytest.raises(ImportError, match="make core"):
         sources.check()
 
 
 def test_what_lies_elsewhere_than_in_a_checkout_is_not_compared(monkeypatch, tmp_path):
     monkeypatch.setattr(sources, "CORE", tmp_path)
-    monkeypatch.setattr(sources, "sources_hash", lambda: "another")
+    monkeypatch.setattr(sources, "core_hash", lambda: "another")
     sources.check()
 
 
 def test_any_edit_of_a_source_changes_the_hash(tmp_path):
     copy = Path(shutil.copytree(ROOT / "core", tmp_path / "core"))
-    before = sources.sources_hash(copy)
+    before = sources.core_hash(copy)
     assert before == _core.HASH
     header = copy / "include" / "hcbf" / "arrays.hpp"
     header.write_text(header.read_text() + "\n")
-    edited = sources.sources_hash(copy)
+    edited = sources.core_hash(copy)
     header.rename(header.with_name("views.hpp"))
-    assert len({before, edited, sources.sources_hash(copy)}) == 3
+    assert len({before, edited, sources.core_hash(copy)}) == 3
 
 
 def test_each_header_stands_alone_without_exceptions_and_warnings(tmp_path):

@@ -30,7 +30,6 @@ from rich.progress import track
 from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
 from hcbf_gym.barriers import Barrier, Shapes
-from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -60,6 +59,7 @@ from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend, open_pool
 from hcbf_gym.programs.general.qp import check_solver
 from hcbf_gym.robots.walker import Walker
+from hcbf_gym.sources import sources_hash
 
 GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""

@@ -13,7 +13,7 @@ import joblib
 import pytest
 from needs import needs
 
-from hcbf_gym import compilation
+from hcbf_gym import sources
 from hcbf_gym.errors import ChunkError, InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import chunks
 
@@ -75,7 +75,7 @@ def test_an_edit_of_what_a_users_file_imports_is_other_work(line, package, tmp_p
     (folder / "physics.py").write_text("gain = 1.0\n")
     before = chunks.sources_of(abs, [folder / "plant.py"])
     (folder / "physics.py").write_text("gain = 2.0\n")
-    monkeypatch.setattr(compilation, "_digest", compilation._digest.__wrapped__)  # another process
+    monkeypatch.setattr(sources, "_digest", sources._digest.__wrapped__)  # another process
     assert chunks.sources_of(abs, [folder / "plant.py"]) != before
 
 
