@@ -45,12 +45,6 @@ struct Known {
   double growth;                    // g, by how much that of the velocity grows until the next sample [m²/s²]
 };
 
-// The same of a record with these fields, `plants::Plant`.
-template <class Record>
-Known known(const Record& plant) {
-  return {plant.x, plant.time, plant.model, plant.lag, {plant.covariance[0], 4, 4}, plant.growth};
-}
-
 // The uncertainty of one state, as the row of any h reads it.
 struct Unknown {
   Vector<const double> off;    // (n,) x − x_b, the state that the rows read less the body's
