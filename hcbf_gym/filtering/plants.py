@@ -46,6 +46,7 @@ CONSTANTS = np.dtype(
                 ("sway", "f8"),  # what of d a robot may use that is not its model
                 ("settles", "f8"),  # how long the robot takes to follow [s], 0 for its model
                 # a differential drive
+                ("drives", "?"),
                 ("axle", "f8", 4),  # `models.axle.Axle`
                 ("axle_rows", "f8", SETTINGS_WIDTH),  # `RowSettings.packed` of rows on the axle
                 ("jerk", "f8"),  # what these reserve of the acceleration [m/s²]
@@ -93,8 +94,6 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         ("expected", "f8", 2),  # velocity of the model at the last sample [m/s]
         ("vague", "f8", 3),  # xx, xy and yy of its covariance at the last sample [m²/s²]
         ("growth", "f8"),  # what that grew by when it grew last [m²/s²]
-        ("input", "f8", (n_u,)),  # applied since
-        ("stop", "f8", (n_u,)),  # of U, brings a plant of another model to rest
         ("believed", "f8", 4),  # the last state that was
         ("headed", "f8"),  # the heading then [rad]
         ("believed_at", "f8"),  # its time [s]
@@ -103,6 +102,8 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         *verdict.MEMORY,
         ("alarm", "i8"),  # a `Reason`, until the next reset
         ("moves", "i8"),  # whether a region is nearer than its velocity explains
+        ("input", "f8", (n_u,)),  # applied since the last sample
+        ("stop", "f8", (n_u,)),  # of U, brings a plant of another model to rest
     ]
     return np.dtype((np.record, fields))
 

@@ -14,8 +14,6 @@ from hcbf_gym.arrays import Array, Info, Records
 def plant_dtype(n_u: int) -> np.dtype[np.void]:
     """Return what is said of a plant of so many inputs."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = [
-        ("u_nominal", "f8", (n_u,)),  # u*, as the filter received it
-        ("u_safe", "f8", (n_u,)),  # u, what the environment receives
         ("intervention", "f8"),  # ‖u − u*‖
         ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
         ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
@@ -27,6 +25,8 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
         ("covered", "i8"),  # a `models.plant.Coverage`
         ("covered_by", "i8"),  # why it is not 1, a `models.plant.CoveredBy`
         ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
+        ("u_nominal", "f8", (n_u,)),  # u*, as the filter received it
+        ("u_safe", "f8", (n_u,)),  # u, what the environment receives
     ]
     return np.dtype((np.record, fields))
 

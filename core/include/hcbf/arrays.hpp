@@ -12,6 +12,8 @@ struct Vector {  // (n,)
   Index size;
   operator Vector<const T>() const { return {data, size}; }
   T& operator[](Index i) const { return data[i]; }
+  T* begin() const { return data; }
+  T* end() const { return data + size; }
   Vector part(Index first, Index end) const { return {data + first, end - first}; }
 };
 

@@ -1,0 +1,148 @@
+// What a plan does stage by stage, for two inputs and N states, on polygons.
+//
+// hcbf_gym/programs/general/cascade.py is the same for any number of inputs; the tests hold them
+// together.
+#pragma once
+#include <utility>
+
+#include <hcbf/cbf_rows.hpp>
+#include <hcbf/result.hpp>
+#include <hcbf/stages.hpp>
+#include <hcbf/weights.hpp>
+
+namespace hcbf::cascade {
+
+using namespace program_records;
+using cbf_rows::CbfRows, cbf_rows::StateRows, result::FilterResult;
+
+// Returns whether u* is in U and meets every row.
+inline bool allowed(Vector<const Point> vertices, const StateRows& rows, Point u_nominal) {
+  for (Index k = 0; k < rows.b.size; ++k)
+    if (rows.a(k, 0) * u_nominal.x + rows.a(k, 1) * u_nominal.y < rows.b[k]) return false;
+  return polygon::contains(vertices, u_nominal);
+}
+
+// Returns the least slack of row k; with a known offset alpha2(psi + eps) - alpha2(psi) = max(0, -alpha2(psi)).
+inline double least_slack(const Settings& settings, const StateRows& rows, Index k) {
+  if (!settings.known_offset || rows.priority[k] <= 1) return 0.0;
+  return std::max(0.0, -rows.alpha2_psi[k]);
+}
+
+// Returns the stage of the rows of a priority, from 1; of no row, which has priority 0, 0.
+inline Index stage_of(const Settings& settings, Vector<const double> weights, Index priority) {
+  if (settings.by_level || priority == 0) return priority;
+  return std::isinf(weights::gamma0_of(weights, priority)) ? 1 : 2;
+}
+
+// Sorts by stage: writes the rows' indices, and where each stage ends in `w.start`, one place early:
+// stage s is from start[s - 1] to start[s]. Returns the number of stages.
+inline Index sort(const Settings& settings, Vector<const double> weights, Vector<const Index> priority,
+                  Workspace& w) {
+  Index count = 0;
+  for (const Index rank : priority) count = std::max(count, stage_of(settings, weights, rank));
+  std::fill_n(w.start.begin(), count + 2, 0);
+  for (const Index rank : priority) ++w.start[stage_of(settings, weights, rank)];
+  Index total = 0;
+  for (Index stage = 0; stage <= count; ++stage)  // start[s] becomes where stage s's rows are to go next
+    total += std::exchange(w.start[stage], total);
+  for (Index k = 0; k < priority.size; ++k)
+    w.rows[w.start[stage_of(settings, weights, priority[k])]++].index = k;
+  return count;
+}
+
+// Fills in a row whose index is set.
+inline void load(const Settings& settings, Vector<const double> weights, const StateRows& rows, Row& row) {
+  const Index k = row.index;
+  row.a = {rows.a(k, 0), rows.a(k, 1)};
+  row.b = rows.b[k];
+  row.norm = std::hypot(row.a.x, row.a.y);
+  const double weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
+  row.strict = std::isinf(weight);
+  row.weight = row.strict ? 1.0 : weight;
+  row.least = least_slack(settings, rows, k);
+}
+
+// Runs the stages on rows sorted by them.
+inline Point decide(const Settings& settings, Vector<const Point> vertices, Rows rows, Index stage_count,
+                    Point u_nominal, Workspace& w) {
+  w.feasible.corners.assign(vertices.begin(), vertices.end());
+  if (settings.lower == Lower::DRAWN) stages::set_targets(vertices, rows, u_nominal, w);
+  Point u{};
+  bool found = false;
+  for (Index stage = 0; stage < stage_count; ++stage) {
+    const Rows some = rows.part(w.start[stage], w.start[stage + 1]);
+    if (some.size == 0) continue;
+    if (w.feasible.is_point()) break;  // nothing is left to decide
+    const Cost cost{some, settings.lambda_u, u_nominal};
+    if (some[0].strict)
+      stages::meet(some, w), found = false;
+    else if (settings.lower == Lower::RELAXED)
+      u = stages::relax(cost, w), found = true;
+    else if (settings.lower == Lower::DRAWN)
+      u = stages::draw(cost, w), found = true;
+    if (found && settings.lock == Lock::PIN) stages::pin(some, u, w);
+    if (found && settings.lock == Lock::BOUND) stages::bound(some, u, w);
+  }
+  return found ? u : polygon::nearest(w.feasible, u_nominal);
+}
+
+// Writes what each row pays at u; returns the status, given that of an input without slack.
+inline Index account(const Settings& settings, Index status, Vector<const Index> priority, Rows rows, Point u,
+                     Vector<double> slack, Vector<double> delta) {
+  for (const Row& row : rows) {
+    const double value = row.value(u);
+    const double paid = result::slack_of(row.b - value, row.norm, row.b, settings.radius);
+    slack[row.index] = delta[row.index] = paid;
+    if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = std::max(paid, row.least);
+    if (!row.strict && settings.lower == Lower::DRAWN) delta[row.index] = row.target - value;
+    if (paid > 0.0) {
+      const bool relaxed = settings.ranks && priority[row.index] > 1;
+      status = std::max<Index>(status, relaxed ? result::RELAXED : result::VIOLATED);
+    }
+  }
+  return status;
+}
+
+// Filters one nominal input, writing u (2,), slack (m,) and delta (m,); returns the status.
+inline Index filter_state(const Settings& settings, const Own& own, Point u_nominal, const StateRows& rows,
+                          Vector<double> u, Vector<double> slack, Vector<double> delta, Workspace& w) {
+  const Vector<const Point> vertices = polygon::points(own.vertices);
+  const Index m = slack.size;
+  u[0] = u_nominal.x, u[1] = u_nominal.y;
+  if (allowed(vertices, rows, u_nominal)) {
+    for (Index k = 0; k < m; ++k) slack[k] = 0.0, delta[k] = least_slack(settings, rows, k);
+    return result::NOMINAL;
+  }
+  const Rows sorted{w.rows.data(), m};
+  const Index stage_count = sort(settings, own.weights, rows.priority, w);
+  for (Row& row : sorted) load(settings, own.weights, rows, row);
+  const Point chosen = decide(settings, vertices, sorted, stage_count, u_nominal, w);
+  u[0] = chosen.x, u[1] = chosen.y;
+  const double distance = std::max(std::abs(chosen.x - u_nominal.x), std::abs(chosen.y - u_nominal.y));
+  const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);
+  return account(settings, moved ? result::SAFE : result::NOMINAL, rows.priority, sorted, chosen, slack, delta);
+}
+
+// Filters those of N states from `first` on and before `end`.
+//
+// u_nominal: (N, 2) u*. rows: of N states, finite, priorities from 1 to LOWEST_RANK or m, or 0 of no
+// row; alpha2_psi is an array even where the program does not read it. answer: written to. w: made
+// for as many corners and rows.
+inline void filter_range(const Settings& settings, Matrix<const double> u_nominal, const CbfRows& rows,
+                         const FilterResult& answer, Workspace& w, Index first, Index end) {
+  for (Index i = first; i < end; ++i) {
+    const Point desired{u_nominal(i, 0), u_nominal(i, 1)};
+    answer.status[i] = filter_state(settings, own_of(settings, i), desired, rows[i], answer.u[i],
+                                    answer.slack[i], answer.delta[i], w);
+    answer.fallbacks[i] = 0;
+  }
+}
+
+// Filters the nominal inputs of N states; see `filter_range`.
+inline void filter_batch(const Settings& settings, Matrix<const double> u_nominal, const CbfRows& rows,
+                         const FilterResult& answer) {
+  Workspace w = make_workspace(settings.radius, settings.vertices.rows, rows.b.columns);
+  filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.rows);
+}
+
+}  // namespace hcbf::cascade

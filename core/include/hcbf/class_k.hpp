@@ -1,0 +1,40 @@
+// Extended class-K functions α: strictly increasing, α(0) = 0, with derivative and inverse. There is a
+// linear one, α(h) = gain h, and the paper's (section IV-A), of slope φ₁φ₂ / (φ₂|h| + φ₃):
+//
+//     α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃).
+#pragma once
+#include <cmath>
+
+namespace hcbf::class_k {
+
+constexpr double LINEAR = 0.0, LOG = 1.0;
+
+struct ClassK {  // as `ClassK.parameters` in Python packs it
+  double kind;
+  double scale;   // the gain of a linear function [1/s], or φ₁ [m/s]
+  double rate;    // φ₂ [1/m]
+  double offset;  // φ₃
+};
+
+// −1, 0 or 1; NaN of NaN.
+inline double sign(double h) { return h > 0.0 ? 1.0 : h < 0.0 ? -1.0 : h == 0.0 ? 0.0 : h; }
+
+// α(h).
+inline double value(const ClassK& c, double h) {
+  if (c.kind == LINEAR) return c.scale * h;
+  return sign(h) * c.scale * std::log1p(c.rate * std::abs(h) / c.offset);
+}
+
+// dα/dh; it is largest at h = 0 and does not grow with |h|.
+inline double slope(const ClassK& c, double h) {
+  if (c.kind == LINEAR) return c.scale;
+  return c.scale * c.rate / (c.rate * std::abs(h) + c.offset);
+}
+
+// α⁻¹(y).
+inline double inverse(const ClassK& c, double y) {
+  if (c.kind == LINEAR) return y / c.scale;
+  return sign(y) * c.offset / c.rate * std::expm1(std::abs(y) / c.scale);
+}
+
+}  // namespace hcbf::class_k

@@ -1,0 +1,67 @@
+// The outside of an ellipse: h is the signed distance to it.
+//
+// With u along the longer and v along the shorter axis, the normal at the foot of (u, v) is along
+// w = (u / (s + a² − b²), v / s), where s > 0 solves (a w_u)² + (b w_v)² = 1; then H = (s − b²) ‖w‖.
+// The reciprocal root of the left side is nearly linear and concave in s, so that Newton's steps come
+// from below and are few.
+#pragma once
+#include <algorithm>
+
+#include <hcbf/planar_jet.hpp>
+
+namespace hcbf::ellipse {
+
+constexpr Index CODE = 2;
+constexpr int CENTER_X = 2, CENTER_Y = 3;  // [m]
+constexpr int COS = 4, SIN = 5;            // the direction of the longer semi-axis
+constexpr int LONGER = 6, SHORTER = 7;     // semi-axes [m]
+
+constexpr double HAIR = 1e-13;  // how far from the longer axis a point is at least, so that its normal has a side [m]
+constexpr int MOST_STEPS = 20;  // Newton's, to the foot of a point; three to six are taken
+
+inline Index write(double* c, const double* velocity, const double* center, const double* semi_axes, double angle) {
+  begin_block(c, velocity);
+  c[CENTER_X] = center[0], c[CENTER_Y] = center[1];
+  const double first = semi_axes[0], second = semi_axes[1], cos = std::cos(angle), sin = std::sin(angle);
+  const bool turned = second > first;
+  c[COS] = turned ? -sin : cos, c[SIN] = turned ? cos : sin;
+  c[LONGER] = std::max(first, second), c[SHORTER] = std::min(first, second);
+  return CODE;
+}
+
+inline PlanarJet jet(const double* c, double x, double y) {
+  const double dx = x - c[CENTER_X], dy = y - c[CENTER_Y];
+  const double a = c[LONGER], b = c[SHORTER], cos = c[COS], sin = c[SIN];
+  const double along = cos * dx + sin * dy, across = cos * dy - sin * dx;
+  const double u = std::abs(along), v = std::abs(across) + HAIR;
+  const double apart = a * a - b * b;
+  double s = std::max(b * v, a * u - apart);
+  for (int k = 0; k < MOST_STEPS; ++k) {
+    const double wu = u / (s + apart), wv = v / s;
+    const double first = a * a * wu * wu, second = b * b * wv * wv, size = first + second;
+    const double step = size * (std::sqrt(size) - 1.0) / (first / (s + apart) + second / s);
+    s += step;
+    if (!(step > 1e-15 * s)) break;
+  }
+  const double wu = u / (s + apart), wv = v / s, norm = std::sqrt(wu * wu + wv * wv);
+  const double h = (s - b * b) * norm;
+  double distance = a * a * b * b * norm * norm * norm + h;  // the radius of curvature at the foot, and h
+  const double nu = std::copysign(wu / norm, along), nv = std::copysign(wv / norm, across);
+  const double nx = cos * nu - sin * nv, ny = sin * nu + cos * nv;
+  if (distance < TINY) distance = INF;
+  return {h, nx, ny, distance, -ny, nx};
+}
+
+// The core is what a disc of the smallest radius of curvature, b²/a, leaves inside.
+inline Core core(const double* c, double, double, double h, double, double) {
+  const double radius = c[SHORTER] * c[SHORTER] / c[LONGER];
+  return {h + radius, radius, false};
+}
+
+// Of the circle around the ellipse.
+inline Bounds bounds(const double* c) {
+  const double x = c[CENTER_X], y = c[CENTER_Y], longer = c[LONGER];
+  return {x - longer, y - longer, x + longer, y + longer};
+}
+
+}  // namespace hcbf::ellipse

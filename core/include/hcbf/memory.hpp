@@ -1,0 +1,39 @@
+// What a plant's record remembers from step to step; zeros at a reset.
+#pragma once
+#include <hcbf/arrays.hpp>
+
+namespace hcbf {
+
+namespace monitor {
+
+struct Memory {  // of both signals
+  double error;     // E
+  double missed;    // the share of misses
+  double exact;     // the share that was met exactly
+  double off;       // the share that was off by more than an exact plant ever is
+  double samples;   // that tell
+  double bend;      // c
+  double in_a_row;  // samples at which the motion was off
+};
+
+struct PlanarMemory {  // of the motion in the plane besides
+  double drift[2];   // r [m]
+  double motion[2];  // m [m]
+  double body[4];    // position [m] and velocity [m/s] at the last sample
+};
+
+}  // namespace monitor
+
+namespace status {
+
+struct Memory {
+  Index news;      // COMPARED or NEWS, 0 for nothing
+  double kept;     // the least h - m at this sample [m]; with news, of the barriers before
+  double headway;  // the least psi likewise [m/s]
+  Index unproved;  // whether news left something short, until nothing is
+  double closing;  // for how long psi has been below zero [s]
+};
+
+}  // namespace status
+
+}  // namespace hcbf

@@ -1,0 +1,33 @@
+// How barriers become rows a·u ≥ b: α₁, α₂, and for how long an input is held.
+#pragma once
+#include <cstddef>
+
+#include <hcbf/class_k.hpp>
+
+namespace hcbf::row_settings {
+
+struct RowSettings {  // the (15,) numbers of `RowSettings.packed` in Python
+  class_k::ClassK alpha1, alpha2;
+  double period;           // T [s]
+  double u_max;            // the largest norm of an input [m/s²]; 0 where U is not known
+  double held;             // 1 for rows of an input that is held for T, else 0
+  double low[2], high[2];  // the least and the greatest inputs [m/s²]
+};
+static_assert(sizeof(RowSettings) == 15 * sizeof(double));
+
+struct Row {
+  double b;
+  double alpha2_psi;  // α₂(ψ)
+  double psi;         // ψ
+};
+
+struct PlacedRow {  // on the position
+  double b, alpha2_psi, psi;
+  double lost;  // by how much less h − m gains with every input than a·u [m/s²]
+};
+
+}  // namespace hcbf::row_settings
+
+namespace hcbf {
+using row_settings::RowSettings;
+}

@@ -1,0 +1,189 @@
+// Rows of the double integrator: the usual ones, and those for an input that is held.
+//
+// docs/rows.md derives them. A held row keeps h ≥ 0 between two samples, too: with T the period, r the
+// velocity in the barrier's frame, m the margin and ṁ its rate, and H convex with ‖∇H‖ ≤ 1,
+//
+//     h(τ) − m(τ) ≥ (h − m) + (ḣ − ṁ) τ + ½ a·u τ²,     ḣ(T) ≥ ḣ + a·u T − ν,
+//
+// and the row requests ψ(T) ≥ ψ − T α₂(ψ) in terms of these bounds. It is linear in u because a chord
+// bounds α₁ from below.
+#pragma once
+#include <algorithm>
+#include <limits>
+
+#include <hcbf/row_settings.hpp>
+#include <hcbf/shape_terms.hpp>
+#include <hcbf/shapes.hpp>
+#include <hcbf/speed_limit.hpp>
+#include <hcbf/zone.hpp>
+
+namespace hcbf::rows {
+
+using row_settings::PlacedRow;
+using row_settings::Row;
+
+// Of the first axis of what `rows` writes.
+constexpr int B = 0, H = 1, ALPHA2_PSI = 2, PSI = 3;
+
+struct Reserved {  // what a row reserves between h and zero
+  double margin;      // m
+  double rate;        // ṁ
+  double quickening;  // m̈
+};
+
+// ½ ū T², the most that a held input moves h by [m].
+inline double half_step(const RowSettings& s) { return 0.5 * s.u_max * s.period * s.period; }
+
+// ℓ, how far the barrier's frame sees the robot get in one period [m].
+inline double reach_of(double speed, const RowSettings& s) { return speed * s.period + half_step(s); }
+
+// What h keeps so that no held input reaches the core of a region, which reaches `radius` beyond it [m].
+inline double beside_core(double radius, const RowSettings& s) { return std::max(0.0, half_step(s) - radius); }
+
+// The most that an input of U gives of a·u; −∞ where U is not known. U counts as the intersection of
+// its limits and its radius.
+inline double support(const RowSettings& s, double ax, double ay) {
+  if (s.u_max == 0.0) return -INF;
+  const double along_x = std::max(ax * s.low[0], ax * s.high[0]), along_y = std::max(ay * s.low[1], ay * s.high[1]);
+  return std::min(along_x + along_y, s.u_max * std::sqrt(ax * ax + ay * ay));
+}
+
+// ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s].
+inline double turning(double speed, double sideways, double distance, const RowSettings& s) {
+  if (distance == INF) return 0.0;
+  const double period = s.period, u_max = s.u_max, reach = reach_of(speed, s);
+  const double mean = std::max(0.5 * u_max * period * period, 0.5 * (distance + std::max(distance - reach, 0.0)));
+  const double loss = u_max * u_max * (period * (period * period)) / (16.0 * mean);
+  const double across = std::max(0.0, sideways - 0.5 * u_max * period), farthest = distance + reach;
+  const double gain = distance * across * std::sqrt(period / (farthest * (farthest * farthest)));
+  const double more = std::max(0.0, gain - std::sqrt(loss));
+  return loss - more * more;
+}
+
+// The row of a barrier on the position at this instant alone.
+inline PlacedRow usual_row(double kept, double rate, double quickening, double sideways, double distance,
+                           const class_k::ClassK& alpha1, const class_k::ClassK& alpha2) {
+  const double psi = rate + class_k::value(alpha1, kept), alpha2_psi = class_k::value(alpha2, psi);
+  const double lost = quickening - sideways * sideways / distance;  // what turns, turns h away by itself
+  return {lost - alpha2_psi - class_k::slope(alpha1, kept) * rate, alpha2_psi, psi, lost};
+}
+
+// The row of a barrier on the position while u is held for T: `kept` is h − m, less what `beside_core`
+// reserves [m], `rate` ḣ − ṁ [m/s], `quickening` m̈ [m/s²], `speed` ‖r‖ in the barrier's frame,
+// `sideways` the speed across the direction from the core, 0 if that is no point [m/s], and `distance`
+// that from the core, infinite where the gradient does not turn [m].
+inline PlacedRow held_row(double kept, double rate, double quickening, double speed, double sideways,
+                          double distance, const RowSettings& s) {
+  const double period = s.period, half = half_step(s);
+  const double psi = rate + class_k::value(s.alpha1, kept), alpha2_psi = class_k::value(s.alpha2, psi);
+
+  const double end = kept + rate * period;
+  const double chord = std::min(class_k::slope(s.alpha1, end - half), class_k::slope(s.alpha1, end + half));
+  const double promised = class_k::value(s.alpha1, end - half) + chord * half;
+  const double nu = turning(speed, sideways, distance, s) + quickening * period;
+  const double least = psi - period * alpha2_psi - rate + nu;
+  double b = (least - promised) / (period + 0.5 * chord * period * period);
+  if (kept >= 0.0 && end >= 0.0) b = std::max(b, -2.0 * end / (period * period));  // h ≥ 0 meanwhile, whatever α₁
+  return {b, alpha2_psi, psi, nu / period};
+}
+
+// What a row requests where ψ < 0: to stop at h = m at a constant rate, if U can. `most` is a·u of the
+// input of U that gives most of it, and `lost` how much less h − m gains with every input [m/s²].
+inline double late(double kept, double rate, double lost, double most) {
+  if (rate >= 0.0 || kept <= 0.0) return -INF;
+  return std::min(rate * rate / (2.0 * kept) + lost, most);
+}
+
+// The row of a speed limit, with ψ = h; h is concave in v, so that u costs ‖u‖².
+inline Row speed_row(double kept, double margin_rate, double vx, double vy, double v_max,
+                     const class_k::ClassK& alpha2, const RowSettings& s) {
+  const double alpha2_psi = class_k::value(alpha2, kept);
+  double b = -alpha2_psi;
+  if (s.held != 0.0) {
+    const double cost = s.u_max * s.u_max * s.period / (2.0 * v_max);
+    b = kept >= 0.0 ? std::max(b, cost - kept / s.period) : b + cost;
+    b = std::min(b, (vx * vx + vy * vy) / (v_max * s.period));  // a full stop gives no more
+  }
+  return {b + margin_rate, alpha2_psi, kept};
+}
+
+struct Bound {
+  double b, h, alpha2_psi, psi;
+};
+constexpr Bound NO_ROW{-1.0, 1.0, 1.0, 1.0};  // every input meets it
+
+// Writes a (2,) of one barrier at a state x (4,) and time t, and returns the rest of its row. A user's
+// own barrier is not for this function. A class of a map has NaN: only its nearby pieces have rows.
+inline Bound row(Index kind, const double* c, const Reserved& reserved, const double* x, double t,
+                 const RowSettings& s, double* a) {
+  if (kind == layout::NONE) {
+    a[0] = a[1] = 0.0;
+    return NO_ROW;
+  }
+  if (kind == layout::MAPPED || kind == layout::ZONES) {
+    constexpr double NaN = std::numeric_limits<double>::quiet_NaN();
+    a[0] = a[1] = NaN;
+    return {NaN, NaN, NaN, NaN};
+  }
+  const double vx = x[2], vy = x[3];
+  if (kind == layout::ZONE) {
+    const double limit = c[layout::V_MAX];
+    a[0] = -vx / limit, a[1] = -vy / limit;
+    const double h = zone::value(limit, c[layout::AWAY], vx, vy);
+    const double closing = c[layout::AWAY_X] * vx + c[layout::AWAY_Y] * vy;
+    const Row r = zone::row(h - reserved.margin, reserved.rate, closing, vx, vy, limit, s, s.u_max);
+    return {r.b, h, r.alpha2_psi, r.psi};
+  }
+  if (kind == layout::SPEED_LIMIT) {
+    const double v_max = c[layout::V_MAX];
+    a[0] = -vx / v_max, a[1] = -vy / v_max;
+    const double h = speed_limit::value(v_max, vx, vy);
+    const Row r = speed_row(h - reserved.margin, reserved.rate, vx, vy, v_max, s.alpha2, s);
+    return {r.b, h, r.alpha2_psi, r.psi};
+  }
+  const auto [qx, qy] = shape_terms::in_frame(c, x[0], x[1], t);
+  const double rx = vx - c[layout::VELOCITY_X], ry = vy - c[layout::VELOCITY_Y];
+  const PlanarJet at = shapes::jet(kind, c, qx, qy);
+  a[0] = at.gx, a[1] = at.gy;
+  double kept = at.h - reserved.margin;
+  const double rate = at.gx * rx + at.gy * ry - reserved.rate, sideways = std::abs(at.tx * rx + at.ty * ry);
+  PlacedRow r;
+  if (s.held == 0.0) {
+    r = usual_row(kept, rate, reserved.quickening, sideways, at.distance, s.alpha1, s.alpha2);
+  } else {
+    const double speed = std::sqrt(rx * rx + ry * ry);
+    const Core core = shapes::core(kind, c, qx, qy, at.h, at.distance, reach_of(speed, s));
+    kept -= beside_core(core.radius, s);
+    r = held_row(kept, rate, reserved.quickening, speed, core.is_point ? sideways : 0.0, core.distance, s);
+  }
+  if (r.psi < 0.0) r.b = std::max(r.b, late(kept, rate, r.lost, support(s, at.gx, at.gy)));
+  return {r.b, at.h, r.alpha2_psi, r.psi};
+}
+
+inline void put(Index i, Index k, const Bound& bound, Cube<double> out) {
+  out(B, i, k) = bound.b, out(H, i, k) = bound.h, out(ALPHA2_PSI, i, k) = bound.alpha2_psi, out(PSI, i, k) = bound.psi;
+}
+
+// Writes that state i has no row in place k: a (N, M, n_u), and rows (4, N, M) b, h, α₂(ψ) and ψ.
+inline void leave_out(Index i, Index k, Cube<double> a, Cube<double> rows) {
+  for (double& entry : a[i][k]) entry = 0.0;
+  put(i, k, NO_ROW, rows);
+}
+
+// Writes the rows of N states x (N, 4) at times t (N,); those of users' own barriers are passed over.
+//
+// kind (N, m) and parameters (N, m, WIDTH) as `BarrierSet` in Python holds them; margin (3 or more, N, m)
+// what each row reserves between h and zero, the rate of that, and the rate of that again; a (N, m, 2)
+// and out (4, N, m) b, h, α₂(ψ) and ψ are written.
+inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<const double> margin,
+                 Matrix<const double> x, Vector<const double> t, const RowSettings& settings, Cube<double> a,
+                 Cube<double> out) {
+  for (Index i = 0; i < x.rows; ++i)
+    for (Index k = 0; k < kind.columns; ++k) {
+      if (kind(i, k) == layout::CUSTOM) continue;
+      const Reserved reserved{margin(0, i, k), margin(1, i, k), margin(2, i, k)};
+      put(i, k, row(kind(i, k), parameters[i][k].data, reserved, x[i].data, t[i], settings, a[i][k].data), out);
+    }
+}
+
+}  // namespace hcbf::rows

@@ -1,0 +1,48 @@
+// The built-in shapes, and how the functions of one are found by its kind. A new shape is a header with
+// `CODE`, `jet`, `core` and `bounds`, and a line in each function here.
+#pragma once
+#include <hcbf/capsule.hpp>
+#include <hcbf/convex_polygon.hpp>
+#include <hcbf/disc.hpp>
+#include <hcbf/ellipse.hpp>
+#include <hcbf/half_plane.hpp>
+
+namespace hcbf::shapes {
+
+// H and its derivatives at a point of the shape's frame; H is infinite for what is no shape.
+inline PlanarJet jet(Index kind, const double* c, double x, double y) {
+  switch (kind) {
+    case half_plane::CODE: return half_plane::jet(c, x, y);
+    case disc::CODE: return disc::jet(c, x, y);
+    case ellipse::CODE: return ellipse::jet(c, x, y);
+    case convex_polygon::CODE: return convex_polygon::jet(c, x, y);
+    case capsule::CODE: return capsule::jet(c, x, y);
+  }
+  return {INF, 0.0, 0.0, INF, 0.0, 0.0};
+}
+
+// The core of a shape seen from a point of its frame (x, y), where H and d are `h` and `distance` [m],
+// by a robot that gets `reach` far in one period [m].
+inline Core core(Index kind, const double* c, double x, double y, double h, double distance, double reach) {
+  switch (kind) {
+    case half_plane::CODE: return half_plane::core(c, x, y, h, distance, reach);
+    case disc::CODE: return disc::core(c, x, y, h, distance, reach);
+    case ellipse::CODE: return ellipse::core(c, x, y, h, distance, reach);
+    case convex_polygon::CODE: return convex_polygon::core(c, x, y, h, distance, reach);
+    case capsule::CODE: return capsule::core(c, x, y, h, distance, reach);
+  }
+  return {INF, INF, false};
+}
+
+// Of a region at time 0 [m].
+inline Bounds bounds(Index kind, const double* c) {
+  switch (kind) {
+    case disc::CODE: return disc::bounds(c);
+    case ellipse::CODE: return ellipse::bounds(c);
+    case convex_polygon::CODE: return convex_polygon::bounds(c);
+    case capsule::CODE: return capsule::bounds(c);
+  }
+  return half_plane::bounds(c);
+}
+
+}  // namespace hcbf::shapes

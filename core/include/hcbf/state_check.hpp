@@ -1,0 +1,195 @@
+// Which state of a plant is valid: the given one, or the last one, propagated.
+//
+// A state that is not finite or too far away, of no time or too old is not accepted: the model
+// propagates the last one that was, under the input that was applied since.
+#pragma once
+#include <cmath>
+#include <vector>
+
+#include <hcbf/margins.hpp>
+#include <hcbf/plants.hpp>
+#include <hcbf/reason.hpp>
+#include <hcbf/reduced_order.hpp>
+#include <hcbf/report.hpp>
+#include <hcbf/status.hpp>
+
+namespace hcbf::state_check {
+
+constexpr double FARTHEST = 1e4;   // of anything from the origin [m]
+constexpr double ROUNDING = 1e-6;  // of a covariance: how far its correlations may be from those of one
+constexpr double SAME = 1e-9;      // by how much a covariance that does not grow may differ from that before
+constexpr Index ON_STACK = 16;     // up to so many states nothing is allocated
+
+// What is given of one plant, and the state that was accepted last.
+struct State {
+  Vector<double> x;           // (n,) as the rows read it
+  Vector<double> model;       // (n,) the reduced-order model's own
+  Vector<double> lag;         // (n,) the body's minus the model's
+  Matrix<double> covariance;  // (n, n) of x
+  Vector<double> believed;    // (n,) the last that was
+};
+
+// The same of N plants.
+struct States {
+  Matrix<double> x, model, lag;
+  Cube<double> covariance;
+  Matrix<double> believed;
+  State operator[](Index i) const { return {x[i], model[i], lag[i], covariance[i], believed[i]}; }
+};
+
+inline State planar(plants::Plant& plant) {
+  return {{plant.x, 4}, {plant.model, 4}, {plant.lag, 4}, {plant.covariance[0], 4, 4}, {plant.believed, 4}};
+}
+
+inline void copy(Vector<const double> from, Vector<double> to) {
+  for (Index k = 0; k < to.size; ++k) to[k] = from[k];
+}
+
+// Returns whether no entry is beyond `FARTHEST`; of what is not finite that is false, too.
+inline bool are_near(Vector<const double> values) {
+  bool near = true;
+  for (Index k = 0; k < values.size; ++k) near &= std::abs(values[k]) <= FARTHEST;
+  return near;
+}
+
+// Returns whether a matrix (n, n) is symmetric without negative eigenvalues, up to rounding: it is
+// zero, or the correlations that are left of it have a Cholesky factor.
+inline bool is_covariance(Matrix<const double> matrix) {
+  const Index n = matrix.rows;
+  bool zero = true;
+  for (Index j = 0; j < n; ++j) {
+    if (!(matrix(j, j) >= 0.0 && std::isfinite(matrix(j, j)))) return false;
+    for (Index k = 0; k < n; ++k) zero &= matrix(j, k) == 0.0;
+  }
+  if (zero) return true;  // the truth
+  double small[ON_STACK * ON_STACK];
+  std::vector<double> large(n > ON_STACK ? n * n : 0);
+  const Matrix<double> rest{n > ON_STACK ? large.data() : small, n, n};
+  for (Index j = 0; j < n; ++j)
+    for (Index k = 0; k < n; ++k) {
+      const double size = std::sqrt(matrix(j, j)) * std::sqrt(matrix(k, k));
+      if (!(std::abs(matrix(j, k)) <= (1.0 + ROUNDING) * size)) return false;
+      if (!(std::abs(matrix(j, k) - matrix(k, j)) <= ROUNDING * size)) return false;
+      rest(j, k) = size > 0.0 ? matrix(j, k) / size : 0.0;
+    }
+  for (Index j = 0; j < n; ++j) {
+    const double pivot = rest(j, j);
+    if (pivot < -ROUNDING * n) return false;
+    for (Index k = j + 1; k < n; ++k) {
+      if (pivot <= ROUNDING * n) {
+        if (std::abs(rest(k, j)) > std::sqrt(ROUNDING) * n) return false;
+        continue;
+      }
+      const double factor = rest(k, j) / pivot;
+      for (Index i = j + 1; i < n; ++i) rest(k, i) -= factor * rest(j, i);
+    }
+  }
+  return true;
+}
+
+// Returns whether a plant is where anything can be, and its covariance may be one.
+inline bool is_sound(const State& state) {
+  return are_near(state.x) && are_near(state.model) && are_near(state.lag) && is_covariance(state.covariance);
+}
+
+// Returns why a state is not accepted, 0 if it is; one that is accepted is remembered, and one after
+// none is a change.
+inline Index look(plants::Plant& plant, const State& state) {
+  if (plant.has_model == 0) copy(state.x, state.model);
+  Index why = plant.fault < reason::FIRST_ALARM ? plant.fault : 0;
+  if (why == 0 && !(is_sound(state) && std::abs(plant.heading) <= FARTHEST)) why = reason::STATE;
+  if (why == 0 && !std::isfinite(plant.time)) why = reason::CLOCK;
+  const bool has_clock = plant.elapsed > 0.0 || plant.time != 0.0;
+  if (why == 0 && plant.known && plant.time <= plant.believed_at && has_clock) why = reason::CLOCK;
+  if (why != 0) {
+    plant.follows = 0;
+    return why;
+  }
+  if (plant.follows == 0) plant.judged.news = status::NEWS;
+  copy(state.x, state.believed);
+  plant.believed_at = plant.time;
+  plant.known = 1;
+  return 0;
+}
+
+// Writes the state that was accepted last, which the model has propagated, for the present.
+inline void replace(plants::Plant& plant, const State& state) {
+  copy(state.believed, state.x);
+  copy(state.believed, state.model);
+  for (Index k = 0; k < state.lag.size; ++k) state.lag[k] = 0.0;
+  for (Index k = 0; k < state.covariance.rows * state.covariance.columns; ++k) state.covariance.data[k] = 0.0;
+  plant.time = plant.believed_at;
+}
+
+// Notes by how much the velocity's covariance grows in one period; a fix does not change that. Of a
+// sample that follows none all of it is taken, as nothing is known of how it grows. One that is the
+// same as before does not grow.
+inline void grow(plants::Plant& plant, Index follows) {
+  double* vague = plant.vague;
+  if (follows == 0) vague[0] = vague[1] = vague[2] = plant.growth = 0.0;
+  const double xx = plant.covariance[2][2], xy = plant.covariance[2][3], yy = plant.covariance[3][3];
+  if (xx + yy + vague[0] + vague[2] == 0.0) return;  // the truth, as before
+  const double changed = std::abs(xx - vague[0]) + std::abs(xy - vague[1]) + std::abs(yy - vague[2]);
+  const double grown = margins::growth_of({plant.covariance[0], 4, 4}, {vague, 3});
+  if (grown > 0.0 || changed <= SAME * (xx + yy)) plant.growth = grown;
+  vague[0] = xx, vague[1] = xy, vague[2] = yy;
+}
+
+// Returns why a planar double integrator is not accepted, 0 if it is; then its model propagates.
+// `input`: (2,) applied since the last sample.
+inline Index believe(plants::Plant& plant, Vector<const double> input) {
+  const State state = planar(plant);
+  const Index follows = plant.follows;
+  const Index why = look(plant, state);
+  if (why == 0) {
+    grow(plant, follows);
+    return 0;
+  }
+  if (plant.known && plant.elapsed > 0.0) {
+    const auto after = reduced_order::double_integrator_step(state.believed, input, plant.elapsed, INFINITY);
+    plant.known = 1;
+    for (const double value : after) plant.known &= std::abs(value) <= FARTHEST;
+    if (plant.known)
+      for (Index k = 0; k < 4; ++k) plant.believed[k] = after[k];
+  }
+  replace(plant, state);
+  return why;
+}
+
+// Looks at N plants of any model, writes the reasons, and returns whether there is one.
+// `velocity_at`: where x holds the planar velocity, -1 for nowhere.
+inline bool believe_all(Records<plants::Plant> sensed, const States& states, Index velocity_at,
+                        Records<report::Plant> told) {
+  bool some = false;
+  for (Index i = 0; i < sensed.size; ++i) {
+    plants::Plant& plant = sensed[i];
+    const State state = states[i];
+    told[i].reason = look(plant, state);
+    some |= told[i].reason != 0;
+    for (Index k = 0; k < 2; ++k)  // what is known of a speed, whatever the model
+      plant.x[2 + k] = velocity_at < 0 ? INFINITY : state.x[velocity_at + k];
+  }
+  return some;
+}
+
+// Writes the states that models propagated where plants are not accepted.
+inline void replace_all(Records<plants::Plant> sensed, const States& states, Records<report::Plant> told) {
+  for (Index i = 0; i < sensed.size; ++i)
+    if (told[i].reason != 0) replace(sensed[i], states[i]);
+}
+
+// Notes by how much the covariance of the drift (N, k, k) grows in one period, before this sample is
+// remembered; see `grow`. `n_p`: how many states are the position.
+inline void grow_all(Records<plants::Plant> sensed, Records<report::Plant> told, Cube<const double> drift,
+                     Index n_p) {
+  for (Index i = 0; i < sensed.size; ++i) {
+    if (told[i].reason != 0) continue;
+    plants::Plant& plant = sensed[i];
+    for (Index j = 0; j < 2; ++j)
+      for (Index k = 0; k < 2; ++k) plant.covariance[2 + j][2 + k] = n_p == 2 ? drift(i, j, k) : 0.0;
+    if (n_p != 2) plant.covariance[2][2] = plant.covariance[3][3] = margins::worst(drift[i], n_p);
+    grow(plant, plant.follows);
+  }
+}
+
+}  // namespace hcbf::state_check

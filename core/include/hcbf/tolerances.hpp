@@ -1,0 +1,44 @@
+// Every tolerance of the programs, each with its reason; lengths are relative to the size of U.
+// Those of the stages that a QP solver answers stand beside it, in hcbf_gym/programs/tolerances.py.
+#pragma once
+
+namespace hcbf::tolerances {
+
+// A violation below it, relative to |a_k| max|u| + |b_k|, is rounding; the row counts as met.
+constexpr double SLACK = 1e-8;
+// An input within it of u*, relative to 1 + max|u|, is u*.
+constexpr double NOMINAL = 1e-9;
+// A row with a smaller gradient is a constant: no input changes its violation.
+constexpr double ZERO_GRADIENT = 1e-12;
+
+// ---------------------------------------------------------------- polygons
+// A polygon narrower than it is a segment, and a point nearer to a line is on it: corners come
+// from crossings, whose rounding is of the order 1e-16 over the sine of an angle down to 1e-6.
+constexpr double THIN = 1e-10;
+// Corners nearer to each other are one: `THIN` would erase sides that a crossing just made.
+constexpr double SAME_CORNER = 1e-14;
+// Where |det R| is smaller, relative to |R|^2, the flat direction of a least-squares problem is
+// rounding, and u* decides along it.
+constexpr double RANK_ONE = 1e-12;
+// The sine of an angle by which a direction may leave a cell and still run along its border.
+constexpr double OUTWARD = 1e-12;
+
+// ---------------------------------------------------------------- stages of violations
+// Rows of one stage that are flatter than the steepest by more are decided after the steep ones:
+// squared, the difference would eat half of the digits of their least squares.
+constexpr double GRADED = 1e4;
+// A violation whose share of the root of a stage's cost is smaller is the rounding of steeper
+// rows: the row counts as met when the stage is locked.
+constexpr double NEGLIGIBLE = 1e-11;
+// A row that pays by less, relative to |a_k| max|u|, may be there to hold back a flatter one: the
+// guess which rows pay is not accepted.
+constexpr double SURELY_PAID = 1e-6;
+// Nor is it where a row counts as met that is missed by more, relative to |a_k| max|u| + |b_k|.
+// One that is missed by less is at its kink, and pushes nowhere.
+constexpr double SURELY_MET = 1e-14;
+
+// ---------------------------------------------------------------- any number of inputs
+// A row that misses its bound by less in the input space, relative to 1 + |u|, is met.
+constexpr double MET = 1e-9;
+
+}  // namespace hcbf::tolerances
