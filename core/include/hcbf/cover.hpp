@@ -91,8 +91,9 @@ class Strangers {
     Number* here = counted_.data();
     for (Index r = r0; r < r1; ++r, ++here)
       for (Index c = c0; c < c1; ++c, ++here) {
-        const bool near = cells(r, c) || (r > 0 && cells(r - 1, c)) || (r + 1 < cells.rows && cells(r + 1, c)) ||
-                          (c > 0 && cells(r, c - 1)) || (c + 1 < cells.columns && cells(r, c + 1));
+        const bool beside = (c > 0 && cells(r, c - 1)) || (c + 1 < cells.columns && cells(r, c + 1));
+        const bool above = (r > 0 && cells(r - 1, c)) || (r + 1 < cells.rows && cells(r + 1, c));
+        const bool near = cells(r, c) || beside || above;
         here[1] = here[0] + !near;
       }
   }

@@ -24,7 +24,7 @@ namespace hcbf::surfaces {
 constexpr double FLATTEST = 0.17364817766693033;
 // 10 degrees: of the angle between two beams that may see one surface; at 1.5 m they are 26 cm apart.
 constexpr double WIDEST = 0.17453292519943295;
-constexpr double CLOSE = 0.05;     // points no farther apart belong together in any case, as no robot passes [m]
+constexpr double CLOSE = 0.05;     // points no farther apart belong together, as no robot passes [m]
 constexpr double EDGE = 1e-3;      // by how much pieces reach beyond their outermost points [m]
 constexpr double ROUNDING = 1e-6;  // by how much they reach towards the sensor: more than any rounding [m]
 
