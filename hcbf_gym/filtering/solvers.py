@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
 from hcbf_gym.filtering.plants import Work
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
-from hcbf_gym.programs.program import has_no_gap
 
 
 def answer(program: Program, work: Work) -> Mask:
@@ -57,7 +57,7 @@ def without_gaps(rows: CbfRows) -> CbfRows:
 
     Where nothing strict is in sight, a last row of rank 1 asks for nothing.
     """
-    if has_no_gap(rows.priority):
+    if _core.has_no_gap(rows.priority):
         return rows
     ranks = np.unique(rows.priority)
     lower = ranks[ranks > 1]
