@@ -6,6 +6,9 @@
 #include <nanobind/stl/tuple.h>
 
 #include <hcbf/arrays.hpp>
+#include <initializer_list>
+#include <utility>
+#include <vector>
 
 namespace hcbf {
 
@@ -27,6 +30,14 @@ Matrix<T> view(const Numbers<T, 2>& a) {
 template <class T>
 Cube<T> view(const Numbers<T, 3>& a) {
   return {a.data(), static_cast<Index>(a.shape(0)), static_cast<Index>(a.shape(1)), static_cast<Index>(a.shape(2))};
+}
+
+// A NumPy array of numbers that were computed here, which lie in `values` and which it keeps.
+template <class T, class Entry>
+nb::ndarray<nb::numpy, T> owned(std::vector<Entry>&& values, std::initializer_list<std::size_t> shape) {
+  auto* kept = new std::vector<Entry>(std::move(values));
+  const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<Entry>*>(p); });
+  return nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.begin(), owner);
 }
 
 // Lets other threads of Python run meanwhile.

@@ -72,17 +72,16 @@ struct Horizon {
 };
 
 // `most`: what a row on the position reserves at most [m]; for the others see `nearby`.
-inline Horizon horizon(const Uncertainty& settings, const double* rows, double radius, const margins::Known& known,
-                       double most) {
+inline Horizon horizon(const Uncertainty& settings, const RowSettings& rows, double radius,
+                       const margins::Known& known, double most) {
   const double* x = known.x;
   const double fastest = margins::fastest_drift(settings, known.covariance, known.growth);
   const double over = margins::of_speed(settings, known.lag, known.covariance);
-  const bool held = rows[row_settings::HELD] != 0.0;
-  const double period = held ? rows[row_settings::PERIOD] : LONGEST_HOLD;
-  const double u_max = held ? rows[row_settings::U_MAX] : radius;
+  const bool held = rows.held != 0.0;
+  const double period = held ? rows.period : LONGEST_HOLD, u_max = held ? rows.u_max : radius;
   const double speed = std::sqrt(x[2] * x[2] + x[3] * x[3]), later = speed + u_max * period;
   const double passed = (speed + fastest) * period + u_max * period * period;  // with a corner's rounding
-  const double stopping = class_k::inverse(rows + row_settings::ALPHA1, later + fastest);
+  const double stopping = class_k::inverse(rows.alpha1, later + fastest);
   return {most + passed, stopping, later, over};
 }
 
@@ -98,9 +97,9 @@ inline void see_zone(const double* piece, const double* x, double limit, double 
 }
 
 // Writes the conditions of a state, classes of a map replaced by their nearby pieces. `settings`: what
-// the rows reserve; `rows`: (15,) `RowSettings.packed`; `radius`: the largest norm of an input [m/s²];
-// `scene`: the conditions, whose `source` is not read; `atlas`: where the pieces are.
-inline void nearby(const Uncertainty& settings, const double* rows, double radius, const Scene& scene,
+// the rows reserve; `rows`: how they are made; `radius`: the largest norm of an input [m/s²]; `scene`: the
+// conditions, whose `source` is not read; `atlas`: where the pieces are.
+inline void nearby(const Uncertainty& settings, const RowSettings& rows, double radius, const Scene& scene,
                    Vector<const double> atlas, const margins::Known& known, Nearby& out) {
   const double most = margins::most(settings, known), *x = known.x;
   const Horizon ahead = horizon(settings, rows, radius, known, most);
@@ -113,7 +112,7 @@ inline void nearby(const Uncertainty& settings, const double* rows, double radiu
     }
     const bool region = scene.kind[k] == layout::MAPPED;
     const auto take = [&](Index piece) {
-      double* block = out.add(scene, k, region ? Index{convex_polygon::CODE} : Index{layout::ZONE});
+      double* block = out.add(scene, k, region ? convex_polygon::CODE : layout::ZONE);
       if (region) {
         std::copy_n(&atlas[piece], layout::WIDTH, block);
       } else {

@@ -6,6 +6,7 @@
 // Places in the array are numbers of it, exact as doubles up to 2⁵³.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <vector>
@@ -23,7 +24,6 @@ enum Head { COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BO
 constexpr Index BOX = 8;              // numbers of a box: least and greatest u and v [m], and its buckets
 constexpr double LEAST_SIDE = 0.5;    // of a bucket [m]
 constexpr double MOST_BUCKETS = 4096;
-constexpr double FARTHEST = 1e4;      // where there is no piece [m]
 
 struct Nearest {
   double distance;  // signed [m]; infinite where there is no piece
@@ -40,6 +40,14 @@ struct Lists {
   Index starts, items, boxes, blocks;
 };
 
+struct Frame {
+  double x, y, cos, sin;  // of its origin [m], and its turn
+  Place of(double px, double py) const {
+    const double dx = px - x, dy = py - y;
+    return {cos * dx + sin * dy, cos * dy - sin * dx};
+  }
+};
+
 inline Index whole(Vector<const double> atlas, Index i) { return static_cast<Index>(atlas[i]); }
 
 inline Lists lists_of(Vector<const double> atlas, Index at) {
@@ -48,9 +56,7 @@ inline Lists lists_of(Vector<const double> atlas, Index at) {
 }
 
 inline Place in_frame(Vector<const double> atlas, Index at, double x, double y) {
-  const double dx = x - atlas[at + X], dy = y - atlas[at + Y];
-  const double cos = atlas[at + COS], sin = atlas[at + SIN];
-  return {cos * dx + sin * dy, cos * dy - sin * dx};
+  return Frame{atlas[at + X], atlas[at + Y], atlas[at + COS], atlas[at + SIN]}.of(x, y);
 }
 
 // The bucket of a coordinate of the frame, the nearest for one beyond the last. What is no number is in
@@ -150,9 +156,9 @@ struct Slope {
 // The signed distance from the nearest piece.
 inline Slope jet(Vector<const double> atlas, Index at, double x, double y) {
   const Nearest found = nearest(atlas, at, x, y);
-  if (found.block < 0) return {FARTHEST, 0.0, 0.0};
+  if (found.block < 0) return {layout::FARTHEST, 0.0, 0.0};
   const auto there = convex_polygon::jet(&atlas[found.block], x, y);
-  return {std::min(found.distance, FARTHEST), there.gx, there.gy};
+  return {std::min(found.distance, layout::FARTHEST), there.gx, there.gy};
 }
 
 // Writes the signed distances (N,) of points (N, 2) from the nearest piece [m].
@@ -174,6 +180,92 @@ inline void along(Vector<const double> atlas, Index at, Matrix<const double> pat
     for (Index s = 1; s < path.rows; ++s)
       distance[s] = std::min(distance[s], height(atlas, block, path(s, 0), path(s, 1)));
   });
+}
+
+// How many buckets away the nearest is that holds a piece, (rows, columns); diagonal steps count as one.
+// Two sweeps are exact for that distance. `held`: (rows, columns) how many pieces each bucket holds.
+inline void rings(Matrix<const Index> held, Matrix<double> out) {
+  const Index rows = held.rows, columns = held.columns;
+  for (Index i = 0; i < rows * columns; ++i) out.data[i] = held.data[i] > 0 ? 0.0 : double(rows + columns);
+  const auto pull = [&](Index r, Index c, Index from_r, Index from_c) {
+    if (from_r >= 0 && from_r < rows && from_c >= 0 && from_c < columns)
+      out(r, c) = std::min(out(r, c), out(from_r, from_c) + 1.0);
+  };
+  for (Index r = 0; r < rows; ++r)
+    for (Index c = 0; c < columns; ++c) {
+      for (Index j = c - 1; j <= c + 1; ++j) pull(r, c, r - 1, j);
+      pull(r, c, r, c - 1);
+    }
+  for (Index r = rows - 1; r >= 0; --r)
+    for (Index c = columns - 1; c >= 0; --c) {
+      for (Index j = c - 1; j <= c + 1; ++j) pull(r, c, r + 1, j);
+      pull(r, c, r, c + 1);
+    }
+}
+
+// Writes the boxes of polygons in the frame, and returns what is around the first `inner`, as a box.
+inline std::array<double, 4> write_boxes(Matrix<const double> blocks, const Frame& frame, Index inner,
+                                         Matrix<double> boxes) {
+  std::array<double, 4> around{INFINITY, INFINITY, -INFINITY, -INFINITY};
+  for (Index p = 0; p < blocks.rows; ++p) {
+    double* box = boxes[p].data;
+    box[0] = box[1] = INFINITY, box[2] = box[3] = -INFINITY;
+    for (Index i = 0; i < whole(blocks[p], convex_polygon::COUNT); ++i) {
+      const Index at = convex_polygon::FIRST + 2 * i;
+      const auto [u, v] = frame.of(blocks(p, at), blocks(p, at + 1));
+      box[0] = std::min(box[0], u), box[1] = std::min(box[1], v);
+      box[2] = std::max(box[2], u), box[3] = std::max(box[3], v);
+    }
+    for (Index k = 0; k < 2 && p < inner; ++k) {
+      around[k] = std::min(around[k], box[k]);
+      around[2 + k] = std::max(around[2 + k], box[2 + k]);
+    }
+  }
+  return inner > 0 ? around : std::array<double, 4>{0.0, 0.0, 0.0, 0.0};
+}
+
+// The array of polygons with the blocks (P, WIDTH), the first `inner` in buckets; what is beyond all
+// buckets is in the nearest.
+inline std::vector<double> packed(Matrix<const double> blocks, double x, double y, double yaw, Index inner) {
+  const Index count = blocks.rows;
+  const Frame frame{x, y, std::cos(yaw), std::sin(yaw)};
+  std::vector<double> boxes(count * BOX);
+  const auto [low_u, low_v, high_u, high_v] = write_boxes(blocks, frame, inner, {boxes.data(), count, BOX});
+  const double wide = high_u - low_u, high = high_v - low_v;
+  double side = std::max(LEAST_SIDE, std::sqrt(wide * high / MOST_BUCKETS));
+  side = std::max({side, wide / MOST_BUCKETS, high / MOST_BUCKETS});
+  const Index columns = static_cast<Index>(wide / side) + 1, rows = static_cast<Index>(high / side) + 1;
+  const double low[2] = {low_u, low_v}, last[2] = {columns - 1.0, rows - 1.0};
+  for (Index p = 0; p < count; ++p)
+    for (Index k = 0; k < 4; ++k) {
+      double* box = boxes.data() + BOX * p;
+      box[4 + k] = std::trunc(std::min(std::max(0.0, (box[k] - low[k % 2]) / side), last[k % 2]));
+      box[k] -= low[k % 2];  // the first bucket is the origin
+    }
+  const auto visit_buckets = [&](auto take) {
+    for (Index p = 0; p < count; ++p) {
+      const double* box = boxes.data() + BOX * p;
+      for (Index r = Index(box[5]); r <= Index(box[7]); ++r)
+        for (Index c = Index(box[4]); c <= Index(box[6]); ++c) take(r * columns + c, p);
+    }
+  };
+  std::vector<Index> held(columns * rows), filled(columns * rows + 1);
+  visit_buckets([&](Index bucket, Index) { ++held[bucket]; });
+  for (Index i = 0; i < columns * rows; ++i) filled[i + 1] = filled[i] + held[i];
+  const Index starts = HEAD_SIZE, items = starts + columns * rows + 1, rings_at = items + filled.back();
+  const Index boxes_at = rings_at + columns * rows, blocks_at = boxes_at + count * BOX;
+  std::vector<double> out(blocks_at + count * layout::WIDTH);
+  const double head[HEAD_SIZE] = {
+      double(count), side, double(columns), double(rows),
+      x + frame.cos * low_u - frame.sin * low_v, y + frame.sin * low_u + frame.cos * low_v, frame.cos, frame.sin,
+      double(starts), double(items), double(rings_at), double(boxes_at), double(blocks_at)};
+  std::copy_n(head, HEAD_SIZE, out.begin());
+  std::copy(filled.begin(), filled.end(), out.begin() + starts);
+  visit_buckets([&](Index bucket, Index piece) { out[items + filled[bucket]++] = double(piece); });
+  rings({held.data(), rows, columns}, {out.data() + rings_at, rows, columns});
+  std::copy(boxes.begin(), boxes.end(), out.begin() + boxes_at);
+  std::copy_n(blocks.data, count * layout::WIDTH, out.begin() + blocks_at);
+  return out;
 }
 
 }  // namespace hcbf::pieces
