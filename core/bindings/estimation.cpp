@@ -70,9 +70,9 @@ void bind_estimation(nb::module_& m) {
       .def("tick", &EstimationTick::tick, nb::arg("truth"), nb::arg("row"), nb::arg("told").noconvert(),
            "Move the estimate on by one tick under a row of the noise; fill in what is known of the robot (41,).")
       .def_prop_ro("yaw", [](const EstimationTick& self) { return self.memory.yaw; }, "The sensed heading [rad].")
-      .def_prop_ro("mean", [](const EstimationTick& self) { return copied(self.now().x[0], AXIS, COLUMNS); },
+      .def_prop_ro("mean", [](const EstimationTick& self) { return copied(self.now().x[0], AXIS, COLUMNS); }, nb::rv_policy::move,
                    "(5, 4) means along x and y, and their derivatives by an error of the heading; a copy.")
-      .def_prop_ro("covariance", [](const EstimationTick& self) { return copied(self.now().cov[0], AXIS, AXIS); },
+      .def_prop_ro("covariance", [](const EstimationTick& self) { return copied(self.now().cov[0], AXIS, AXIS); }, nb::rv_policy::move,
                    "(5, 5) of either axis; a copy.");
   m.attr("NOISES") = sizeof(Noise) / sizeof(double);
   m.def("estimation_layouts", &layouts, "Return (size, {field: offset}) of each record of the estimator.");

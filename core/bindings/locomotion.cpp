@@ -1,6 +1,7 @@
 #include <hcbf/a1_physics.hpp>
 #include <hcbf/fault_detection.hpp>
 #include <hcbf/locomotion_tick.hpp>
+#include <hcbf/motors.hpp>
 #include <hcbf/ros_robot.hpp>
 #include <hcbf/walker_physics.hpp>
 
@@ -44,9 +45,19 @@ struct FaultDetection {
   }
 };
 
-// An A1 in MuJoCo: views of its data.
+// The motors of an A1, on views of MuJoCo's data.
+struct Motors {
+  Given1 stall, no_load_speed, rate;
+  Numbers<double, 1> delivered;
+
+  void drive(double strength, const Given1& command) const {
+    motors::drive(view(stall), view(no_load_speed), view(rate), strength, view(command), view(delivered));
+  }
+};
+
+// The state of an A1, on views of MuJoCo's data.
 struct A1State {
-  Numbers<const double, 1> qpos, qvel, foot_forces;
+  Given1 qpos, qvel, foot_forces;
 
   bool read(const Numbers<double, 1>& state) const {
     return a1_physics::read_state(qpos.data(), qvel.data(), foot_forces.data(), state.data());
@@ -86,10 +97,29 @@ void bind_locomotion(nb::module_& m) {
           [](const FaultDetection& self) {
             return copied(self.memory.sums.data(), fault_detection::WINDOW, self.memory.columns());
           },
-          "(WINDOW, 4 + 2 delays) of each judgement in the window; a copy.");
+          nb::rv_policy::move, "(WINDOW, 4 + 2 delays) of each judgement in the window; a copy.");
   m.attr("WATCH_WINDOW") = fault_detection::WINDOW;
 
-  nb::class_<A1State>(m, "A1State", "What the simulation of an A1 reports: views of MuJoCo's data.")
+  nb::class_<Motors>(m, "Motors", "The motors of an A1, on views of MuJoCo's data.")
+      .def(
+          "__init__",
+          [](Motors* self, Given1 stall, Given1 no_load_speed, Given1 rate, Numbers<double, 1> delivered) {
+            new (self) Motors{stall, no_load_speed, rate, delivered};
+          },
+          nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate").noconvert(), nb::arg("delivered").noconvert())
+      .def("drive", &Motors::drive, nb::arg("strength"), nb::arg("command"),
+           "Fill in what the motors deliver of a strength times the commanded torques (12,) [N·m].");
+  m.def(
+      "torque_limits",
+      [](const Given1& stall, const Given1& no_load_speed, const Given1& rate) {
+        double limits[2][12];
+        motors::torque_limits(view(stall), view(no_load_speed), view(rate), {limits[0], 2, 12});
+        return copied(limits[0], 2, 12);
+      },
+      nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate"),
+      "Return (2, 12) the least and the largest torque that the motors give at a rate (12,) [N·m].");
+
+  nb::class_<A1State>(m, "A1State", "The state of an A1, on views of MuJoCo's data.")
       .def(
           "__init__",
           [](A1State* self, Given1 qpos, Given1 qvel, Given1 foot_forces) {
