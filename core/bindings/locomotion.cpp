@@ -5,7 +5,7 @@
 #include <hcbf/ros_robot.hpp>
 #include <hcbf/walker_physics.hpp>
 
-#include "records.hpp"
+#include "bytes.hpp"
 
 namespace hcbf {
 
@@ -75,19 +75,23 @@ void bind_locomotion(nb::module_& m) {
           },
           nb::arg("settings").noconvert(), nb::arg("memory").noconvert(), nb::arg("workspace").noconvert())
       .def("tick", &LocomotionTick::tick, nb::arg("state"), nb::arg("u"),
-           "Run a tick up to the QP; return how many feet stand and whether no bound binds: then the torques are set.")
+           "Run a tick up to the QP; return how many feet stand and whether no bound binds: then the torques "
+           "are set.")
       .def("finish", &LocomotionTick::finish, nb::arg("solved"),
            "Set the torques of the solution in the workspace, or hold the last ones.");
 
   nb::class_<FaultDetection>(m, "FaultDetection", "The sums from which a watch judges.")
       .def(
           "__init__",
-          [](FaultDetection* self, const Bytes& legs, double foot_radius, Index settled, Index every, Index delays) {
-            new (self) FaultDetection{record<leg::LegGeometry>(legs), {foot_radius, settled, every},
+          [](FaultDetection* self, const Bytes& legs, double foot_radius, Index settled, Index every,
+             Index delays) {
+            new (self) FaultDetection{record<leg::LegGeometry>(legs),
+                                      {foot_radius, settled, every},
                                       fault_detection::Memory(delays)};
           },
           nb::arg("legs"), nb::arg("foot_radius"), nb::arg("settled"), nb::arg("every"), nb::arg("delays"))
-      .def("reset", [](FaultDetection& self) { self.memory.reset(); }, "Forget the past.")
+      .def(
+          "reset", [](FaultDetection& self) { self.memory.reset(); }, "Forget the past.")
       .def("add_up", &FaultDetection::add_up, nb::arg("row"), nb::arg("states"), nb::arg("torques"),
            nb::arg("stances"), nb::arg("lift"), "Put the sums of n ticks in a row of the window.")
       .def("signals", &FaultDetection::signals, nb::arg("judgements"), nb::arg("declared"),
@@ -106,7 +110,8 @@ void bind_locomotion(nb::module_& m) {
           [](Motors* self, Given1 stall, Given1 no_load_speed, Given1 rate, Numbers<double, 1> delivered) {
             new (self) Motors{stall, no_load_speed, rate, delivered};
           },
-          nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate").noconvert(), nb::arg("delivered").noconvert())
+          nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate").noconvert(),
+          nb::arg("delivered").noconvert())
       .def("drive", &Motors::drive, nb::arg("strength"), nb::arg("command"),
            "Fill in what the motors deliver of a strength times the commanded torques (12,) [N·m].");
   m.def(
@@ -134,7 +139,8 @@ void bind_locomotion(nb::module_& m) {
       [](const Given1& positions, const Given1& velocities) {
         return walker_physics::finite(view(positions), view(velocities));
       },
-      nb::arg("positions"), nb::arg("velocities"), "Return whether a state holds nothing but finite numbers.");
+      nb::arg("positions"), nb::arg("velocities"),
+      "Return whether a state holds nothing but finite numbers.");
   m.def(
       "cast_rays",
       [](const Numbers<const bool, 2>& cells, double x, double y, const Given1& angles, double reach) {

@@ -16,14 +16,14 @@ constexpr double BRAKING = 0.7;                // share of it that a turn plans 
 // near rest that direction is noise
 constexpr double HEADING_STARTS = 0.15, HEADING_STOPS = 0.10;  // [m/s]
 
-struct BodyReference {     // what the trunk shall do in the plane
-  double position[2];      // [m]
-  double velocity[2];      // [m/s]
-  double acceleration[2];  // [m/s²]
-  double yaw;              // [rad]
-  double yaw_rate;         // [rad/s]
+struct BodyReference {      // what the trunk shall do in the plane
+  double position[2];       // [m]
+  double velocity[2];       // [m/s]
+  double acceleration[2];   // [m/s²]
+  double yaw;               // [rad]
+  double yaw_rate;          // [rad/s]
   double yaw_acceleration;  // [rad/s²]
-  bool turning;            // whether the heading follows the velocity at present
+  bool turning;             // whether the heading follows the velocity at present
 };
 
 inline double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x; }

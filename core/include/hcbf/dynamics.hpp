@@ -22,7 +22,8 @@ using matrices::add_cross;
 using matrices::Matrix3;
 using matrices::Vector3;
 
-constexpr double FRICTION_VELOCITY = 0.1;  // [rad/s] over which dry friction reverses, so that noise cannot chatter
+// [rad/s] over which dry friction reverses, so that noise cannot chatter
+constexpr double FRICTION_VELOCITY = 0.1;
 
 struct Dynamics {       // the robot at one instant, as its QPs see it: M q̈ + bias = Sᵀτ + J_cᵀF
   double M[18][18];     // mass matrix
@@ -139,7 +140,8 @@ inline void rigid_body_terms(const Bodies& bodies, const LegGeometry& legs, cons
   double force[3][6];       // on a link and all beyond it
   double S[3][6], V[3][6], A[3][6], reaction[6];
   // the ground accelerates upwards
-  const double rest[6] = {foothold::GRAVITY * R[2][0], foothold::GRAVITY * R[2][1], foothold::GRAVITY * R[2][2]};
+  const double rest[6] = {foothold::GRAVITY * R[2][0], foothold::GRAVITY * R[2][1],
+                          foothold::GRAVITY * R[2][2]};
 
   // the trunk's block of M is the inertia of everything
   add_inertia(M, bodies.mass[0], bodies.com[0], bodies.inertia[0], EYE);

@@ -25,7 +25,8 @@ using matrices::Vector3;
 using sensing::Errors;
 using sensing::Noise;
 
-constexpr double GATE = 3.5;     // a foot that disagrees with the estimate by more standard deviations slips or lifts
+// a foot that disagrees with the estimate by more standard deviations slips or lifts
+constexpr double GATE = 3.5;
 constexpr double ROLLING = 0.01;  // standard deviation of what a standing foot does between two ticks [m/s]
 
 struct Settings {
@@ -111,8 +112,8 @@ inline void take_odometry(Past& entry) {
 }
 
 // Notes the mean over the feet that have settled and agree with the prediction in `entry`.
-inline void average_feet(const Settings& settings, const Memory& memory, const RobotState& state, const Matrix3& R,
-                         Past& entry) {
+inline void average_feet(const Settings& settings, const Memory& memory, const RobotState& state,
+                         const Matrix3& R, Past& entry) {
   using kalman::S, kalman::V;
   const double var_rate = settings.errors.rate * settings.errors.rate;
   const auto& cov = entry.cov;
@@ -176,7 +177,8 @@ inline void tick(const Settings& settings, Memory& memory, Vector<Past> past, co
     entry.fix[2 + axis] = 0.0;
   }
   memory.velocity = truth.linear_velocity;
-  for (int foot = 0; foot < 4; ++foot) memory.touching[foot] = told.touches(foot) ? memory.touching[foot] + 1 : 0;
+  for (int foot = 0; foot < 4; ++foot)
+    memory.touching[foot] = told.touches(foot) ? memory.touching[foot] + 1 : 0;
 
   advance(settings, before, entry);
   average_feet(settings, memory, told, R, entry);

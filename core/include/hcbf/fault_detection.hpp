@@ -25,15 +25,16 @@ namespace hcbf::fault_detection {
 using leg::LegGeometry;
 using locomotion_state::RobotState;
 
-constexpr int WINDOW = 12;     // judgements over which the signals are taken
-constexpr double LEAST = 1e-9;  // sum of squares below which joints say nothing of a delay, for they do not move
+constexpr int WINDOW = 12;  // judgements over which the signals are taken
+// sum of squares below which joints say nothing of a delay, for they do not move
+constexpr double LEAST = 1e-9;
 
 // what is added up between two judgements; behind these the two sums of each delay
 enum Sum { SLIP, STOOD, LIFT, BENT, SUMS };
 
 using Joints = std::array<double, 12>;
 
-struct Sampling {  // how feet that stand are looked at
+struct Sampling {      // how feet that stand are looked at
   double foot_radius;  // [m]
   Index settled;       // ticks that a foot must have touched
   Index every;         // how many ticks there are for a look
@@ -94,7 +95,8 @@ inline void correlate(double* sums, const Joints* rates, const Joints* changes, 
 // Puts the sums of n ticks in a row of the memory, and moves that on. `states` is (n, 41), `torques`
 // (n, 12) [N·m], `stances` (n, 4), and `lift` the learnt acceleration at the end [m/s²].
 inline void add_up(Memory& memory, Index row, const LegGeometry& legs, const Sampling& sampling,
-                   Matrix<const double> states, Matrix<const double> torques, Matrix<const bool> stances, double lift) {
+                   Matrix<const double> states, Matrix<const double> torques, Matrix<const bool> stances,
+                   double lift) {
   double* sums = memory.sums.data() + row * memory.columns();
   std::fill(sums, sums + memory.columns(), 0.0);
   sums[LIFT] = lift;
@@ -111,7 +113,8 @@ inline void add_up(Memory& memory, Index row, const LegGeometry& legs, const Sam
     }
     if ((k + 1) % sampling.every != 0) continue;
     bool standing[4];
-    for (int foot = 0; foot < 4; ++foot) standing[foot] = stances(k, foot) && memory.touched[foot] >= sampling.settled;
+    for (int foot = 0; foot < 4; ++foot)
+      standing[foot] = stances(k, foot) && memory.touched[foot] >= sampling.settled;
     add_slip(sums, legs, sampling.foot_radius, state, standing);
   }
   memory.rates.erase(memory.rates.begin(), memory.rates.end() - 2);

@@ -20,9 +20,9 @@ using matrices::Vector3;
 // foot that chases it to the end lands at up to 1 m/s along the ground and slides
 constexpr double SETTLED = 0.3;
 
-struct FootTargets {  // what each foot shall do, in the world
-  bool stance[4];     // feet that carry; the others follow their swing
-  Matrix3 motion[4];  // per foot the rows position [m], velocity [m/s], acceleration [m/s²]
+struct FootTargets {    // what each foot shall do, in the world
+  bool stance[4];       // feet that carry; the others follow their swing
+  Matrix3 motion[4];    // per foot the rows position [m], velocity [m/s], acceleration [m/s²]
   Vector2 foothold[4];  // where it shall land, or stands [m]
 };
 
@@ -35,7 +35,7 @@ inline void stand(FootTargets& targets, int foot, const Vector3& place) {
 
 struct Places {
   Vector3 measured[4];  // of the feet in the world [m]
-  Vector2 nominal[4];     // footholds at rest in the trunk's axes [m]
+  Vector2 nominal[4];   // footholds at rest in the trunk's axes [m]
   double touchdown;     // height of a foot's centre on the ground [m]
 };
 
@@ -54,8 +54,8 @@ inline void plan_feet(FootTargets& targets, const FootPhases& phases, const Gait
       targets.foothold[foot] =
           foothold::foothold(places.nominal[foot], trunk, reference, remaining, stance_time);
     targets.stance[foot] = false;
-    targets.motion[foot] = swing::swing_step(targets.motion[foot], targets.foothold[foot],
-                                             places.touchdown, remaining, swing_time, dt);
+    targets.motion[foot] = swing::swing_step(targets.motion[foot], targets.foothold[foot], places.touchdown,
+                                             remaining, swing_time, dt);
   }
 }
 

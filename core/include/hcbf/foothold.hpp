@@ -12,17 +12,18 @@ using body_reference::BodyReference;
 using matrices::Vector2;
 using matrices::Vector3;
 
-constexpr double GRAVITY = 9.81;        // [m/s²]
-constexpr double SIDEWAYS = 0.085;      // [m] the nominal foothold is this far outside the abad joint
-constexpr double VELOCITY_GAIN = 0.08;  // [s] below √(h/g) = 0.166, which sways with the instantaneous velocity
-constexpr double MAX_OFFSET = 0.16;     // [m] from below the hip
+constexpr double GRAVITY = 9.81;    // [m/s²]
+constexpr double SIDEWAYS = 0.085;  // [m] the nominal foothold is this far outside the abad joint
+// [s] below √(h/g) = 0.166, which sways with the instantaneous velocity
+constexpr double VELOCITY_GAIN = 0.08;
+constexpr double MAX_OFFSET = 0.16;  // [m] from below the hip
 
 // The foothold at rest in the trunk's axes, from the abad joint [m].
 inline Vector2 nominal_stance(const Vector3& hip) {
   return {hip[0], hip[1] + body_reference::sign(hip[1]) * SIDEWAYS};
 }
 
-struct Trunk {  // as the feet's plan reads it
+struct Trunk {       // as the feet's plan reads it
   Vector3 position;  // p [m]
   Vector3 velocity;  // v in the world's axes [m/s]
   double yaw;        // ψ [rad]
@@ -36,7 +37,7 @@ struct Trunk {  // as the feet's plan reads it
 // Source: M. Raibert, Legged Robots That Balance (1986), as the paper asks for in section II-B; the
 // turning term from the MIT Cheetah 3 controller.
 inline Vector2 foothold(const Vector2& nominal, const Trunk& trunk, const BodyReference& reference,
-                      double remaining, double stance_time) {
+                        double remaining, double stance_time) {
   const Vector3& position = trunk.position;
   const double vx = trunk.velocity[0], vy = trunk.velocity[1];
   const double lean = 0.5 * trunk.height / GRAVITY * reference.yaw_rate;

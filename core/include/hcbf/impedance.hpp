@@ -22,8 +22,8 @@ constexpr double STANCE_KD = 1.0;                  // stance feet: damping only
 // Fills in K_p(q_d − q) + K_d(q̇_d − q̇) of every leg's joints [N·m]. A swinging leg follows its foot's
 // target through inverse kinematics; a standing leg moves as the trunk's desired velocity over a
 // resting foot asks.
-inline void joint_feedback(Vector3* torque, const RobotState& state, const Matrix3& R, const LegGeometry& legs,
-                           const FootKinematics& feet, const FootTargets& targets,
+inline void joint_feedback(Vector3* torque, const RobotState& state, const Matrix3& R,
+                           const LegGeometry& legs, const FootKinematics& feet, const FootTargets& targets,
                            const BodyReference& reference) {
   using matrices::apply, matrices::apply_transposed, matrices::cross;
   const Vector3 desired_velocity = {reference.velocity[0], reference.velocity[1], 0.0};
@@ -41,7 +41,8 @@ inline void joint_feedback(Vector3* torque, const RobotState& state, const Matri
     const Vector3 joints = leg::inverse_kinematics(legs, foot, apply_transposed(R, place - state.position));
     const Vector3 slide =
         apply_transposed(R, velocity - state.linear_velocity) - cross(state.angular_velocity, r);
-    torque[foot] = SWING_KP * (joints - state.joint_position[foot]) + SWING_KD * (apply(to_joints, slide) - rate);
+    torque[foot] =
+        SWING_KP * (joints - state.joint_position[foot]) + SWING_KD * (apply(to_joints, slide) - rate);
   }
 }
 

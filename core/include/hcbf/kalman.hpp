@@ -56,7 +56,8 @@ inline void predict(const Model& model, Means& x, Covariance& cov, const double 
 
 // Takes in a measurement z of the sum of two entries of the state, on both axes; `variance` is that of its
 // white noise.
-inline void correct(Means& x, Covariance& cov, int first, int second, const double (&z)[COLUMNS], double variance) {
+inline void correct(Means& x, Covariance& cov, int first, int second, const double (&z)[COLUMNS],
+                    double variance) {
   double shown[AXIS];
   for (int i = 0; i < AXIS; ++i) shown[i] = cov[i][first] + cov[i][second];
   const double innovation_variance = shown[first] + shown[second] + variance;

@@ -22,8 +22,8 @@ struct FootVelocity {  // what a foot says of the trunk
 // The trunk's velocity as a foot shows it. The foot is a ball that rolls: the point that rests on the
 // ground lies the radius ρ below its centre and turns with the calf, so that
 // v = −R(J q̇ + ω × r + (ω + ω_leg) × (−ρ Rᵀ e_z)).
-inline FootVelocity trunk_velocity(const FootKinematics& feet, double radius, int leg, const RobotState& state,
-                                   const Matrix3& R) {
+inline FootVelocity trunk_velocity(const FootKinematics& feet, double radius, int leg,
+                                   const RobotState& state, const Matrix3& R) {
   const double abad = state.joint_position[leg][0];
   const Vector3& rates = state.joint_velocity[leg];
   const double pitch = rates[1] + rates[2];

@@ -15,19 +15,21 @@ using rotation::Quaternion;
 constexpr int STATE_SIZE = 41;
 
 struct RobotState {
-  Vector3 position;          // of the trunk's origin in the world [m]
-  Quaternion quaternion;     // of the trunk
+  Vector3 position;           // of the trunk's origin in the world [m]
+  Quaternion quaternion;      // of the trunk
   Vector3 joint_position[4];  // of each leg [rad]
-  Vector3 linear_velocity;   // of the trunk's origin, in the world's axes [m/s]
-  Vector3 angular_velocity;  // of the trunk, in its own axes [rad/s]
+  Vector3 linear_velocity;    // of the trunk's origin, in the world's axes [m/s]
+  Vector3 angular_velocity;   // of the trunk, in its own axes [rad/s]
   Vector3 joint_velocity[4];  // of each leg [rad/s]
-  double contact[4];         // positive where the foot touches something
+  double contact[4];          // positive where the foot touches something
 
   bool touches(int foot) const { return contact[foot] > 0.0; }
 };
 static_assert(sizeof(RobotState) == STATE_SIZE * sizeof(double));
 
-inline const RobotState& state_view(const double* vector) { return *reinterpret_cast<const RobotState*>(vector); }
+inline const RobotState& state_view(const double* vector) {
+  return *reinterpret_cast<const RobotState*>(vector);
+}
 inline RobotState& state_view(double* vector) { return *reinterpret_cast<RobotState*>(vector); }
 
 }  // namespace hcbf::locomotion_state

@@ -84,8 +84,10 @@ inline double largest(const double* values, int count) {
 // Whether nothing is asked and nothing disturbs; at rest twice as much is tolerated.
 inline bool is_quiet(const RobotState& state, const BodyReference& reference, const double* u, bool resting) {
   const double scale = resting ? 2.0 : 1.0;
-  const double asked = std::max(std::max(largest(u, 2), largest(reference.velocity, 2)), std::abs(reference.yaw_rate));
-  const double away[2] = {state.position[0] - reference.position[0], state.position[1] - reference.position[1]};
+  const double asked =
+      std::max(std::max(largest(u, 2), largest(reference.velocity, 2)), std::abs(reference.yaw_rate));
+  const double away[2] = {state.position[0] - reference.position[0],
+                          state.position[1] - reference.position[1]};
   return asked < scale * QUIET_INPUT && largest(away, 2) < scale * QUIET_DISTANCE &&
          largest(state.linear_velocity.at, 3) < scale * QUIET_VELOCITY &&
          largest(state.angular_velocity.at, 3) < scale * QUIET_ROTATION;
@@ -105,7 +107,8 @@ inline double ground_height(double ground, const Vector3* feet, const bool* carr
 
 // What comes before the QP: gait → footholds → swing → tasks, and the impedance. The memory moves on by
 // one tick; u is the desired acceleration of the trunk in the world [m/s²].
-inline void plan(const Settings& settings, Memory& memory, const RobotState& state, const double* u, TickPlan& out) {
+inline void plan(const Settings& settings, Memory& memory, const RobotState& state, const double* u,
+                 TickPlan& out) {
   const double dt = settings.timestep;
   BodyReference& reference = memory.reference;
   FootTargets& targets = memory.targets;
@@ -116,7 +119,8 @@ inline void plan(const Settings& settings, Memory& memory, const RobotState& sta
   std::copy(forwards.at, forwards.at + 3, robot.v);
   std::copy(state.angular_velocity.at, state.angular_velocity.at + 3, robot.v + 3);
   for (int joint = 0; joint < 12; ++joint) robot.v[6 + joint] = state.joint_velocity[joint / 3][joint % 3];
-  dynamics::rigid_body_terms(settings.bodies, settings.legs, R, robot.v, state.joint_position, robot.M, robot.bias);
+  dynamics::rigid_body_terms(settings.bodies, settings.legs, R, robot.v, state.joint_position, robot.M,
+                             robot.bias);
   robot.feet = leg::foot_kinematics(settings.legs, state.joint_position, state.joint_velocity);
   feet::Places places;
   bool contact[4], carrying[4];
@@ -127,7 +131,8 @@ inline void plan(const Settings& settings, Memory& memory, const RobotState& sta
   }
 
   const double grip = std::min(1.0, settings.friction / FULL_GRIP);
-  body_reference::advance(reference, u, state.position.at, dt, settings.max_speed, settings.follow_velocity, grip);
+  body_reference::advance(reference, u, state.position.at, dt, settings.max_speed, settings.follow_velocity,
+                          grip);
   const gait::FootPhases phases = gait::foot_phases(settings.gait, memory.clock, contact);
   for (int foot = 0; foot < 4; ++foot) carrying[foot] = phases.stance[foot] && contact[foot];
   memory.ground = ground_height(memory.ground, places.measured, carrying, settings.foot_radius);
@@ -137,7 +142,8 @@ inline void plan(const Settings& settings, Memory& memory, const RobotState& sta
   const double too_low = memory.ground + settings.height - state.position[2];
   memory.lift += dt * HEIGHT_KI * too_low;
   memory.lift = std::min(std::max(memory.lift, -MAX_LIFT), MAX_LIFT);
-  out.tasks = tasks::task_accelerations(state, R, robot.feet, reference, targets, too_low, settings.max_speed);
+  out.tasks =
+      tasks::task_accelerations(state, R, robot.feet, reference, targets, too_low, settings.max_speed);
   out.tasks.linear[2] += memory.lift;
   impedance::joint_feedback(out.feedback, state, R, settings.legs, robot.feet, targets, reference);
   const bool quiet = is_quiet(state, reference, u, memory.clock < 0.0);
@@ -153,11 +159,12 @@ struct Program {  // of a tick
 // Runs a tick up to the QP.
 inline Program tick(const Settings& settings, Memory& memory, Workspace& work, const RobotState& state,
                     const double* u) {
-  motors::torque_limits({settings.stall_torque, 12}, {settings.no_load_speed, 12}, {state.joint_velocity[0].at, 12},
-                        {work.limits[0], 2, 12});
+  motors::torque_limits({settings.stall_torque, 12}, {settings.no_load_speed, 12},
+                        {state.joint_velocity[0].at, 12}, {work.limits[0], 2, 12});
   TickPlan planned;
   plan(settings, memory, state, u, planned);
-  const int contacts = task_space::condense(planned.robot, planned.tasks, settings.friction, work.limits, work);
+  const int contacts =
+      task_space::condense(planned.robot, planned.tasks, settings.friction, work.limits, work);
   std::copy(planned.feedback, planned.feedback + 4, work.feedback);
   const bool free = task_space::free_minimiser(work, 12 + 4 * contacts);
   if (free) task_space::take_solution(work);

@@ -26,8 +26,12 @@ struct Matrix3 {
   const Vector3& operator[](int i) const { return row[i]; }
 };
 
-inline Vector3 operator+(const Vector3& a, const Vector3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
-inline Vector3 operator-(const Vector3& a, const Vector3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+inline Vector3 operator+(const Vector3& a, const Vector3& b) {
+  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+}
+inline Vector3 operator-(const Vector3& a, const Vector3& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
 inline Vector3 operator-(const Vector3& a) { return {-a[0], -a[1], -a[2]}; }
 inline Vector3 operator*(double s, const Vector3& a) { return {s * a[0], s * a[1], s * a[2]}; }
 inline Vector3 operator/(const Vector3& a, double s) { return {a[0] / s, a[1] / s, a[2] / s}; }

@@ -23,13 +23,13 @@ struct Noise {  // standard normal numbers that one tick takes
 };
 
 struct Errors {
-  double timestep;       // [s]
-  double fix;            // σ of a fix's white noise [m]
-  double drift;          // σ of its slow error [m]
-  double keep_drift;     // e^(−dt/τ)
-  Vector3 rotation;      // σ of the orientation's error about the world's axes [rad]
+  double timestep;    // [s]
+  double fix;         // σ of a fix's white noise [m]
+  double drift;       // σ of its slow error [m]
+  double keep_drift;  // e^(−dt/τ)
+  Vector3 rotation;   // σ of the orientation's error about the world's axes [rad]
   double keep_rotation;
-  double slip;           // σ of leg odometry's slow error [m/s]
+  double slip;  // σ of leg odometry's slow error [m/s]
   double keep_slip;
   double gyroscope;      // σ of a reading [rad/s]
   double accelerometer;  // σ of a reading [m/s²]

@@ -46,9 +46,10 @@ struct Workspace {
   double torque[12];       // feedforward and feedback within the limits [N·m]
 };
 
-struct Accelerations {    // how the unknowns accelerate the robot
-  double trunk[6][13];    // the trunk's acceleration a = trunk [z; 1], in its own axes
-  double lever[4][3][6];  // a standing leg's joints, q̈_i = lever_i a + rest_i; those of a swinging leg are z_i
+struct Accelerations {  // how the unknowns accelerate the robot
+  double trunk[6][13];  // the trunk's acceleration a = trunk [z; 1], in its own axes
+  double lever[4][3]
+              [6];  // a standing leg's joints, q̈_i = lever_i a + rest_i; those of a swinging leg are z_i
   double rest[4][3];
 };
 
@@ -119,7 +120,8 @@ inline void swing_errors(double (*error)[13], const Dynamics& robot, const doubl
   const Matrix3& J = robot.feet.jacobian[foot];
   for (int i = 0; i < 3; ++i) {
     const int j1 = (i + 1) % 3, j2 = (i + 2) % 3;
-    for (int j = 0; j < 13; ++j) error[i][j] = trunk[i][j] + trunk[3 + j1][j] * r[j2] - trunk[3 + j2][j] * r[j1];
+    for (int j = 0; j < 13; ++j)
+      error[i][j] = trunk[i][j] + trunk[3 + j1][j] * r[j2] - trunk[3 + j2][j] * r[j1];
     for (int k = 0; k < 3; ++k) error[i][3 * foot + k] += J[i][k];
     error[i][12] -= missing[i];
   }

@@ -21,12 +21,13 @@ using matrices::Vector3;
 
 // Stiffness K_p [1/s²] and damping K_d [1/s]. The paper leaves them open; all are ours, about
 // critically damped, K_d ≈ 2 √K_p, and held to the bounds of docs/locomotion.md.
-constexpr double PLANE_KP = 80.0, PLANE_KD = 15.0;  // a third of the lag behind the reference that 30 and 10 leave
+constexpr double PLANE_KP = 80.0, PLANE_KD = 15.0;     // a third of the lag that 30 and 10 leave
 constexpr double HEIGHT_KP = 150.0, HEIGHT_KD = 25.0;  // 12 rad/s: what remains is learnt, see HEIGHT_KI
-constexpr double TILT_KP = 300.0, TILT_KD = 30.0;    // the fastest of the trunk, 17 rad/s: a tilt moves every foot
-constexpr double YAW_KP = 100.0, YAW_KD = 20.0;      // 10 rad/s: the reference turns at 2.5 rad/s at most
-constexpr double SWING_KP = 400.0, SWING_KD = 40.0;  // 20 rad/s: an error shrinks by e^-2.6 in a swing of 0.13 s
-constexpr double CATCH_UP = 0.1;  // [m/s] above the speed cap at most, to make up for a lag: it halved the overspeed
+constexpr double TILT_KP = 300.0, TILT_KD = 30.0;      // 17 rad/s, the fastest: a tilt moves every foot
+constexpr double YAW_KP = 100.0, YAW_KD = 20.0;        // 10 rad/s: the reference turns at 2.5 rad/s at most
+constexpr double SWING_KP = 400.0, SWING_KD = 40.0;    // 20 rad/s: a swing of 0.13 s shrinks an error by e^-2.6
+// [m/s] above the speed cap at most, to make up for a lag: it halved the overspeed
+constexpr double CATCH_UP = 0.1;
 
 // the other tasks weigh 1: of what two feet cannot do at once, the height goes first
 constexpr double HEIGHT_WEIGHT = 3.0;
@@ -43,11 +44,12 @@ struct TaskAccelerations {  // ÿ_d + K_d(ẏ_d − ẏ) + K_p(y_d − y) of eve
 // In the plane the law reads ÿ_d + K_d(w − ẏ), and the speed w = ẏ_d + K_p/K_d (y_d − y) that would make
 // up for a lag is bounded. `too_low` is the desired height of the trunk less the measured one [m],
 // `max_speed` the cap on the reference's speed [m/s].
-inline TaskAccelerations task_accelerations(const RobotState& state, const Matrix3& R, const FootKinematics& feet,
-                                            const BodyReference& reference, const FootTargets& targets,
-                                            double too_low, double max_speed) {
+inline TaskAccelerations task_accelerations(const RobotState& state, const Matrix3& R,
+                                            const FootKinematics& feet, const BodyReference& reference,
+                                            const FootTargets& targets, double too_low, double max_speed) {
   using matrices::apply, matrices::cross;
-  const Vector3 &position = state.position, &velocity = state.linear_velocity, &omega = state.angular_velocity;
+  const Vector3 &position = state.position, &velocity = state.linear_velocity,
+                &omega = state.angular_velocity;
   TaskAccelerations tasks = {};
   Vector3& linear = tasks.linear;
   for (int i = 0; i < 2; ++i) {
@@ -64,7 +66,8 @@ inline TaskAccelerations task_accelerations(const RobotState& state, const Matri
   const Vector3& up = R[2];  // the world's vertical in the trunk's axes
   for (int i = 0; i < 3; ++i) {
     const double kp = i == 2 ? YAW_KP : TILT_KP, kd = i == 2 ? YAW_KD : TILT_KD;
-    tasks.angular[i] = reference.yaw_acceleration * up[i] + kd * (reference.yaw_rate * up[i] - omega[i]) + kp * turn[i];
+    tasks.angular[i] =
+        reference.yaw_acceleration * up[i] + kd * (reference.yaw_rate * up[i] - omega[i]) + kp * turn[i];
   }
 
   for (int foot = 0; foot < 4; ++foot) {
@@ -74,7 +77,8 @@ inline TaskAccelerations task_accelerations(const RobotState& state, const Matri
     const Vector3 foot_position = position + apply(R, r);
     const Vector3 foot_velocity = velocity + apply(R, cross(omega, r) + own);
     const Matrix3& desired = targets.motion[foot];
-    tasks.feet[foot] = desired[2] + SWING_KD * (desired[1] - foot_velocity) + SWING_KP * (desired[0] - foot_position);
+    tasks.feet[foot] =
+        desired[2] + SWING_KD * (desired[1] - foot_velocity) + SWING_KP * (desired[0] - foot_position);
   }
   return tasks;
 }

@@ -38,15 +38,18 @@ nb::ndarray<nb::numpy, double> copied(const double* from, Sizes... sizes) {
   return {data, sizeof...(sizes), shape, owner};
 }
 
-struct Field {
+struct FieldOffset {
   const char* name;
   std::size_t offset;
 };
 
+#define FIELD(T, field) \
+  hcbf::FieldOffset { #field, offsetof(T, field) }
+
 // (size, {field: offset}) of a record.
-inline nb::tuple layout(std::size_t size, const std::vector<Field>& fields) {
+inline nb::tuple layout_of(std::size_t size, const std::vector<FieldOffset>& fields) {
   nb::dict offsets;
-  for (const Field& field : fields) offsets[field.name] = field.offset;
+  for (const FieldOffset& field : fields) offsets[field.name] = field.offset;
   return nb::make_tuple(size, offsets);
 }
 
