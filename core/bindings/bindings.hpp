@@ -10,6 +10,7 @@
 namespace hcbf {
 
 namespace nb = nanobind;
+using namespace nb::literals;
 
 // Arrays as Python hands them over: in rows, of one type, never converted.
 template <class T, int N>

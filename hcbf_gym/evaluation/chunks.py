@@ -245,10 +245,11 @@ def _complete(
         saved = _saved(work, chunks, pool)
         for chunk in saved:
             yield from enumerate(_load(chunk).results, chunk.start)
+        console = Console(stderr=True)
         with Progress(
             *columns,
-            console=Console(stderr=True),
-            disable=title is None,
+            console=console,
+            disable=title is None or console.is_jupyter,  # rich warns there without ipywidgets
             speed_estimate_period=3600.0,  # of chunks that take minutes, too
         ) as progress:
             bar = progress.add_task(

@@ -231,7 +231,7 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     for row, label in zip(rows, labels, strict=True):
         said = " ".join(sentences(row, names))
         console.print(f"{label.replace(chr(10), ', ')}: {said}", soft_wrap=True, highlight=False)
-    console.print(f"written to {output}: {', '.join(written)}", soft_wrap=True)
+    console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
 def _check(args: Args) -> None:
@@ -422,7 +422,7 @@ def comparison(
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))
     policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
-    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode(s) each"
+    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode{'s' * (n > 1)} each"
     return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float
@@ -153,7 +154,7 @@ class SingleIntegrator(ReducedOrderModel):
         """Return f (N, n) and g (N, n, n) at N states x (N, n)."""
         if type(self) is not SingleIntegrator:
             return super().terms_of(x)
-        return np.zeros(x.shape), _driven(x, 0)
+        return np.zeros(x.shape), _repeated(np.eye(self.n), len(x))
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
@@ -201,7 +202,7 @@ class DoubleIntegrator(ReducedOrderModel):
     def f(self, x: Any) -> Any:
         """Return (n,) the drift (v, −c v)."""
         if type(x) is np.ndarray:
-            return _damped_drift(x, self.drag)
+            return self._drifts(x[None])[0]
         velocity = x[self.n_u :]
         return namespace(x).concatenate([velocity, -self.drag * velocity])
 
@@ -213,7 +214,8 @@ class DoubleIntegrator(ReducedOrderModel):
         """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
         if type(self) is not DoubleIntegrator:
             return super().terms_of(x)
-        return _damped_drifts(x, self.drag), _driven(x, self.n_u)
+        driven = np.eye(self.n, self.n_u, k=-self.n_u)
+        return self._drifts(x), _repeated(driven, len(x))
 
     def brake(self, x: Array, dt: float) -> Array:
         """Return (n_u,) the input after which v is 0, ``c v − v/dt`` [m/s²]."""
@@ -226,96 +228,39 @@ class DoubleIntegrator(ReducedOrderModel):
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
-        return _damped_jacobian(self.n_u, self.drag)
+        jacobian = np.eye(self.n, k=self.n_u)
+        np.fill_diagonal(jacobian[self.n_u :, self.n_u :], -self.drag)
+        return jacobian
 
     def jacobians_of(self, x: Array) -> Array:
         """Return ∂f/∂x (N, n, n) at N states x (N, n)."""
         if type(self) is not DoubleIntegrator:
             return super().jacobians_of(x)
-        return _repeated(_damped_jacobian(self.n_u, self.drag), len(x))
+        return _repeated(self.f_jacobian(x[:1]), len(x))
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
         own = type(self) is DoubleIntegrator
-        return _damped_step(x, u, dt, self.drag) if own else super().step(x, u, dt)
+        return self.steps_of(x[None], u[None], dt)[0] if own else super().step(x, u, dt)
 
     def steps_of(self, x: Array, u: Array, dt: float) -> Array:
         """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
-        own = type(self) is DoubleIntegrator
-        return _damped_steps(x, u, dt, self.drag) if own else super().steps_of(x, u, dt)
+        if type(self) is not DoubleIntegrator:
+            return super().steps_of(x, u, dt)
+        after = np.empty(x.shape)
+        _core.damped_steps(x, u, dt, self.drag, after)
+        return after
+
+    def _drifts(self, x: Array) -> Array:
+        """Return (N, n) the drifts at N states."""
+        f = np.empty(x.shape)
+        _core.damped_drifts(x, self.drag, f)
+        return f
 
 
-@kernel(error_model="numpy")
-def _damped_drift(x: Array, drag: float) -> Array:
-    """Return (v, −c v) at x = (p, v)."""
-    k = x.size // 2
-    f = np.empty(x.size)
-    f[:k], f[k:] = x[k:], -drag * x[k:]
-    return f
-
-
-@kernel(error_model="numpy")
-def _damped_drifts(x: Array, drag: float) -> Array:
-    """Return (N, n) the drifts at N states."""
-    f = np.empty(x.shape)
-    for i in range(len(x)):
-        f[i] = _damped_drift(x[i], drag)
-    return f
-
-
-@kernel()
-def _driven(x: Array, first: int) -> Array:
-    """Return g (N, n, n − first) of N states, of which those from `first` on are driven."""
-    g = np.zeros((*x.shape, x.shape[1] - first))
-    for i in range(len(x)):
-        for j in range(x.shape[1] - first):
-            g[i, first + j, j] = 1.0
-    return g
-
-
-@kernel()
 def _repeated(matrix: Array, count: int) -> Array:
     """Return a matrix N times."""
-    out = np.empty((count, *matrix.shape))
-    for i in range(count):
-        out[i] = matrix
-    return out
-
-
-@kernel()
-def _damped_jacobian(k: int, drag: float) -> Array:
-    """Return (2 k, 2 k) ∂f/∂x."""
-    jacobian = np.zeros((2 * k, 2 * k))
-    for i in range(k):
-        jacobian[i, k + i], jacobian[k + i, k + i] = 1.0, -drag
-    return jacobian
-
-
-@kernel(error_model="numpy")
-def _damped_step(x: Array, u: Array, dt: float, drag: float) -> Array:
-    """Return x (n,) after dt; see `ReducedOrderModel.step`."""
-    after = np.empty(x.size)
-    for i in range(u.size):
-        v = x[u.size + i]
-        a1 = u[i] - drag * v
-        v2 = v + 0.5 * dt * a1
-        a2 = u[i] - drag * v2
-        v3 = v + 0.5 * dt * a2
-        a3 = u[i] - drag * v3
-        v4 = v + dt * a3
-        a4 = u[i] - drag * v4
-        after[i] = x[i] + dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        after[u.size + i] = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    return after
-
-
-@kernel(error_model="numpy")
-def _damped_steps(x: Array, u: Array, dt: float, drag: float) -> Array:
-    """Return N states x (N, n) after dt."""
-    after = np.empty(x.shape)
-    for i in range(len(x)):
-        after[i] = _damped_step(x[i], u[i], dt, drag)
-    return after
+    return np.repeat(matrix[None], count, axis=0)
 
 
 @kernel()

@@ -7,7 +7,6 @@ it. So a way that enters nothing exists by construction, mostly far from the str
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -47,7 +46,6 @@ def draw(rng: np.random.Generator) -> Layout:
     return Layout(half_width, goal, regions, PRIORITIES)
 
 
-@kernel()
 def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Array) -> float:
     """Write the goal and the regions; return the hall's half width."""
     half_width = 2.6 + 0.4 * hall[0]

@@ -11,7 +11,6 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.shapes import convex_polygon, disc, ellipse, half_plane
-from hcbf_gym.compilation import kernel
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 
@@ -70,7 +69,6 @@ def _barrier(name: str, priority: int, region: Array) -> Barrier:
     return ConvexPolygon(name, priority, tuple(map(tuple, corners(region))), (vx, vy))
 
 
-@kernel()
 def hide(regions: Array, length: float, half_width: float) -> None:
     """Put every region out of play: a disc beyond a wall, beside the middle of the hall."""
     for k in range(regions.shape[0]):
@@ -80,7 +78,6 @@ def hide(regions: Array, length: float, half_width: float) -> None:
         regions[k, RADIUS], regions[k, ASPECT] = 0.5, 1.0
 
 
-@kernel()
 def room_beside(way: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
     """Return the greatest circumradius that a region at (x, y) may have beside a way [m].
 
@@ -103,7 +100,6 @@ def room_beside(way: Array, x: float, y: float, clear: float, clear_ends: float)
     return room
 
 
-@kernel()
 def corners(region: Array) -> Array:
     """Return (k, 2) the corners of a polygon or box, counter-clockwise."""
     x, y, radius, angle = region[X], region[Y], region[RADIUS], region[ANGLE]
@@ -123,7 +119,6 @@ def corners(region: Array) -> Array:
     return regular
 
 
-@kernel()
 def write(half_width: float, regions: Array, kind: Integers, parameters: Array) -> None:
     """Write a layout's walls and regions as `BarrierSet` holds them, without building a scene.
 

@@ -8,7 +8,6 @@ the episode starts inside a region of priority 3 whose nearest exit leads into o
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -63,7 +62,6 @@ def draw(rng: np.random.Generator, moving: bool = False, gap: float = GAP) -> La
     return Layout(half_width, goal, regions, PRIORITIES)
 
 
-@kernel()
 def _lay_out(
     hall: Array,
     presence: Array,
@@ -104,7 +102,6 @@ def _lay_out(
     return half_width
 
 
-@kernel()
 def _place(
     region: Array, chance: Array, reach: tuple[float, float, float], gap: float, goal: Array
 ) -> None:
@@ -121,7 +118,6 @@ def _place(
     region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
 
 
-@kernel()
 def _collide(inner: Array, outer: Array, chance: Array) -> None:
     """Put the start inside `inner`, with `outer` beside its nearest exit: a conflict."""
     heading = 2.0 * np.pi * chance[_HEADING]

@@ -8,7 +8,6 @@ piece of furniture is convex: the regions are the cover of a map, which nobody n
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -67,7 +66,6 @@ def draw(rng: np.random.Generator) -> Layout:
     return Layout(half_width, goal, regions, PRIORITIES, (float(start[0]), float(start[1])))
 
 
-@kernel()
 def _lay_out(
     hall: Array,
     lines: Array,
@@ -111,7 +109,6 @@ def _lay_out(
     return half_width
 
 
-@kernel()
 def _open(doors: Array) -> Array:
     """Return (DOORS,) the width of each door, 0 where closed; the open ones join all rooms."""
     group = np.arange(ROOMS)
@@ -124,7 +121,6 @@ def _open(doors: Array) -> Array:
     return opened
 
 
-@kernel()
 def _joins(door: int) -> tuple[int, int]:
     """Return the rooms on both sides of a door; room 2 c is the lower one of column c."""
     if door < COLUMNS:
@@ -132,7 +128,6 @@ def _joins(door: int) -> tuple[int, int]:
     return door - COLUMNS, door - COLUMNS + 2
 
 
-@kernel()
 def _middles(doors: Array, across: Array, between: Array, half_width: float) -> Array:
     """Return (DOORS, 2) where the doors are [m]."""
     middle = np.empty((DOORS, 2))
@@ -151,7 +146,6 @@ def _middles(doors: Array, across: Array, between: Array, half_width: float) -> 
     return middle
 
 
-@kernel()
 def _divide(
     regions: Array, opened: Array, middle: Array, across: Array, between: Array, half_width: float
 ) -> None:
@@ -175,7 +169,6 @@ def _divide(
             _wall(regions[2 * COLUMNS + 3 * c + k], x, ends[2 * k], x, ends[2 * k + 1])
 
 
-@kernel()
 def _wall(region: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     """Write a wall of `THICKNESS` whose axis runs from one point to another."""
     half = 0.5 * np.hypot(x1 - x0, y1 - y0)
@@ -184,7 +177,6 @@ def _wall(region: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     region[ANGLE] = np.arctan2(y1 - y0, x1 - x0)
 
 
-@kernel()
 def _sides(
     room: int, across: Array, between: Array, half_width: float
 ) -> tuple[float, float, float, float]:
@@ -196,7 +188,6 @@ def _sides(
     return across[column], across[column + 1], low, high
 
 
-@kernel()
 def _place_in(
     point: Array, room: int, chance: Array, across: Array, between: Array, half_width: float
 ) -> None:
@@ -207,7 +198,6 @@ def _place_in(
     point[1] = y0 + reserve + chance[1] * (y1 - y0 - 2.0 * reserve)
 
 
-@kernel()
 def _way(start: Array, goal: Array, first: int, last: int, opened: Array, middle: Array) -> Array:
     """Return (k, 2) a way from the start to the goal, through the fewest doors."""
     through = np.full(ROOMS, -1)  # the door by which one leaves a room towards the last
@@ -240,7 +230,6 @@ def _way(start: Array, goal: Array, first: int, last: int, opened: Array, middle
     return way[: count + 1]
 
 
-@kernel()
 def _furnish(
     region: Array,
     chance: Array,

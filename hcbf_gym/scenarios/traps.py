@@ -8,7 +8,6 @@ enters nothing exists by construction.
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.scenarios.hall import (
     ANGLE,
     ASPECT,
@@ -45,7 +44,6 @@ def draw(rng: np.random.Generator) -> Layout:
     return Layout(half_width, goal, regions, PRIORITIES)
 
 
-@kernel()
 def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
     """Write the goal and the regions; return the hall's half width."""
     half_width = 2.9 + 0.4 * hall[_WIDTH]
@@ -65,7 +63,6 @@ def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
     return half_width
 
 
-@kernel()
 def _catch(trap: Array, chance: Array, back: float, goal: Array, square: bool) -> None:
     """Write a U, or a corner of two walls, around the straight line; its bottom lies at `back`."""
     tilt = 0.3 * (2.0 * chance[_TILT] - 1.0)
@@ -86,7 +83,6 @@ def _catch(trap: Array, chance: Array, back: float, goal: Array, square: bool) -
         _wall(trap[1 + k], near, far)
 
 
-@kernel()
 def _dead_end(trap: Array, chance: Array, back: float, goal: Array, half_width: float) -> None:
     """Write a wall from one side of the hall across the straight line, with a hook at its end."""
     side = 1.0 if chance[_SIDE] < 0.5 else -1.0
@@ -96,7 +92,6 @@ def _dead_end(trap: Array, chance: Array, back: float, goal: Array, half_width: 
     _wall(trap[1], (back, end), (back - depth, end))
 
 
-@kernel()
 def _wall(region: Array, near: tuple[float, float], far: tuple[float, float]) -> None:
     """Write a box of `THICKNESS` whose axis runs from one point to another and a bit further."""
     dx, dy = far[0] - near[0], far[1] - near[1]

@@ -283,6 +283,12 @@ def test_what_cannot_be_pickled_is_refused_where_it_is_to_be_saved(tmp_path):
         chunks.run(lambda job: job, [1.0], folder=tmp_path)
 
 
+def test_a_notebook_without_widgets_gets_no_bar_and_no_warning_of_it(monkeypatch, recwarn):
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert list(chunks.run(abs, range(3), workers=1, size=1, title="numbers"))
+    assert not recwarn
+
+
 def test_where_no_terminal_shows_the_bar_lines_say_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setattr(chunks, "SAID_EVERY", 0.0)
     list(chunks.run(abs, range(3), workers=1, size=1, title="numbers"))
