@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import kernels, layout, margins, row_kernels, zone
+from hcbf_gym.barriers import layout, mapped, margins, row_kernels, zone
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.general_kernels import WIDTH
@@ -146,7 +146,7 @@ class BarrierSet:
         for cls, run in runs:
             if cls in _SHAPES:
                 end = k + len(run)
-                self.kind[i, k:end] = cls.compiled.code
+                self.kind[i, k:end] = cls.code
                 self.parameters[i, k:end] = cls.blocks_of(run)
                 self.priority[i, k:end] = ranks = np.array([one.priority for one in run])
                 self.keeps_margin[i, k:end], self.own_margin[i, k:end] = ranks == 1, 0.0
@@ -293,7 +293,7 @@ class BarrierSet:
     def values(self, x: Array, t: Array) -> Array:
         """Return h (N, m) at the states x (N, 4) and times t (N,)."""
         h = np.empty(self.kind.shape)
-        kernels.values(self.kind, self.parameters, self.atlas.numbers, x, t, h)
+        _core.barrier_values(self.kind, self.parameters, self.atlas.numbers, x, t, h)
         self.write_own_values(x, t, h)
         return h
 
@@ -305,7 +305,8 @@ class BarrierSet:
     def along(self, x: Array, t: Array) -> Array:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
         h = np.empty((len(x), self.kind.shape[1]))
-        kernels.values(self.kind[:1], self.parameters[:1], self.atlas.numbers, x, t, h)
+        kind, parameters = self.kind[:1], self.parameters[:1]
+        _core.barrier_values(kind, parameters, self.atlas.numbers, x, t, h)
         for (i, k), barrier in self.own.items():
             if i == 0:
                 h[:, k] = barrier.batch(x, t).h
@@ -317,7 +318,7 @@ class BarrierSet:
         The gradient is that in the position; where there is none, three zeros follow h.
         """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
-        kernels.sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)
+        _core.barrier_sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)
         for scenes, k, barrier in self._shared():
             jet = barrier.batch(x[scenes], t[scenes])
             h[scenes, k] = jet.h
@@ -357,7 +358,7 @@ class BarrierSet:
         kept = np.empty((3, *shape))
         kept[0], kept[1], kept[2] = self.margins(margin), margin_rate, quickening
         a, out = np.empty((*shape, 2)), np.empty((4, *shape))
-        row_kernels.rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
+        _core.planar_rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
         for (i, k), barrier in self.own.items():
             row = np.zeros(WIDTH + 2)
             write_own_row(barrier, x[i], float(t[i]), settings, kept[:, i, k].tolist(), row)
