@@ -13,6 +13,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "bindings.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -20,24 +21,17 @@ namespace {
 
 constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread starts
 
-using Numbers1 = Numbers<double, 1>;
-
-// (N,) records of the numbers that they are made of.
-template <class T>
-Records<T> records(const Numbers1& words, Index count) {
-  const auto bytes = static_cast<Index>(words.size() * sizeof(double));
-  return {reinterpret_cast<char*>(words.data()), count, count > 0 ? bytes / count : Index{sizeof(T)}};
-}
+using Words = Numbers<double, 2>;  // (N, …) the numbers of N records
 
 // The filter of N plants, bound to the arrays that it reads and writes, which it keeps alive. Nothing is
 // allocated in a step of a scene that it has seen.
 class Filter {
  public:
-  Filter(Numbers1 constants, Numbers<const double, 1> program, Numbers1 sensed, Index count, Index threads)
+  Filter(Numbers<double, 1> constants, Numbers<const double, 1> program, Words sensed, Index threads)
       : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
-    plants_.sensed = records<plants::Plant>(sensed_, count);
+    plants_.sensed = records<plants::Plant>(sensed_);
     plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
-    rooms_.resize(std::max<Index>(1, std::min(threads, count / LEAST_PLANTS)));
+    rooms_.resize(std::max<Index>(1, std::min(threads, plants_.sensed.size / LEAST_PLANTS)));
   }
 
   Filter(const Filter&) = delete;
@@ -53,11 +47,11 @@ class Filter {
               std::move(own)};
   }
 
-  void set_report(Numbers1 reports, Numbers1 rows) {
-    const Index count = plants_.sensed.size;
-    plants_.reports = records<report::Plant>(reports, count);
-    const auto size = static_cast<Index>(rows.size() * sizeof(double) / sizeof(report::Row));
-    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), count, count > 0 ? size / count : 0};
+  void set_report(Words reports, Words rows) {
+    constexpr Index WIDTH = sizeof(report::Row) / sizeof(double);
+    plants_.reports = records<report::Plant>(reports);
+    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), static_cast<Index>(rows.shape(0)),
+                    static_cast<Index>(rows.shape(1)) / WIDTH};
     report_ = {std::move(reports), std::move(rows)};
   }
 
@@ -180,13 +174,13 @@ class Filter {
                     nb::rv_policy::reference);
   }
 
-  Numbers1 constants_;
+  Numbers<double, 1> constants_;
   Numbers<const double, 1> program_;
-  Numbers1 sensed_;
+  Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>, Numbers<const double, 2>,
              std::optional<Numbers<const double, 1>>, std::optional<Numbers<const double, 3>>>
       scene_;
-  std::pair<Numbers1, Numbers1> report_;
+  std::pair<Words, Words> report_;
   std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>, Numbers<double, 2>>
       own_states_;
   plants::Plants plants_{};
@@ -255,8 +249,8 @@ Offsets report_row_offsets() {
 
 void bind_filter(nb::module_& m) {
   nb::class_<Filter>(m, "Filter", "The filter of N plants, bound to the arrays that it reads and writes.")
-      .def(nb::init<Numbers1, Numbers<const double, 1>, Numbers1, Index, Index>(), "constants"_a.noconvert(),
-           "program"_a.noconvert(), "sensed"_a.noconvert(), "count"_a, "threads"_a)
+      .def(nb::init<Numbers<double, 1>, Numbers<const double, 1>, Words, Index>(), "constants"_a.noconvert(),
+           "program"_a.noconvert(), "sensed"_a.noconvert(), "threads"_a)
       .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
            "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
            "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
@@ -283,16 +277,15 @@ void bind_filter(nb::module_& m) {
         "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
   m.attr("ASIDE") = axle_step::ASIDE;
   m.def("is_edge", axle_step::is_edge, "kind"_a, "Return whether a condition is on the place, by a unit normal.");
-  m.def("watch_sample", [](const Numbers1& sensed, double radius, double confidence, bool exact, bool observed) {
-    const Records<plants::Plant> plants = records<plants::Plant>(sensed, 1);
-    const Vector<double> input{plants.tail(0), 2};
-    const Index why = state_check::believe(plants[0], input);
-    if (why == 0) monitor::watch(plants[0], input, radius, confidence, exact, observed);
-    return why;
-  }, "sensed"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
-  "Check the state of a planar double integrator, compare it with the one before, and return the reason.");
-  m.def("face", [](const Numbers1& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
-    const Records<plants::Plant> plants = records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
+  m.def("check_states", [](const Words& sensed) {
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+    Index worst = 0;
+    for (Index i = 0; i < plants.size; ++i)
+      worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+    return worst;
+  }, "sensed"_a.noconvert(), "Check the states of planar double integrators, and return the highest reason.");
+  m.def("face", [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
     for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
   }, "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
   "Let guidance turn differential drives that face away from their path.");

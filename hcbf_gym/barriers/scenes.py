@@ -92,7 +92,7 @@ def scenes_of_arrays(
     choices: dict[str, Any] = {one.kind: one for one in SHAPES} | {SPEED_LIMIT: SpeedLimit}
     for name in np.unique(codes).tolist():
         chosen, cls = codes == name, choose("kind", name, choices)
-        scenes.kind[chosen] = layout.SPEED_LIMIT if cls is SpeedLimit else cls.compiled.code
+        scenes.kind[chosen] = layout.SPEED_LIMIT if cls is SpeedLimit else cls.code
         scenes.parameters[chosen] = _blocks(cls, values[chosen])
         if cls is not SpeedLimit:
             scenes.parameters[chosen, : layout.VELOCITY_Y + 1] = moving[chosen]

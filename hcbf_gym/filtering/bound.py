@@ -49,8 +49,7 @@ class Bound:
         known, words = self._plants, samples.words
         if constants is not known[0] or program is not known[1] or words is not known[2]:
             self._forget()
-            count = len(samples.plants)
-            self._filter = _core.Filter(constants, program, words, count, self._threads)
+            self._filter = _core.Filter(constants, program, words, self._threads)
             self._plants = constants, program, words
             if samples.is_apart:
                 self._filter.set_states(*samples.states)

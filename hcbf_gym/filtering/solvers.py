@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
 from hcbf_gym.filtering.bound import DONE
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
-from hcbf_gym.programs.program import has_no_gap
 
 
 def answer(program: Program, posed: Any, count: int) -> int:
@@ -63,7 +63,7 @@ def without_gaps(rows: CbfRows) -> CbfRows:
 
     Where nothing strict is in sight, a last row of rank 1 asks for nothing.
     """
-    if has_no_gap(rows.priority):
+    if _core.has_no_gap(rows.priority):
         return rows
     ranks = np.unique(rows.priority)
     lower = ranks[ranks > 1]

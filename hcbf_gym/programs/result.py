@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import kernel
-from hcbf_gym.programs.tolerances import NOMINAL, SLACK
+from hcbf_gym.programs.tolerances import NOMINAL
 
 
 class FilterStatus(IntEnum):
@@ -61,33 +61,7 @@ def violation(rows: CbfRows, u: Array, radius: float) -> Array:
         u: (n_u,) the input.
         radius: the largest norm of an input, which sets the scale of rounding.
     """
-    return _violation(rows.a, rows.b, u, radius)
-
-
-@kernel()
-def _violation(a: Array, b: Array, u: Array, radius: float) -> Array:
-    slack = np.empty(b.size)
-    for k in range(b.size):
-        square = 0.0
-        lack = b[k]
-        for j in range(u.size):
-            square += a[k, j] * a[k, j]
-            lack -= a[k, j] * u[j]
-        slack[k] = slack_of(lack, np.sqrt(square), b[k], radius)
-    return slack
-
-
-@kernel(error_model="numpy", inline="always")
-def slack_of(lack: float, norm: float, b: float, radius: float) -> float:
-    """Return by how much a row is violated, 0 where that is rounding.
-
-    Args:
-        lack: b − a·u.
-        norm: ‖a‖.
-        b: its bound.
-        radius: the largest norm of an input.
-    """
-    return lack if lack > SLACK * (norm * radius + abs(b)) else 0.0
+    return _core.violation(rows.a, rows.b, u, radius)
 
 
 def classify(

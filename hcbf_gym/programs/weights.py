@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, shown
 
 
@@ -73,7 +73,7 @@ class Weights(NamedTuple):
     def of(self, priority: Integers, h: Array) -> Array:
         """Return λ_δ(h) (m,) of one state's rows; infinity for those of strict levels."""
         ranked = zip(priority.tolist(), h.tolist(), strict=True)
-        return np.array([weight_of(self.table[0], rank, value) for rank, value in ranked])
+        return np.array([_core.row_weight(self.table[0], rank, value) for rank, value in ranked])
 
     def check(self, states: int) -> None:
         """Refuse a batch of another number of states.
@@ -85,18 +85,6 @@ class Weights(NamedTuple):
             raise InvalidInputError(
                 f"gamma0, delta_gamma: got weights of {self.states} states, expected {states}"
             )
-
-
-@kernel(inline="always")
-def gamma0_of(table: Array, priority: int) -> float:
-    """Return γ₀ of a priority, `table` a row of that of `Weights`; infinity for a strict level."""
-    return np.inf if priority <= 1 else table[min(priority - 1, table.size - 1)]
-
-
-@kernel(inline="always")
-def weight_of(table: Array, priority: int, h: float) -> float:
-    """Return λ_δ(h) of one row; infinity for one of a strict level."""
-    return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h))
 
 
 def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:

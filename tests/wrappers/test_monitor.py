@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hcbf_gym import _core
+from hcbf_gym.arrays import numbers_of
 from hcbf_gym.filtering import plants
 from hcbf_gym.models.plant import Reason
 
@@ -15,12 +16,13 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    one = np.zeros(1, dtype=plants.PLANT)
-    plant, words = one[0], one.view(np.float64)
+    records = np.zeros(1, dtype=plants.PLANT)
+    plant = records[0]
     plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        assert _core.watch_sample(words, RADIUS, 3.0, exact=True, observed=True) == 0
+        assert _core.check_states(numbers_of(records)) == 0
+        _core.monitor_watch(numbers_of(records), RADIUS, 3.0, exact=True, observed=True)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include <hcbf/layout.hpp>
+#include <hcbf/pieces.hpp>
 #include <hcbf/shapes.hpp>
 #include <hcbf/speed_limit.hpp>
 #include <hcbf/zone.hpp>
@@ -44,16 +45,50 @@ inline double of_map(Index kind, const double* c, double distance, double vx, do
 
 // h of one barrier at the state x (4,) and time t; infinity for a user's own. The atlas is empty where
 // there is no map.
-double value(Index kind, const double* c, Vector<const double> atlas, const double* x, double t);
+inline double value(Index kind, const double* c, Vector<const double> atlas, const double* x, double t) {
+  if (kind == layout::SPEED_LIMIT) return speed_limit::value(c[layout::V_MAX], x[2], x[3]);
+  if (atlas.size > 0 && is_mapped(kind)) {
+    const Index at = static_cast<Index>(c[layout::PIECES]);
+    return of_map(kind, c, pieces::nearest(atlas, at, x[0], x[1]).distance, x[2], x[3]);
+  }
+  return height(kind, c, x[0], x[1], t);
+}
 
 // Writes h (N, m) of N states x (N, 4) at the times t (N,), in N scenes or all in one: kind (N, m) or
 // (1, m), parameters (N, m, WIDTH) or (1, m, WIDTH).
-void values(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
-            Matrix<const double> x, Vector<const double> t, Matrix<double> h);
+inline void values(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
+                   Matrix<const double> x, Vector<const double> t, Matrix<double> h) {
+  for (Index i = 0; i < x.rows; ++i) {
+    const Index n = kind.rows > 1 ? i : 0;
+    for (Index k = 0; k < kind.columns; ++k)
+      h(i, k) = value(kind(n, k), parameters[n][k].data, atlas, x[i].data, t[i]);
+  }
+}
 
 // Writes h (N, m) and what a policy sees of each barrier, (N, m, 4): h, unit ∇h, ∂h/∂t. Each scene has
 // its state. Three zeros follow h of what is no region.
-void sense(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
-           Matrix<const double> x, Vector<const double> t, Matrix<double> h, Cube<double> sensed);
+inline void sense(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
+                  Matrix<const double> x, Vector<const double> t, Matrix<double> h, Cube<double> sensed) {
+  for (Index i = 0; i < x.rows; ++i)
+    for (Index k = 0; k < kind.columns; ++k) {
+      const double* c = parameters[i][k].data;
+      double* seen = sensed[i][k].data;
+      seen[1] = seen[2] = seen[3] = 0.0;
+      if (atlas.size > 0 && kind(i, k) == layout::MAPPED) {
+        const Index at = static_cast<Index>(c[layout::PIECES]);
+        const auto slope = pieces::jet(atlas, at, x(i, 0), x(i, 1));
+        h(i, k) = slope.h, seen[1] = slope.gx, seen[2] = slope.gy;
+      } else if (is_region(kind(i, k))) {
+        const PlanarJet there = jet(kind(i, k), c, x(i, 0), x(i, 1), t[i]);
+        const double norm = std::sqrt(there.gx * there.gx + there.gy * there.gy);
+        h(i, k) = there.h;
+        seen[1] = there.gx / norm, seen[2] = there.gy / norm;
+        seen[3] = -(there.gx * c[layout::VELOCITY_X] + there.gy * c[layout::VELOCITY_Y]);
+      } else {
+        h(i, k) = value(kind(i, k), c, atlas, x[i].data, t[i]);
+      }
+      seen[0] = h(i, k);
+    }
+}
 
 }  // namespace hcbf::shape_terms
