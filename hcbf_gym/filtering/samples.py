@@ -137,7 +137,8 @@ class Samples:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
-        self._count_from_origin(noted, estimate.model is not None)
+        if self.origin.is_far or not self.origin.is_decided:
+            self._count_from_origin(noted, estimate.model is not None)
 
     def _count_from_origin(self, noted: bool, has_model: bool) -> None:
         """Let positions count from the origin, which the first that is good decides.
