@@ -156,9 +156,10 @@ void bind_rows(nb::module_& m) {
 void bind_local(nb::module_& m) {
   m.attr("CIRCULATION_STUCK") = local_guidance::STUCK;
   m.def("circulation_rows", [](const Numbers<const Index, 2>& kind,
-                               const Numbers<const double, 3>& parameters, const Spread<const double, 2>& x, const Spread<const double, 1>& t,
-                               const Spread<const double, 2>& u_nominal, const Four& pull,
-                               const Numbers<double, 2>& memory, const Spread<double, 2>& out) {
+                               const Numbers<const double, 3>& parameters, const Spread<const double, 2>& x,
+                               const Spread<const double, 1>& t, const Spread<const double, 2>& u_nominal,
+                               const Four& pull, const Numbers<double, 2>& memory,
+                               const Spread<double, 2>& out) {
     const auto states = x.view(), inputs = u_nominal.view();
     const auto times = t.view();
     const auto rows = out.view();
