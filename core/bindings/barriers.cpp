@@ -176,7 +176,7 @@ std::vector<std::pair<std::string, Index>> columns() {
       {"rows.PERIOD", place(offsetof(RowSettings, period))}, {"rows.U_MAX", place(offsetof(RowSettings, u_max))},
       {"rows.HELD", place(offsetof(RowSettings, held))}, {"rows.LOW", place(offsetof(RowSettings, low))},
       {"rows.HIGH", place(offsetof(RowSettings, high))}, {"rows.SETTINGS_WIDTH", place(sizeof(RowSettings))},
-      {"row_kernels.B", B}, {"row_kernels.H", H}, {"row_kernels.ALPHA2_PSI", ALPHA2_PSI}, {"row_kernels.PSI", PSI},
+      {"rows.B", B}, {"rows.H", H}, {"rows.ALPHA2_PSI", ALPHA2_PSI}, {"rows.PSI", PSI},
       {"general_kernels.MARGIN", MARGIN}, {"general_kernels.RATE", RATE}, {"general_kernels.QUICKENING", QUICKENING},
       {"general_kernels.LEANING", LEANING}, {"general_kernels.REACH", REACH}, {"general_kernels.FAST", FAST},
       {"general_kernels.DIP", DIP}, {"general_kernels.CONDITIONING", CONDITIONING},
