@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym import programs
+from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings, kernels
+from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.shapes import disc
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
@@ -188,10 +187,6 @@ def _nominal(
     return u + noise.normal(0.0, 3.0, u.shape) if policy == "noisy" else u
 
 
-_NO_MAP = np.zeros(1)
-
-
-@kernel()
 def advance(
     kind: Integers,
     parameters: Array,
@@ -207,19 +202,14 @@ def advance(
 
     Lowers `least` (N, m) to the smallest h seen, and adds to `inside` (N, m) the time with h < 0.
     """
-    state = np.empty(4)
-    for i in range(x.shape[0]):
-        for look in range(1, looks + 1):
-            tau = look * dt / looks
-            for axis in range(2):
-                state[axis] = x[i, axis] + tau * (x[i, 2 + axis] + 0.5 * tau * u[i, axis])
-                state[2 + axis] = x[i, 2 + axis] + tau * u[i, axis]
-            for k in range(kind.shape[1]):
-                h = kernels.value(kind[i, k], parameters[i, k], _NO_MAP, state, t[i] + tau)
-                least[i, k] = min(least[i, k], h)
-                if h < 0.0:
-                    inside[i, k] += dt / looks
-        x[i] = state
+    h, start = np.empty(least.shape), x.copy()
+    for look in range(1, looks + 1):
+        tau = look * dt / looks
+        x[:, :2] = start[:, :2] + tau * (start[:, 2:] + 0.5 * tau * u)
+        x[:, 2:] = start[:, 2:] + tau * u
+        _core.barrier_values(kind, parameters, None, x, t + tau, h)
+        np.minimum(least, h, out=least)
+        inside += (h < 0.0) * (dt / looks)
 
 
 def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import (
     BarrierSet,
@@ -130,7 +131,7 @@ def rows(case: Case, x: Array, margin: Array, held: bool = True) -> tuple[Array,
     settings[row_kernels.HELD] = held
     kind, numbers = case.barriers.kind.repeat(n, 0), case.barriers.parameters.repeat(n, 0)
     a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
-    row_kernels.rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
+    _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
     return a[:, 0], out[row_kernels.B, :, 0], out[row_kernels.PSI, :, 0]
 
 

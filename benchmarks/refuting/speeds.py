@@ -14,6 +14,7 @@ from benchmarks.refuting.cases import (
     u_max,
     value,
 )
+from hcbf_gym import _core
 from hcbf_gym.barriers import layout, row_kernels
 
 
@@ -47,7 +48,7 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     kind = np.full((len(z), 1), layout.ZONE if zone else layout.SPEED_LIMIT)
     reserved = np.stack([own, rate, 0.0 * own])[:, :, None]
     x = np.hstack([p, v])
-    row_kernels.rows(kind, numbers, reserved, x, np.zeros(len(z)), case.how.packed, a, out)
+    _core.planar_rows(kind, numbers, reserved, x, np.zeros(len(z)), case.how.packed, a, out)
     size, b = np.linalg.norm(a[:, 0], axis=1), out[row_kernels.B, :, 0]
     ahead = a[:, 0] / np.maximum(size, 1e-300)[:, None]
     u = push(case, ahead, b / np.maximum(size, 1e-300), z[:, 11], z[:, 12])

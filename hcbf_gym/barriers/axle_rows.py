@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import row_kernels
 from hcbf_gym.barriers.rows import HIGH, LOW, RowSettings
 from hcbf_gym.compilation import kernel
 from hcbf_gym.models.axle import Axle, speeds
@@ -147,6 +147,6 @@ def at_a_glance(settings: RowSettings, jerk: float) -> float:
 def _bound(settings: RowSettings, kept: float, speed: float) -> float:
     """Return b of the row beside a wall that is `kept` away and neared at a speed."""
     if settings.held:
-        return row_kernels.held_row(kept, -speed, 0.0, speed, 0.0, np.inf, settings.packed)[0]
+        return _core.held_row(kept, -speed, 0.0, speed, 0.0, np.inf, settings.packed)[0]
     psi = settings.alpha1.values(np.array([kept]))[0] - speed
     return settings.alpha1.derivative(kept) * speed - settings.alpha2.values(np.array([psi]))[0]

@@ -1,7 +1,6 @@
 """Extended class-K functions α: strictly increasing, α(0) = 0, with derivative and inverse.
 
-Each exists once, compiled: `value`, `slope` and `inverse` read a function's four numbers, and the
-objects that users hold call them.
+Each exists once, compiled (core/include/hcbf/class_k.hpp), and reads a function's four numbers.
 """
 
 from abc import ABC, abstractmethod
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import records
+from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
 from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_float, shown
@@ -26,15 +25,6 @@ def value(c: Array, h: float) -> float:
     if c[0] == LINEAR:
         return c[1] * h
     return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
-
-
-@kernel(error_model="numpy")
-def values(c: Array, h: Array) -> Array:
-    """Return α(h) (m,) of h (m,)."""
-    out = np.empty(h.size)
-    for k in range(h.size):
-        out[k] = value(c, h[k])
-    return out
 
 
 @kernel(error_model="numpy")
@@ -80,19 +70,21 @@ class ClassK(ABC):
 
     def __call__(self, h: float) -> float:
         """Return α(h)."""
-        return value(self._numbers, h)
+        return _core.class_k_value(self._numbers, h)
 
     def values(self, h: Array) -> Array:
         """Return α(h) (m,) of h (m,)."""
-        return values(self._numbers, h)
+        out = np.empty(h.size)
+        _core.class_k_values(self._numbers, h, out)
+        return out
 
     def derivative(self, h: float) -> float:
         """Return dα/dh."""
-        return slope(self._numbers, h)
+        return _core.class_k_slope(self._numbers, h)
 
     def inverse(self, value: float) -> float:
         """Return α⁻¹(value)."""
-        return inverse(self._numbers, value)
+        return _core.class_k_inverse(self._numbers, value)
 
 
 @dataclass(frozen=True)

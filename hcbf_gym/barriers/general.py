@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import general_kernels, layout
+from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
@@ -23,7 +24,6 @@ from hcbf_gym.barriers.general_kernels import (
     RATE,
     WIDTH,
     Scene,
-    Terms,
     jet_width,
     pack,
 )
@@ -31,7 +31,7 @@ from hcbf_gym.barriers.kinks import SMOOTH, Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H, late
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
@@ -119,7 +119,7 @@ class GeneralRows:
         a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
 
     Where r is 2 and ψ_1 below zero, the row asks at least for a stop at h = margin, if U can (see
-    `row_kernels.late`).
+    rows.hpp).
 
     r is found by looking at sampled states, once for each class of barrier that reads the same
     states. It is the least order at which *any* input appears: inputs that would appear later
@@ -264,8 +264,7 @@ class GeneralRows:
         jacobian = _NO_JACOBIAN
         if prepared.turns:
             jacobian = self.model.jacobians_of(x)
-        at = Terms(f, g, jacobian)
-        lags = general_kernels.write_rows(prepared.scene, jets, (x, t), at, self._alphas, out)
+        lags = _core.general_rows(*prepared.scene, jets, x, t, f, g, jacobian, self._alphas, out)
         for group in prepared.groups:
             scenes, places, rows = group
             here = np.ix_(scenes, places)
@@ -274,7 +273,7 @@ class GeneralRows:
             if not math.isfinite(made.sum()):
                 made = self._beside(prepared, group, made, (x, t, reserved), (known, first))
             degrees = prepared.scene.degree[scenes[0], places]
-            lags |= general_kernels.take_rows(made, degrees, self._alphas[1], reserved)
+            lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
         if lags and self._most is not None:
             self._recover(prepared, self._most, out)
@@ -343,7 +342,7 @@ class GeneralRows:
             alpha2_psi, kept = float(row[ALPHA2_PSI]), float(row[H] - row[MARGIN])
             rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
             lost = float(row[B]) + alpha2_psi + self.alpha1.derivative(kept) * rate
-            row[B] = max(float(row[B]), late(kept, rate, lost, most(row[WIDTH:])))
+            row[B] = max(float(row[B]), _core.row_late(kept, rate, lost, most(row[WIDTH:])))
 
     def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same."""
@@ -596,7 +595,7 @@ def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
             barriers: list[Any] = list(run)
             end = k + len(barriers)
             if cls in SHAPES:
-                kind[i, k:end] = cls.compiled.code
+                kind[i, k:end] = cls.code
                 parameters[i, k:end] = cls.blocks_of(barriers)
             elif cls is SpeedLimit:
                 for place, barrier in enumerate(barriers, k):

@@ -71,7 +71,7 @@ class Shapes:
         self.name = name
         self.priority = int(priority)
         cls = choose("shape", shape, {one.kind: one for one in SHAPES})
-        self._class, self.kind = cls, cls.compiled.code
+        self._class, self.kind = cls, cls.code
         given = as_array(f"{name}: values", values)
         nothing = np.zeros((0, layout.WIDTH))
         self.parameters = cls.pack(f"{name}: {shape}", given) if given.size else nothing

@@ -4,23 +4,13 @@ from functools import cache
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.general_kernels import DIP, WIDTH
 from hcbf_gym.barriers.kinks import Kinks
-from hcbf_gym.barriers.row_kernels import (
-    ALPHA2_PSI,
-    PSI,
-    B,
-    H,
-    beside_core,
-    half_step,
-    held_row,
-    late,
-    reach_of,
-    support,
-)
+from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
@@ -55,7 +45,7 @@ def write_own_row(
     ):
         return
     margin, margin_rate, quickening = reserved
-    dip = half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
+    dip = _core.row_half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
     row = usual(settings)([barrier], x, t, np.array([margin + dip]), margin_rate, kinks)
     assert row.alpha2_psi is not None
     h, alpha2_psi = float(row.h[0]), float(row.alpha2_psi[0])
@@ -80,7 +70,7 @@ def _write_held_row(
     q = x[:2] - w * t
     r = x[2:] - w
     speed = float(np.linalg.norm(r))
-    core = barrier.core(q, reach_of(speed, packed))
+    core = barrier.core(q, _core.row_reach(speed, packed))
     if core is None:
         return False
     margin, margin_rate, quickening = reserved
@@ -88,9 +78,9 @@ def _write_held_row(
     if not np.isfinite(np.sum(gradient) + np.sum(hessian)):
         return False  # a kink, which the usual row looks beside
     bending = core.distance * float(r @ hessian @ r) if core.is_point else 0.0
-    kept = float(h) - margin - beside_core(float(core.radius), packed)
+    kept = float(h) - margin - _core.row_beside_core(float(core.radius), packed)
     rate = float(gradient @ r) - margin_rate
-    b, alpha2_psi, psi, lost = held_row(
+    b, alpha2_psi, psi, lost = _core.held_row(
         kept,
         rate,
         quickening,
@@ -100,8 +90,8 @@ def _write_held_row(
         packed,
     )
     if psi < 0.0:
-        most = support(packed, float(gradient[0]), float(gradient[1]))
-        b = max(b, late(kept, rate, lost, most))
+        most = _core.row_support(packed, float(gradient[0]), float(gradient[1]))
+        b = max(b, _core.row_late(kept, rate, lost, most))
     out[WIDTH:] = gradient
     out[[B, H, ALPHA2_PSI, PSI]] = b, float(h), alpha2_psi, psi
     return True
@@ -115,5 +105,5 @@ def usual(settings: RowSettings) -> GeneralRows:
         DoubleIntegrator(),
         settings.alpha1,
         settings.alpha2,
-        lambda a: support(packed, float(a[0]), float(a[1])),
+        lambda a: _core.row_support(packed, float(a[0]), float(a[1])),
     )

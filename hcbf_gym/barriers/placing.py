@@ -150,7 +150,7 @@ class Placing:
         if not given.is_kept:
             self._content = [getattr(given, name).copy() for name in _COMPARED]
         for cls in SHAPES if moved.any() else ():
-            these = moved & (given.kind == cls.compiled.code)
+            these = moved & (given.kind == cls.code)
             if not these.any():
                 continue
             blocks = placed.parameters[these]

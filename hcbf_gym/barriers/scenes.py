@@ -92,11 +92,11 @@ def scenes_of_arrays(
     choices: dict[str, Any] = {one.kind: one for one in SHAPES} | {SPEED_LIMIT: SpeedLimit}
     for name in np.unique(codes).tolist():
         chosen, cls = codes == name, choose("kind", name, choices)
-        scenes.kind[chosen] = layout.SPEED_LIMIT if cls is SpeedLimit else cls.compiled.code
+        scenes.kind[chosen] = layout.SPEED_LIMIT if cls is SpeedLimit else cls.code
         scenes.parameters[chosen] = _blocks(cls, values[chosen])
         if cls is not SpeedLimit:
             scenes.parameters[chosen, : layout.VELOCITY_Y + 1] = moving[chosen]
-    scenes.priority = levels.astype(np.int64)
+    scenes.priority = levels.astype(np.int64, order="C")
     scenes.keeps_margin = ((scenes.kind != layout.SPEED_LIMIT) & (levels == 1)).astype(np.float64)
     scenes.own_margin = np.zeros((count, m))
     scenes.is_kept = True

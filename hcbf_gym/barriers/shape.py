@@ -1,9 +1,7 @@
-"""What a built-in shape is: fields with their checks, compiled functions, and how it is drawn.
+"""What a built-in shape is: fields with their checks, and how it is packed, drawn and moved.
 
-Each shape stands in a file of `shapes`, and what evaluates, packs, reads, draws or moves a shape
-finds it here. The compiled functions are what runs everywhere; they read a shape's block of
-numbers (see `layout`) at a point of the shape's own frame. Points travel as scalars, so that
-nothing is allocated per state.
+Each shape has a file in `shapes` and a header in core/include/hcbf, whose functions evaluate it
+everywhere: they read its block of numbers (see `layout`) at a point of the shape's own frame.
 """
 
 from abc import abstractmethod
@@ -15,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
@@ -27,25 +26,6 @@ Planar = Callable[[Any, Any], Any]
 
 TINY = 1e-9
 """Below this distance [m] from a region's centre its gradient is taken along +x."""
-
-
-class Compiled(NamedTuple):
-    """The compiled functions of a shape; c is its block (WIDTH,), (x, y) a point of its frame [m].
-
-    Attributes:
-        code: the kind by which `shapes` finds them.
-        jet: (c, x, y) → H, ∇H (x, y), d, t (x, y). H is the signed distance, so that ‖∇H‖ = 1, and
-            its Hessian has rank one, ``∇²H = t tᵀ/d``: d is the distance from the centre of
-            curvature (a disc's centre, a polygon's corner), and infinite where H is flat.
-        core: (c, x, y, H, d, reach) → the entries of a `Core`, for rows of a held input.
-        bounds: (c) → least x, least y, greatest x, greatest y of the region, infinite with swapped
-            signs where it has none.
-    """
-
-    code: int
-    jet: Callable[[Array, float, float], PlanarJet]
-    core: Callable[[Array, float, float, float, float, float], tuple[float, float, bool]]
-    bounds: Callable[[Array], tuple[float, float, float, float]]
 
 
 class Oval(NamedTuple):
@@ -91,11 +71,11 @@ class Shape(PlanarBarrier):
 
     Attributes:
         kind: its name in JSON and for `Shapes`.
-        compiled: its compiled functions.
+        code: by which compiled code finds its functions.
     """
 
     kind: ClassVar[str]
-    compiled: ClassVar[Compiled]
+    code: ClassVar[int]
 
     @abstractmethod
     def write(self, c: Array) -> int:
@@ -171,17 +151,18 @@ class Shape(PlanarBarrier):
 
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H (2,) and ∇²H (2, 2); where ∇H has no direction, one is chosen."""
-        h, gx, gy, distance, tx, ty = self.compiled.jet(self._block, float(q[0]), float(q[1]))
+        h, gx, gy, distance, tx, ty = _core.shape_jet(
+            self.code, self._block, float(q[0]), float(q[1])
+        )
         tangent = np.array((tx, ty))
         return h, np.array((gx, gy)), np.outer(tangent, tangent) / distance
 
     def core(self, q: Array, reach: float) -> Core:
         """Return the core; see `PlanarBarrier.core`."""
         c = self._block
-        x = float(q[0])
-        y = float(q[1])
-        h, _, _, distance, _, _ = self.compiled.jet(c, x, y)
-        return Core(*self.compiled.core(c, x, y, h, distance, reach))
+        x, y = float(q[0]), float(q[1])
+        h, _, _, distance, _, _ = _core.shape_jet(self.code, c, x, y)
+        return Core(*_core.shape_core(self.code, c, x, y, h, distance, reach))
 
     @cached_property
     def _block(self) -> Array:

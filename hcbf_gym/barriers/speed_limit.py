@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
@@ -90,5 +91,5 @@ class SpeedLimit(Barrier):
         gradient, hessian = np.zeros(len(x)), np.zeros((len(x),) * 2)
         gradient[2:4] = -x[2:4] / self.v_max
         hessian[2:4, 2:4] = -np.eye(2) / self.v_max
-        h = value(self.v_max, float(x[2]), float(x[3]))
+        h = _core.speed_limit_value(self.v_max, float(x[2]), float(x[3]))
         return Jet(h, gradient, hessian, 0.0, np.zeros(len(x)), 0.0)

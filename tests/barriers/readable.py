@@ -103,6 +103,25 @@ def held_row(barrier, x, t, settings, margin, margin_rate, quickening=0.0):
     return gradient, b, h, alpha2(psi)
 
 
+def usual_row(barrier, x, t, settings, margin, margin_rate, quickening=0.0):
+    """Return a, b, h and α₂(ψ) of a built-in barrier at this instant alone."""
+    alpha1, alpha2 = settings.alpha1, settings.alpha2
+    if isinstance(barrier, SpeedLimit):
+        velocity, v_max = x[2:], barrier.v_max
+        h = (v_max**2 - velocity @ velocity) / (2.0 * v_max)
+        return -velocity / v_max, margin_rate - alpha2(h - margin), h, alpha2(h - margin)
+    r = x[2:] - barrier.frame_velocity
+    h, gradient, hessian = jet(barrier, x[:2] - barrier.frame_velocity * t)
+    kept, rate = h - margin, float(gradient @ r) - margin_rate
+    psi, lost = rate + alpha1(kept), quickening - float(r @ hessian @ r)
+    b = lost - alpha1.derivative(kept) * rate - alpha2(psi)
+    if psi < 0.0 and rate < 0.0 < kept and settings.u_max is not None:
+        most = settings.u_max * float(np.linalg.norm(gradient))
+        most = most if settings.limits is None else min(most, support(gradient, settings.limits))
+        b = max(b, min(rate**2 / (2.0 * kept) + lost, most))
+    return gradient, b, h, alpha2(psi)
+
+
 def support(a, limits):
     """Return the most that a box gives of a·u."""
     return float(np.maximum(a * np.array(limits[0]), a * np.array(limits[1])).sum())

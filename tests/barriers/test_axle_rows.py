@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hcbf_gym.barriers import LinearClassK, LogClassK, axle_rows, row_kernels
+from hcbf_gym import _core
+from hcbf_gym.barriers import LinearClassK, LogClassK, axle_rows
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
@@ -44,7 +45,7 @@ def test_a_row_on_the_axle_knows_its_mean_acceleration(case, state):
     e, across = vectors(heading)
     later_v, later_turning = v + period * u @ e, turning + period / cart.look_ahead * (u @ across)
     mean = (later_v * vectors(heading + period * later_turning)[0] - v * e) / period
-    a_x, a_y, b = axle_rows.of_axle(cart, x, heading, period, *n, 0.0)
+    a_x, a_y, b = _core.axle_row(cart, x, heading, period, *n, 0.0)
     assert abs(n @ mean - (np.array([a_x, a_y]) @ u - b)) <= cart.jerk(period) + 1e-9
 
 
@@ -69,7 +70,7 @@ def test_a_row_on_the_point_knows_its_mean_acceleration(case, state):
     later, later_across = vectors(heading + period * later_turning)
     velocity = later_v * later + cart.look_ahead * later_turning * later_across
     mean = (velocity - x[2:]) / period
-    a_x, a_y, b = axle_rows.of_point(cart, x, heading, period, *n, 0.0)
+    a_x, a_y, b = _core.axle_point_row(cart, x, heading, period, *n, 0.0)
     change = abs(later_turning - turning)
     missed = change * cart.braking * period * 1.5
     missed += 0.5 * change**2 * period * (np.hypot(*x[2:]) + 2.0 * cart.braking * period)
@@ -98,9 +99,9 @@ def test_one_braking_input_meets_the_rows_of_all_walls_at_once(cart, period, alp
             rate = v * np.cos(angle)
             kept = reserved + rng.choice([0.0, 1.0]) * rng.exponential(0.3)
             kept = max(kept, reserved + settings.alpha1.inverse(max(0.0, -rate)))
-            b = row_kernels.held_row(
-                kept, rate, cart.jerk(period), abs(v), 0.0, np.inf, settings.packed
-            )[0]
+            b = _core.held_row(kept, rate, cart.jerk(period), abs(v), 0.0, np.inf, settings.packed)[
+                0
+            ]
             braking = -np.sign(v) * min(steep * abs(v), cart.braking)
             bound += b > -cart.braking
             assert braking * np.cos(angle) >= b - 1e-9, (v, angle, kept, b)

@@ -1,13 +1,15 @@
 """What every built-in shape keeps, whichever there are."""
 
 import dataclasses
+import importlib
 import json
 
 import numpy as np
 import pytest
+import readable
 from needs import remedy
 
-from hcbf_gym import barriers
+from hcbf_gym import _core, barriers
 from hcbf_gym.barriers import Barrier, Oval, Shapes, Wall, layout, shapes
 from hcbf_gym.errors import InvalidInputError
 
@@ -34,7 +36,7 @@ def points(n, seed=0):
 
 
 def test_kinds_and_codes_tell_shapes_apart():
-    codes = [shape.compiled.code for shape in ALL]
+    codes = [shape.code for shape in ALL]
     assert len(set(codes)) == len({shape.kind for shape in ALL}) == len(ALL)
     assert min(codes) >= 0
     assert max(codes) < layout.SPEED_LIMIT
@@ -46,14 +48,30 @@ def test_kinds_and_codes_tell_shapes_apart():
 @pytest.mark.parametrize("shape", ALL, ids=named)
 def test_compiled_code_finds_the_functions_of_its_kind(shape):
     code, block = block_of(shape)
-    assert code == shape.compiled.code
-    assert shapes.bounds(code, block) == shape.compiled.bounds(block)
-    for x, y in points(50).tolist():
-        h, *_, d, _, _ = found = shapes.jet(code, block, x, y)
-        assert found == shape.compiled.jet(block, x, y)
-        assert shapes.core(code, block, x, y, h, d, 0.1) == shape.compiled.core(
-            block, x, y, h, d, 0.1
-        )
+    assert code == shape.code
+    for q in points(50):
+        expected, gradient, _ = readable.jet(shape, q)
+        h, gx, gy, d, _, _ = _core.shape_jet(code, block, *q)
+        np.testing.assert_allclose((h, gx, gy), (expected, *gradient), rtol=1e-9, atol=1e-9)
+        if h > 1e-9:
+            core = _core.shape_core(code, block, *q, h, d, 0.1)
+            np.testing.assert_allclose(core, readable.core(shape, q, 0.1), rtol=1e-9)
+
+
+def test_python_and_compiled_code_have_the_same_numbers():
+    for name, number in _core.barrier_columns():
+        module, _, column = name.rpartition(".")
+        assert getattr(importlib.import_module(f"hcbf_gym.barriers.{module}"), column) == number
+
+
+def test_what_is_no_shape_is_infinitely_far():
+    block = np.zeros(layout.WIDTH)
+    assert _core.shape_jet(layout.CUSTOM, block, 1.0, 2.0) == (np.inf, 0.0, 0.0, np.inf, 0.0, 0.0)
+    assert _core.shape_core(layout.CUSTOM, block, 1.0, 2.0, 0.0, 0.0, 0.1) == (
+        np.inf,
+        np.inf,
+        False,
+    )
 
 
 @pytest.mark.parametrize("shape", ALL, ids=named)
@@ -97,7 +115,7 @@ def test_it_is_drawn_where_h_is_zero_and_within_its_bounds(shape):
     edges = np.roll(corners, -1, axis=0) - corners
     following = np.roll(edges, -1, axis=0)
     assert (edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0] > 0.0).all()
-    low_x, low_y, high_x, high_y = shape.compiled.bounds(block_of(shape)[1])
+    low_x, low_y, high_x, high_y = _core.shape_bounds(*block_of(shape))
     assert (corners >= np.array([low_x, low_y]) - 1e-9).all()
     assert (corners <= np.array([high_x, high_y]) + 1e-9).all()
 

@@ -6,10 +6,10 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
-    Compiled,
     Planar,
     PlanarJet,
     Shape,
@@ -44,7 +44,7 @@ def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> in
 
 @kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`."""
+    """Return H and its derivatives; see `Shape`."""
     dx = x - c[START_X]
     dy = y - c[START_Y]
     ax = c[ALONG_X]
@@ -111,7 +111,7 @@ class Capsule(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "capsule"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
+    code: ClassVar[int] = CODE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,7 +130,7 @@ class Capsule(Shape):
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
-        return write(c, self.velocity, self.start, self.end, self.radius)
+        return _core.capsule_write(c, self.velocity, self.start, self.end, self.radius)
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:

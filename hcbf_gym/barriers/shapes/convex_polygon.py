@@ -6,11 +6,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
     TINY,
-    Compiled,
     Planar,
     PlanarJet,
     Shape,
@@ -57,7 +57,7 @@ def used(c: Array) -> float:
 
 @kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`."""
+    """Return H and its derivatives; see `Shape`."""
     corners = _count(c)
     nearest2 = np.inf
     offset_x = 0.0
@@ -152,7 +152,7 @@ class ConvexPolygon(Shape):
     vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "convex-polygon"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
+    code: ClassVar[int] = CODE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -164,7 +164,7 @@ class ConvexPolygon(Shape):
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
-        return write(c, self.velocity, np.array(self.vertices))
+        return _core.convex_polygon_write(c, self.velocity, np.array(self.vertices))
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:

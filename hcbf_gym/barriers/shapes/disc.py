@@ -7,10 +7,10 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
-    Compiled,
     Oval,
     Planar,
     PlanarJet,
@@ -41,7 +41,7 @@ def write(c: Array, velocity: Pair, center: Pair, radius: float) -> int:
 
 @kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`."""
+    """Return H and its derivatives; see `Shape`."""
     n, nx, ny, distance, tx, ty = point_jet(x - c[CENTER_X], y - c[CENTER_Y])
     return n - c[RADIUS], nx, ny, distance, tx, ty
 
@@ -82,7 +82,7 @@ class Disc(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "disc"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
+    code: ClassVar[int] = CODE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,7 +92,7 @@ class Disc(Shape):
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
-        return write(c, self.velocity, self.center, self.radius)
+        return _core.disc_write(c, self.velocity, self.center, self.radius)
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:

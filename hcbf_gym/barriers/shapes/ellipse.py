@@ -6,11 +6,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
     TINY,
-    Compiled,
     Oval,
     Planar,
     PlanarJet,
@@ -51,7 +51,7 @@ def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float)
 
 @kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`.
+    """Return H and its derivatives; see `Shape`.
 
     With u along the longer and v along the shorter axis, the normal at the foot of (u, v) is along
     ``w = (u / (s + a² - b²), v / s)``, where s > 0 solves ``(a w_u)² + (b w_v)² = 1``; then
@@ -122,7 +122,7 @@ class Ellipse(Shape):
     angle: float = 0.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "ellipse"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
+    code: ClassVar[int] = CODE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -134,7 +134,7 @@ class Ellipse(Shape):
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
-        return write(c, self.velocity, self.center, self.semi_axes, self.angle)
+        return _core.ellipse_write(c, self.velocity, self.center, self.semi_axes, self.angle)
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:

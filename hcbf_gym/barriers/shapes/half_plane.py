@@ -6,9 +6,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.shape import Compiled, Planar, PlanarJet, Shape, Wall
+from hcbf_gym.barriers.shape import Planar, PlanarJet, Shape, Wall
 from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import ON_EARTH
@@ -28,7 +29,7 @@ def write(c: Array, normal: Pair, offset: float) -> int:
 
 @kernel(error_model="numpy")
 def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Compiled`."""
+    """Return H and its derivatives; see `Shape`."""
     nx, ny = c[NORMAL_X], c[NORMAL_Y]
     return nx * x + ny * y - c[OFFSET], nx, ny, np.inf, -ny, nx
 
@@ -64,7 +65,7 @@ class HalfPlane(Shape):
     normal: Pair = (1.0, 0.0)
     offset: float = 0.0
     kind: ClassVar[str] = "half-plane"
-    compiled: ClassVar[Compiled] = Compiled(CODE, jet, core, bounds)
+    code: ClassVar[int] = CODE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,7 +78,7 @@ class HalfPlane(Shape):
 
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,)."""
-        return write(c, self.normal, self.offset)
+        return _core.half_plane_write(c, self.normal, self.offset)
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
