@@ -1,6 +1,7 @@
 """The built-in shapes, and how compiled code finds the functions of one by its kind.
 
-A new shape is a file here and its name in this one: in `SHAPES`, and a line in each function.
+A new shape is a file here with its name in `SHAPES`, and a header in core/include/hcbf with a line
+in each function of shapes.hpp.
 """
 
 import numpy as np
