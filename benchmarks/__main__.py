@@ -12,6 +12,7 @@ PICTURES = {
     "guidance": "benchmarks.pictures.guidance",
     "input-plane": "benchmarks.pictures.input_plane",
     "maps": "benchmarks.pictures.maps",
+    "weights": "benchmarks.pictures.weights",
 }
 """name → module with `Args` and `main(args)`."""
 

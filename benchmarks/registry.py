@@ -8,7 +8,7 @@ import importlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hcbf_gym.compilation import sources_hash
+from hcbf_gym.sources import sources_hash
 from hcbf_gym.evaluation.tables import Table
 
 _ROOT = Path(__file__).parents[1]

@@ -68,14 +68,25 @@ def build_editable(
     _use_zig()
     with tempfile.TemporaryDirectory() as folder:
         compile_in_place(folder)
+    return build.build_editable(wheel_directory, _pointing(config_settings), metadata_directory)
+
+
+def prepare_metadata_for_build_editable(
+    metadata_directory: str, config_settings: Settings = None
+) -> str:
+    """Write the metadata of a wheel that points to the checkout."""
+    return build.prepare_metadata_for_build_editable(metadata_directory, _pointing(config_settings))
+
+
+def _pointing(config_settings: Settings) -> dict[str, Any]:
+    """Return the settings of a wheel that holds nothing but where the checkout lies."""
     points = {"wheel.cmake": "false", "wheel.py-api": "py3", "editable.mode": "inplace"}
-    settings = {**(config_settings or {}), **points}
-    return build.build_editable(wheel_directory, settings, metadata_directory)
+    return {**(config_settings or {}), **points}
 
 
-def compile_in_place(folder: str) -> None:
-    """Compile the core into `hcbf_gym/`, with CMake's files in a folder."""
-    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON"
+def compile_in_place(folder: str, *options: str) -> None:
+    """Compile the core into `hcbf_gym/`, with CMake's files in a folder and options of its own."""
+    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON", *options
     generator = ("-G", "Ninja") if shutil.which("ninja") else ()
     subprocess.run(["cmake", *generator, "-S", ROOT / "core", "-B", folder, *settings], check=True)
     subprocess.run(["cmake", "--build", folder, "--parallel"], check=True)

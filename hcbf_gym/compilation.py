@@ -6,9 +6,8 @@ import glob
 import hashlib
 import logging
 import math
-import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
@@ -24,6 +23,8 @@ from numba.core.typed_passes import NativeLowering
 from numba.extending import lower_builtin, overload, type_callable
 from numba.np import arrayobj
 
+from hcbf_gym.sources import PACKAGE, sources_hash
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -37,9 +38,6 @@ through it takes a sixth of the time."""
 COMPILING = "compiling kernels, once; later starts read the cache"
 SAID_EVERY = 15.0
 """Where no terminal shows the count, it is logged [s]."""
-PACKAGE = Path(__file__).parent
-"""Where the sources of this package lie."""
-_IMPORT = re.compile(r"^\s*(?:from (\S+) import (\([^)]*\)|.*)|import (.+))", re.M)
 
 
 @functools.cache
@@ -328,91 +326,6 @@ def put(target: Any, source: Any) -> None:
     """
     for k in range(target.size):
         target[k] = source[k]
-
-
-def sources_hash(files: list[Path]) -> str:
-    """Return a hash of files, and of all that they import of this package and of their own.
-
-    Args:
-        files: below `hcbf_gym/`, or in another package that imports it.
-    """
-    found = sorted(reached(files))
-    names = (f"{file.relative_to(_top(file).parent)} {_digest(file)}" for file in found)
-    text = "\n".join(names)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def read_by_name() -> list[Path]:
-    """Return what no import tells of: environments made by name, robots and policies in files."""
-    patterns = (
-        "envs/*.py",
-        "robots/**/*.xml",
-        "robots/**/*.json",
-        "policies/baselines/*",
-        "evaluation/*.json",
-    )
-    return [file for pattern in patterns for file in PACKAGE.glob(pattern) if file.is_file()]
-
-
-def reached(files: Iterable[Path]) -> set[Path]:
-    """Return files, and all that they import of this package and of their own."""
-    found = set()
-    waiting = list(files)
-    while waiting:
-        file = waiting.pop()
-        if file not in found:
-            found.add(file)
-            waiting += _imported(file)
-    return found
-
-
-@functools.cache
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _top(file: Path) -> Path:
-    """Return the folder of the package in which a file lies."""
-    folder = file.parent
-    while (folder.parent / "__init__.py").is_file():
-        folder = folder.parent
-    return folder
-
-
-@functools.cache
-def _imported(file: Path) -> list[Path]:
-    """Return what a file imports of this package and of its own, none for a file of data."""
-    if file.suffix != ".py":
-        return []
-    places = []
-    for parent, names, modules in _IMPORT.findall(file.read_text(encoding="utf-8")):
-        for module in _bare(parent or modules):
-            place = _place(file, module)
-            if place is not None:
-                places += [place, *(place / name for name in _bare(names))]
-    paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
-    # the package's own __init__ imports every room, and nothing computes with what stands in it
-    return [path for path in paths if path.is_file() and path != PACKAGE / "__init__.py"]
-
-
-def _bare(names: str) -> list[str]:
-    """Return the names in a list of an import statement, without what they are called there."""
-    bare = (name.split(" as ")[0].strip(" ()\n") for name in names.split(","))
-    return [name for name in bare if name]
-
-
-def _place(file: Path, module: str) -> Path | None:
-    """Return where a module lies that a file imports; None if it is neither ours nor its own."""
-    name = module.lstrip(".")
-    dots = len(module) - len(name)
-    parts = name.split(".") if name else []
-    if dots:
-        return file.parents[dots - 1].joinpath(*parts)
-    for folder in (PACKAGE, _top(file)):
-        if folder.name == parts[0]:
-            return folder.joinpath(*parts[1:])
-    in_package = (file.parent / "__init__.py").is_file()
-    return None if in_package else file.parent.joinpath(*parts)  # a neighbour
 
 
 class _Announcer(event.Listener):

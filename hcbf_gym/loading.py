@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import compilation, opened
+from hcbf_gym import opened, sources
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, require, text
 
@@ -66,8 +66,8 @@ def files(name: str) -> list[Path]:
         if origin is None:
             return []
         first = Path(origin)
-    reached = compilation.reached([first])
-    return sorted(file for file in reached if not file.is_relative_to(compilation.PACKAGE))
+    reached = sources.reached([first])
+    return sorted(file for file in reached if not file.is_relative_to(sources.PACKAGE))
 
 
 _opened: dict[ModuleType, dict[str, str]] = {}

@@ -34,6 +34,11 @@ def pytest_addoption(parser):
         action="store_true",
         help="run the tests alone that the last run skipped, whole files included",
     )
+    parser.addoption(
+        "--with-browser",
+        action="store_true",
+        help="let Chromium visit the playground, too, for 10 minutes or more without a GPU",
+    )
 
 
 def pytest_configure(config):

@@ -1,5 +1,6 @@
 """The house: what stands at its root, which way its imports go, and how fast its door opens."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -21,8 +22,18 @@ def test_nothing_stands_loose_at_the_root():
     loose = {path.stem for path in Path(hcbf_gym.__file__).parent.glob("*.py")}
     assert loose == {
         "__init__", "arguments", "arrays", "cli", "compilation", "errors", "lazily", "loading",
-        "opened", "records", "version",
+        "opened", "records", "sources", "version",
     }  # fmt: skip
+
+
+def test_of_the_package_itself_modules_and_the_compiled_core_are_imported_alone():
+    package = Path(hcbf_gym.__file__).parent
+    modules = {path.stem for path in package.iterdir()} | {"_core"}
+    for file in package.rglob("*.py"):
+        for names in re.findall(
+            r"^ *from hcbf_gym import ([^(\n]+)", file.read_text("utf-8"), re.M
+        ):
+            assert {name.split(" as ")[0].strip() for name in names.split(",")} <= modules, file
 
 
 def test_the_package_does_not_mention_its_evidence():

@@ -2,16 +2,44 @@
 
 # ruff: noqa: N803, N806 - matrices keep their usual capitals
 
+from typing import Any
+
 import numpy as np
 
-from hcbf_gym.locomotion.dynamics import Dynamics
-from hcbf_gym.locomotion.leg import FootKinematics, foot_bias
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion.qp import QuadraticProgram
-from hcbf_gym.locomotion.state import Array
-from hcbf_gym.locomotion.tasks import FORCE_WEIGHT, HEIGHT_WEIGHT, TaskAccelerations
+
+FEET = np.dtype([("position", "f8", (4, 3)), ("jacobian", "f8", (4, 3, 3)), ("bias", "f8", (4, 3))])
+"""Kinematics of the feet in the trunk's axes."""
+
+DYNAMICS = np.dtype(
+    [
+        ("M", "f8", (18, 18)),  # mass matrix
+        ("bias", "f8", 18),  # forces, joint losses included
+        ("v", "f8", 18),  # generalised velocity
+        ("R", "f8", (3, 3)),  # trunk → world
+        ("feet", FEET),
+        ("stance", "?", 4),  # feet that do not move
+    ],
+    align=True,
+)
+"""The robot at one instant, as its QPs see it: ``M q̈ + bias = Sᵀτ + J_cᵀF``."""
+
+TASKS = np.dtype(
+    [
+        ("linear", "f8", 3),  # of the trunk's origin, in the world's axes [m/s²]
+        ("angular", "f8", 3),  # of the trunk, in its own axes [rad/s²]
+        ("feet", "f8", (4, 3)),  # in the world's axes, read for swinging feet only [m/s²]
+    ]
+)
+"""The accelerations that the tasks ask for."""
+
+PLAN = np.dtype([("robot", DYNAMICS), ("tasks", TASKS), ("feedback", "f8", 12)], align=True)
+"""What a tick has decided when it comes to the QP; the feedback is torques [N·m]."""
 
 
-def foot_jacobian(R: Array, feet: FootKinematics, foot: int) -> Array:
+def foot_jacobian(R: Array, feet: Any, foot: int) -> Array:
     """Return (3, 18) the foot's Jacobian in the world's axes, ``R [1, −r×, J]``."""
     own, r = np.zeros((3, 18)), feet.position[foot]
     own[:, :3] = np.eye(3)
@@ -20,14 +48,14 @@ def foot_jacobian(R: Array, feet: FootKinematics, foot: int) -> Array:
     return R @ own
 
 
-def foot_drift(R: Array, v: Array, feet: FootKinematics, foot: int) -> Array:
+def foot_drift(R: Array, v: Array, feet: Any, foot: int) -> Array:
     """Return (3,) ``J̇_c q̇`` of a foot in the world's axes [m/s²]."""
     rate = v[6 + 3 * foot : 9 + 3 * foot]
-    return R @ foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], rate)
+    return R @ _core.foot_bias(v, feet.position[foot], feet.jacobian[foot], feet.bias[foot], rate)
 
 
 def paper_program(
-    robot: Dynamics, tasks: TaskAccelerations, friction: float, limits: Array
+    robot: np.record, tasks: np.record, friction: float, limits: Array
 ) -> QuadraticProgram:
     """Return the program in x = (q̈ (18,), τ (12,), F (3 per standing foot)).
 
@@ -36,14 +64,15 @@ def paper_program(
     cone of point feet, as a pyramid.
 
     Args:
-        robot: at this instant, D its mass matrix and H its bias.
-        tasks: the accelerations ÿ to come close to.
+        robot: a `DYNAMICS` record, M its mass matrix D and its bias H.
+        tasks: a `TASKS` record, the accelerations ÿ to come close to.
         friction: µ.
         limits: (2, 12) least and largest τ of each joint [N·m].
 
     Source: section II-B of the paper, "Task-Space Controller".
     """
-    M, bias, v, R, feet, stance = robot
+    M, bias, v, R, stance = robot.M, robot.bias, robot.v, robot.R, robot.stance
+    feet = robot.feet
     standing = [foot for foot in range(4) if stance[foot]]
     swinging = [foot for foot in range(4) if not stance[foot]]
 
@@ -53,12 +82,12 @@ def paper_program(
     J_y = np.vstack([J_trunk, *(foot_jacobian(R, feet, foot) for foot in swinging)])
     y = np.concatenate([trunk, *(tasks.feet[f] - foot_drift(R, v, feet, f) for f in swinging)])
     weight = np.ones(len(y))
-    weight[2] = HEIGHT_WEIGHT
+    weight[2] = _core.HEIGHT_WEIGHT
 
     n = 30 + 3 * len(standing)
     H, f = np.zeros((n, n)), np.zeros(n)
     H[:18, :18] = J_y.T @ (weight[:, None] * J_y)
-    H[30:, 30:] = FORCE_WEIGHT * np.eye(3 * len(standing))
+    H[30:, 30:] = _core.FORCE_WEIGHT * np.eye(3 * len(standing))
     f[:18] = -J_y.T @ (weight * y)
 
     J_c = np.vstack([np.zeros((0, 18)), *(foot_jacobian(R, feet, foot) for foot in standing)])

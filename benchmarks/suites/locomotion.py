@@ -18,7 +18,7 @@ from benchmarks.suites.walks import (
 )
 from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.locomotion.body_reference import BodyReference
+from hcbf_gym.locomotion.controller import BodyReference
 from hcbf_gym.locomotion.gait import GAITS
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models.constants import GRAVITY

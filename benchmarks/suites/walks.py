@@ -5,18 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym import scenarios
+from hcbf_gym import _core, scenarios
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.a1_physics import A1Physics
-from hcbf_gym.locomotion.body_reference import BodyReference
-from hcbf_gym.locomotion.controller import LocomotionController
+from hcbf_gym.locomotion.controller import BodyReference, LocomotionController
 from hcbf_gym.locomotion.gait import GAITS
 from hcbf_gym.locomotion.leg import foot_kinematics
-from hcbf_gym.locomotion.matrices import cross
-from hcbf_gym.locomotion.rotation import rotation_matrix
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.policies.pd import pd_law
-from hcbf_gym.robots.motors import torque_limits
 from hcbf_gym.robots.reader import Quadruped
 
 Input = Callable[[float, BodyReference, RobotState], Array]
@@ -110,10 +106,9 @@ def walk(
 
 
 def _saturated(robot: Quadruped, state: RobotState, torque: Array) -> Mask:
-    limits = np.empty((2, 12))
     saturated = np.zeros(len(torque), dtype=np.bool_)
     for tick, (rate, delivered) in enumerate(zip(state.joint_velocity, torque, strict=True)):
-        torque_limits(robot.stall_torque, robot.no_load_speed, rate, limits)
+        limits = _core.torque_limits(robot.stall_torque, robot.no_load_speed, rate)
         at_limit = (delivered <= limits[0] + 1e-9) | (delivered >= limits[1] - 1e-9)
         saturated[tick] = at_limit.any()
     return saturated
@@ -121,19 +116,19 @@ def _saturated(robot: Quadruped, state: RobotState, torque: Array) -> Mask:
 
 def _sole_velocity(legs: Any, foot_radius: float, state: RobotState) -> Array:
     """Return (4, 2) how fast the lowest point of each foot moves along the ground."""
-    rotation = rotation_matrix(state.quaternion)
+    rotation = _core.rotation_matrix(state.quaternion)
     feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
     sole = np.empty((4, 2))
     for foot in range(4):
         q, rate = state.joint_position[3 * foot :], state.joint_velocity[3 * foot :]
-        swing = rotation @ cross(state.angular_velocity, feet.position[foot])
+        swing = rotation @ np.cross(state.angular_velocity, feet.position[foot])
         own = rotation @ feet.jacobian[foot] @ rate[:3]
         # the calf turns with the trunk, the abad joint about x and both pitch joints about y
         abad = np.array([0.0, np.cos(q[0]), np.sin(q[0])])
         spin = rotation @ (
             state.angular_velocity + [rate[0], 0.0, 0.0] + (rate[1] + rate[2]) * abad
         )
-        rolling = cross(spin, np.array([0.0, 0.0, -foot_radius]))
+        rolling = np.cross(spin, np.array([0.0, 0.0, -foot_radius]))
         sole[foot] = (state.linear_velocity + swing + own + rolling)[:2]
     return sole
 

@@ -55,5 +55,6 @@ void bind_scenarios(nb::module_& m);
 void bind_locomotion(nb::module_& m);
 void bind_estimation(nb::module_& m);
 void bind_robots(nb::module_& m);
+void bind_envs(nb::module_& m);
 
 }  // namespace hcbf

@@ -1,7 +1,295 @@
+#include <hcbf/state_check.hpp>
+#include <hcbf/step.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
 #include "bindings.hpp"
 
 namespace hcbf {
 
-void bind_filter(nb::module_&) {}
+namespace {
+
+constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread starts
+
+using Numbers1 = Numbers<double, 1>;
+
+// (N,) records of the numbers that they are made of.
+template <class T>
+Records<T> records(const Numbers1& words, Index count) {
+  const auto bytes = static_cast<Index>(words.size() * sizeof(double));
+  return {reinterpret_cast<char*>(words.data()), count, count > 0 ? bytes / count : Index{sizeof(T)}};
+}
+
+// The filter of N plants, bound to the arrays that it reads and writes, which it keeps alive. Nothing is
+// allocated in a step of a scene that it has seen.
+class Filter {
+ public:
+  Filter(Numbers1 constants, Numbers<const double, 1> program, Numbers1 sensed, Index count, Index threads)
+      : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
+    plants_.sensed = records<plants::Plant>(sensed_, count);
+    plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
+    rooms_.resize(std::max<Index>(1, std::min(threads, count / LEAST_PLANTS)));
+  }
+
+  Filter(const Filter&) = delete;
+  Filter& operator=(const Filter&) = delete;
+
+  void set_scene(Numbers<const Index, 2> kind, Numbers<const double, 3> parameters, Numbers<const Index, 2> priority,
+                 Numbers<const double, 2> own_margin, std::optional<Numbers<const double, 1>> atlas,
+                 std::optional<Numbers<const double, 3>> own) {
+    plants_.kind = view(kind), plants_.parameters = view(parameters), plants_.priority = view(priority);
+    plants_.own_margin = view(own_margin), plants_.own = own ? view(*own) : Cube<const double>{nullptr, 0, 0, 0};
+    atlas_ = atlas ? view(*atlas) : Vector<const double>{nullptr, 0};
+    scene_ = {std::move(kind), std::move(parameters), std::move(priority), std::move(own_margin), std::move(atlas),
+              std::move(own)};
+  }
+
+  void set_report(Numbers1 reports, Numbers1 rows) {
+    const Index count = plants_.sensed.size;
+    plants_.reports = records<report::Plant>(reports, count);
+    const auto size = static_cast<Index>(rows.size() * sizeof(double) / sizeof(report::Row));
+    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), count, count > 0 ? size / count : 0};
+    report_ = {std::move(reports), std::move(rows)};
+  }
+
+  void set_states(Numbers<double, 2> x, Numbers<double, 2> model, Numbers<double, 2> lag,
+                  Numbers<double, 3> covariance, Numbers<double, 2> believed) {
+    states_ = {view(x), view(model), view(lag), view(covariance), view(believed)};
+    own_states_ = {std::move(x), std::move(model), std::move(lag), std::move(covariance), std::move(believed)};
+  }
+
+  // Checks the states of planar double integrators, whose own rows are made from them.
+  void believe() {
+    for (Index i = 0; i < plants_.sensed.size; ++i)
+      plants_.reports[i].reason = state_check::believe(plants_.sensed[i], {plants_.sensed.tail(i), 2});
+  }
+  bool believe_all(Index velocity_at) {
+    return state_check::believe_all(plants_.sensed, states_, velocity_at, plants_.reports);
+  }
+  void replace_all() { state_check::replace_all(plants_.sensed, states_, plants_.reports); }
+  void grow_all(const Numbers<const double, 3>& drift, Index n_p) {
+    state_check::grow_all(plants_.sensed, plants_.reports, view(drift), n_p);
+  }
+
+  Index filter() {
+    const step::Said wrong = step::check(constants(), plants_);
+    if (wrong != step::DONE) return wrong;
+    const Index count = plants_.sensed.size, parts = static_cast<Index>(rooms_.size());
+    if (count < LEAST_PLANTS) return filter_some(0, count, rooms_[0]);  // sooner than the lock is released
+    const nb::gil_scoped_release unlocked;
+    std::vector<Index> said(parts, step::DONE);
+    const auto run = [&](Index part) {
+      said[part] = filter_some(count * part / parts, count * (part + 1) / parts, rooms_[part]);
+    };
+    std::vector<std::thread> others;
+    others.reserve(parts - 1);
+    for (Index part = 1; part < parts; ++part) {
+      try {
+        others.emplace_back(run, part);
+      } catch (const std::system_error&) {  // no thread is left
+        run(part);
+      }
+    }
+    run(0);
+    for (std::thread& other : others) other.join();
+    return *std::max_element(said.begin(), said.end());
+  }
+
+  // Returns what is wrong with the arrays, as `filter`.
+  Index check() const { return step::check(constants(), plants_); }
+
+  // Poses the problem of plant i to a solver outside.
+  void pose(Index i) {
+    const One p = plants_[i];
+    posing::look(constants(), p);
+    if (atlas_.size > 0) step::find_pieces(constants(), p, atlas_, rooms_[0]);
+    posed_ = posing::pose(constants(), program(i), part(i), rooms_[0].work);
+  }
+
+  // u*, a, b, h, alpha2(psi) and ranks of the rows that were posed, where guidance's comes last.
+  nb::tuple problem() {
+    const work::Work& w = rooms_[0].work;
+    return nb::make_tuple(array(w.u), array(w.a), array(w.rows[rows::B]), array(w.rows[rows::H]),
+                          array(w.rows[rows::ALPHA2_PSI]), array(w.priority));
+  }
+
+  // u, slack and delta of the posed problem, to be written.
+  nb::tuple answer() {
+    const work::Work& w = rooms_[0].work;
+    return nb::make_tuple(array(w.answer.u[0]), array(w.answer.slack[0]), array(w.answer.delta[0]));
+  }
+
+  // Of each condition that was posed its rank, and which one of the scene it is of.
+  nb::tuple conditions(Index i) {
+    const One p = part(i);
+    std::vector<Index> ranks(p.priority.begin(), p.priority.end()), source(rooms_[0].nearby.source);
+    if (atlas_.size == 0)
+      for (Index k = 0; k < p.count(); ++k) source.push_back(k);
+    const std::size_t m = ranks.size();
+    return nb::make_tuple(owned<Index>(std::move(ranks), {m}), owned<Index>(std::move(source), {m}));
+  }
+
+  // The corners of U of the posed problem.
+  auto corners() {
+    const Vector<const double> all{posed_.vertices.data, 2 * posed_.vertices.rows};
+    return owned<double>(std::vector<double>(all.begin(), all.end()), {all.size / std::size_t{2}, 2});
+  }
+
+  // Concludes what `pose` began: with the answer that was written, or without one.
+  Index close(Index i, bool answered, Index status, Index fallbacks) {
+    step::Room& room = rooms_[0];
+    room.work.answer.status[0] = status, room.work.answer.fallbacks[0] = fallbacks;
+    const One p = plants_[i];
+    const One nearby = part(i);
+    step::close(constants(), posed_, answered, nearby, room.work);
+    if (atlas_.size > 0) map_rows::tell(room.nearby.scene().source, nearby.rows, p.rows.part(0, p.count()));
+    return p.report.reason != 0 ? step::ASKS : step::DONE;
+  }
+
+ private:
+  using One = plants::One;
+
+  const plants::Constants& constants() const { return *reinterpret_cast<plants::Constants*>(constants_.data()); }
+  program_records::Settings program(Index i) const { return plants::program_of(constants(), view(program_), i); }
+  One part(Index i) { return atlas_.size > 0 ? step::with_pieces(plants_[i], rooms_[0]) : plants_[i]; }
+
+  Index filter_some(Index first, Index end, step::Room& room) const {
+    bool asks = false;
+    for (Index i = first; i < end; ++i) asks |= step::filter(constants(), program(i), plants_[i], atlas_, room);
+    return asks ? step::ASKS : step::DONE;
+  }
+
+  template <class T>
+  nb::object array(Vector<T> of) {
+    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(of.data, {static_cast<std::size_t>(of.size)}, nb::find(this)),
+                    nb::rv_policy::reference);
+  }
+  template <class T>
+  nb::object array(Matrix<T> of) {
+    const auto rows = static_cast<std::size_t>(of.rows), columns = static_cast<std::size_t>(of.columns);
+    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<2>>(of.data, {rows, columns}, nb::find(this)),
+                    nb::rv_policy::reference);
+  }
+
+  Numbers1 constants_;
+  Numbers<const double, 1> program_;
+  Numbers1 sensed_;
+  std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>, Numbers<const double, 2>,
+             std::optional<Numbers<const double, 1>>, std::optional<Numbers<const double, 3>>>
+      scene_;
+  std::pair<Numbers1, Numbers1> report_;
+  std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>, Numbers<double, 2>>
+      own_states_;
+  plants::Plants plants_{};
+  state_check::States states_{};
+  Vector<const double> atlas_{nullptr, 0};
+  program_records::Settings posed_{};
+  std::vector<step::Room> rooms_;
+};
+
+using Offsets = std::vector<std::pair<const char*, std::size_t>>;
+#define HCBF_FIELD(record, name) {#name, offsetof(record, name)}
+
+// Where the fields of a record are, those of a record within it by their own names.
+Offsets plant_offsets() {
+  using plants::Plant;
+#define FIELD(name) HCBF_FIELD(Plant, name)
+#define INNER(inner, type, name) {#name, offsetof(Plant, inner) + offsetof(type, name)}
+#define WATCHED(name) INNER(watched, monitor::Memory, name)
+#define PLANAR(name) INNER(planar, monitor::PlanarMemory, name)
+#define JUDGED(name) INNER(judged, status::Memory, name)
+  return {FIELD(x), FIELD(time), FIELD(model), FIELD(lag), FIELD(covariance), FIELD(elapsed), FIELD(fault),
+          FIELD(has_model), FIELD(heading), FIELD(way), FIELD(turns), FIELD(turn), FIELD(reachable), FIELD(lost),
+          FIELD(zone), WATCHED(error), WATCHED(missed), WATCHED(exact), WATCHED(off), WATCHED(samples),
+          WATCHED(bend), WATCHED(in_a_row), PLANAR(drift), PLANAR(motion), PLANAR(body), FIELD(expected),
+          FIELD(vague), FIELD(growth), FIELD(believed), FIELD(headed), FIELD(believed_at), FIELD(follows),
+          FIELD(known), JUDGED(news), JUDGED(kept), JUDGED(headway), JUDGED(unproved), JUDGED(closing),
+          FIELD(alarm), FIELD(moves), {"", sizeof(Plant)}};
+#undef FIELD
+#undef INNER
+#undef WATCHED
+#undef PLANAR
+#undef JUDGED
+}
+
+Offsets constants_offsets() {
+  using plants::Constants;
+#define FIELD(name) HCBF_FIELD(Constants, name)
+#define INNER(name) {#name, offsetof(Constants, uncertainty) + offsetof(Uncertainty, name)}
+  return {FIELD(lower), FIELD(by_level), FIELD(lock), FIELD(ranks), FIELD(guided), FIELD(radius), FIELD(lambda_u),
+          FIELD(known_offset), FIELD(corners), FIELD(input_sets), FIELD(weights), FIELD(made), INNER(distance),
+          INNER(per_velocity), INNER(per_lead), INNER(cap), INNER(confidence), INNER(body), INNER(speed),
+          INNER(speed_per_velocity), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(sway),
+          FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk), FIELD(has_way),
+          FIELD(through), FIELD(brakes), FIELD(observed), {"", sizeof(Constants)}};
+#undef FIELD
+#undef INNER
+}
+
+Offsets report_offsets() {
+  using report::Plant;
+#define FIELD(name) HCBF_FIELD(Plant, name)
+  return {FIELD(intervention), FIELD(fallbacks), FIELD(model_error), FIELD(reachable), FIELD(deadlock),
+          FIELD(alpha1_scale), FIELD(status), FIELD(reason), FIELD(covered), FIELD(covered_by), FIELD(proved),
+          {"", sizeof(Plant)}};
+#undef FIELD
+}
+
+Offsets report_row_offsets() {
+  using report::Row;
+#define FIELD(name) HCBF_FIELD(Row, name)
+  return {FIELD(slack), FIELD(delta), FIELD(margin), FIELD(h), FIELD(psi), FIELD(conditioning), {"", sizeof(Row)}};
+#undef FIELD
+}
+
+}  // namespace
+
+void bind_filter(nb::module_& m) {
+  nb::class_<Filter>(m, "Filter", "The filter of N plants, bound to the arrays that it reads and writes.")
+      .def(nb::init<Numbers1, Numbers<const double, 1>, Numbers1, Index, Index>(), "constants"_a.noconvert(),
+           "program"_a.noconvert(), "sensed"_a.noconvert(), "count"_a, "threads"_a)
+      .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
+           "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
+           "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
+      .def("set_report", &Filter::set_report, "plants"_a.noconvert(), "rows"_a.noconvert(),
+           "Write reports there from now on.")
+      .def("set_states", &Filter::set_states, "x"_a.noconvert(), "model"_a.noconvert(), "lag"_a.noconvert(),
+           "covariance"_a.noconvert(), "believed"_a.noconvert(), "Check these states of a model from now on.")
+      .def("believe", &Filter::believe, "Check the states of planar double integrators, and write the reasons.")
+      .def("believe_all", &Filter::believe_all, "velocity_at"_a,
+           "Check the states of a model, write the reasons, and return whether there is one.")
+      .def("replace_all", &Filter::replace_all, "Replace the states that are not valid by propagated ones.")
+      .def("grow_all", &Filter::grow_all, "drift"_a, "n_p"_a,
+           "Note by how much the covariance of the drift grows in one period.")
+      .def("filter", &Filter::filter, "Filter all plants, and return what is to be done.")
+      .def("check", &Filter::check, "Return what is wrong with the arrays, as `filter` does.")
+      .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant.")
+      .def("problem", &Filter::problem, "Return u*, a, b, h, alpha2(psi) and ranks of the posed problem.")
+      .def("answer", &Filter::answer, "Return the arrays of u, slack and delta that a solver writes to.")
+      .def("conditions", &Filter::conditions, "i"_a, "Return rank and source of each condition that was posed.")
+      .def("corners", &Filter::corners, "Return the corners (V, 2) of the posed problem's U.")
+      .def("close", &Filter::close, "i"_a, "answered"_a, "status"_a, "fallbacks"_a,
+           "Conclude what `pose` began, and return what is to be done.");
+  m.def("is_covariance", [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
+        "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
+  m.def("face", [](const Numbers1& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
+    for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
+  }, "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
+  "Let guidance turn differential drives that face away from their path.");
+  m.def("plant_offsets", plant_offsets, "Return name and offset of each field of a plant's record, and its size.");
+  m.def("constants_offsets", constants_offsets, "Return name and offset of each constant, and the size of all.");
+  m.def("report_offsets", report_offsets, "Return name and offset of each field of a plant's report, and its size.");
+  m.def("report_row_offsets", report_row_offsets, "Return name and offset of each field of a row's report, and its size.");
+}
 
 }  // namespace hcbf

@@ -13,17 +13,20 @@ using Table = Numbers<const double, 2>;
 using Stack = Numbers<const double, 3>;
 
 // `models.plant.Uncertainty` and `RowSettings.packed`, each as an array of its numbers.
-const Uncertainty& uncertainty(const Line& numbers) { return *reinterpret_cast<const Uncertainty*>(numbers.data()); }
+const Uncertainty& uncertainty(const Line& numbers) {
+  return *reinterpret_cast<const Uncertainty*>(numbers.data());
+}
 const RowSettings& row_settings_of(const Line& numbers) {
   return *reinterpret_cast<const RowSettings*>(numbers.data());
 }
 
-void reserved(const Line& settings, const Numbers<const Index, 2>& kind, const Stack& parameters, const Table& x,
-              const Line& t, const Table& model, const Table& lag, const Stack& covariance, const Line& growth,
-              double period, const Numbers<double, 3>& out) {
+void reserved(const Line& settings, const Numbers<const Index, 2>& kind, const Stack& parameters,
+              const Table& x, const Line& t, const Table& model, const Table& lag, const Stack& covariance,
+              const Line& growth, double period, const Numbers<double, 3>& out) {
   const auto at = [](const Table& states, Index i) { return view(states)[i].data; };
   for (Index i = 0; i < view(x).rows; ++i) {
-    const margins::Known known{at(x, i), t.data()[i], at(model, i), at(lag, i), view(covariance)[i], growth.data()[i]};
+    const margins::Known known{at(x, i),   t.data()[i],         at(model, i),
+                               at(lag, i), view(covariance)[i], growth.data()[i]};
     margins::derive(uncertainty(settings), view(kind)[i], view(parameters)[i], known, period,
                     margins::reserved(view(out), i));
   }
@@ -51,8 +54,10 @@ auto nearby(const Line& settings, const Line& rows, double radius, const Numbers
   mapped::Nearby found;
   mapped::nearby(uncertainty(settings), row_settings_of(rows), radius, scene, view(atlas), known, found);
   const std::size_t m = found.kind.size(), width = layout::WIDTH;
-  return std::tuple(owned<Index>(std::move(found.kind), {m}), owned<double>(std::move(found.parameters), {m, width}),
-                    owned<Index>(std::move(found.priority), {m}), owned<double>(std::move(found.own_margin), {m}),
+  return std::tuple(owned<Index>(std::move(found.kind), {m}),
+                    owned<double>(std::move(found.parameters), {m, width}),
+                    owned<Index>(std::move(found.priority), {m}),
+                    owned<double>(std::move(found.own_margin), {m}),
                     owned<Index>(std::move(found.source), {m}));
 }
 
@@ -63,7 +68,8 @@ auto packed(const Table& blocks, double x, double y, double yaw, Index inner) {
 }
 
 // Writes h and its gradient (k, 3) at a point of the pieces with the given blocks.
-void jets(const Line& atlas, const Numbers<const Index, 1>& blocks, double x, double y, const Numbers<double, 2>& out) {
+void jets(const Line& atlas, const Numbers<const Index, 1>& blocks, double x, double y,
+          const Numbers<double, 2>& out) {
   for (Index k = 0; k < view(blocks).size; ++k) {
     const PlanarJet jet = convex_polygon::jet(&view(atlas)[view(blocks)[k]], x, y);
     double* to = view(out)[k].data;
@@ -74,13 +80,13 @@ void jets(const Line& atlas, const Numbers<const Index, 1>& blocks, double x, do
 }  // namespace
 
 void bind_margins(nb::module_& m) {
-  m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a, "lag"_a,
-        "covariance"_a, "growth"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
+  m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a,
+        "lag"_a, "covariance"_a, "growth"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
         "Write m, ṁ, m̈ and leaning (4, N, m) of the rows of N planar double integrators.");
-  m.def("margins_of_models", &of_models, "settings"_a, "kind"_a, "parameters"_a, "least"_a, "gradient"_a, "bend"_a,
-        "n_p"_a, "x"_a, "time"_a, "lag"_a, "off"_a, "slip"_a, "state"_a, "drift"_a, "growth"_a, "turns"_a,
-        "period"_a, nb::arg("out").noconvert(), Unlocked(),
-        "Write m, ṁ, m̈, leaning, the body's part and 1 for too fast (N, m, 6) of the rows of N plants of any model.");
+  m.def("margins_of_models", &of_models, "settings"_a, "kind"_a, "parameters"_a, "least"_a, "gradient"_a,
+        "bend"_a, "n_p"_a, "x"_a, "time"_a, "lag"_a, "off"_a, "slip"_a, "state"_a, "drift"_a, "growth"_a,
+        "turns"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
+        "Write (N, m, 6) m, ṁ, m̈, leaning, the body's part and 1 for too fast, of N plants of any model.");
   m.def("map_nearby", &nearby, "settings"_a, "rows"_a, "radius"_a, "kind"_a, "parameters"_a, "priority"_a,
         "own_margin"_a, "atlas"_a, "x"_a, "model"_a, "lag"_a, "covariance"_a, "growth"_a,
         "Return kind, parameters, priority, own margin and source of the conditions near a state.");
@@ -93,7 +99,7 @@ void bind_margins(nb::module_& m) {
         return std::pair(found.distance, found.block);
       },
       "atlas"_a, "at"_a, "x"_a, "y"_a,
-      "Return the signed distance from the nearest piece [m] and where its block begins, −1 without a piece.");
+      "Return the signed distance from the nearest piece [m] and where its block begins, −1 for none.");
   m.def(
       "pieces_near",
       [](const Line& atlas, Index at, double x, double y, double reach, const Numbers<Index, 1>& found) {
@@ -107,7 +113,8 @@ void bind_margins(nb::module_& m) {
         const pieces::Slope there = pieces::jet(view(atlas), at, x, y);
         return std::tuple(there.h, there.gx, there.gy);
       },
-      "atlas"_a, "at"_a, "x"_a, "y"_a, "Return the signed distance from the nearest piece [m] and its gradient.");
+      "atlas"_a, "at"_a, "x"_a, "y"_a,
+      "Return the signed distance from the nearest piece [m] and its gradient.");
   m.def("pieces_jets", &jets, "atlas"_a, "blocks"_a, "x"_a, "y"_a, nb::arg("out").noconvert(),
         "Write the signed distances from the pieces with the given blocks [m] and their gradients (k, 3).");
   m.def(

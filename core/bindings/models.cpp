@@ -22,9 +22,8 @@ void bind_reduced_order(nb::module_& m) {
   }, "x"_a, "u"_a, "dt"_a, "drag"_a, "after"_a.noconvert(), "Write (N, n) the states after dt.");
   m.def("double_integrator_step", [](const Numbers<const double, 1>& x, const Numbers<const double, 1>& u, double dt,
                                      double v_max) {
-    double after[4];
-    reduced_order::double_integrator_step(x.data(), u.data(), dt, v_max, after);
-    return std::tuple(after[0], after[1], after[2], after[3]);
+    const auto [px, py, vx, vy] = reduced_order::double_integrator_step(view(x), view(u), dt, v_max);
+    return std::tuple(px, py, vx, vy);
   }, "x"_a, "u"_a, "dt"_a, "v_max"_a,
   "Return the state of a double integrator after dt, its speed capped at v_max.");
 }

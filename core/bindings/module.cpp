@@ -16,4 +16,5 @@ NB_MODULE(_core, m) {
   hcbf::bind_locomotion(m);
   hcbf::bind_estimation(m);
   hcbf::bind_robots(m);
+  hcbf::bind_envs(m);
 }

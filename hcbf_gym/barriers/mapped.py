@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask, Record
 from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
@@ -81,11 +82,12 @@ class Mapped(Barrier):
             The signed distances [m], and their gradients (k, 2).
         """
         packed, at = self.pieces.packed, (float(x[0]), float(x[1]))
-        reach = max(0.0, pieces.nearest(packed, 0, *at).distance) + beyond
+        reach = max(0.0, _core.pieces_nearest(packed, 0, *at)[0]) + beyond
         found = np.empty(len(self.pieces), dtype=np.int64)
-        found = found[: pieces.near(packed, 0, *at, min(reach, FARTHEST), found)]
-        jets = [convex_polygon.jet(packed[b : b + layout.WIDTH], *at)[:3] for b in found]
-        seen = np.array(sorted(jets)).reshape(-1, 3)
+        found = found[: _core.pieces_near(packed, 0, *at, min(reach, FARTHEST), found)]
+        seen = np.empty((len(found), 3))
+        _core.pieces_jets(packed, found, *at, seen)
+        seen = seen[np.lexsort(seen.T[::-1])]
         return seen[:, 0], seen[:, 1:]
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
@@ -98,7 +100,7 @@ class Mapped(Barrier):
 
     def nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
-        h, gx, gy = pieces.jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
+        h, gx, gy = _core.pieces_jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
         return h, np.array([gx, gy])
 
 

@@ -56,10 +56,9 @@ UNIT = 1.0 + 1e-9
 SHORT = 1e-4
 """By how much h − m [m], ψ [m/s] and a speed limit may be missed: all return to 0 without end."""
 
-MARGIN, RATE, QUICKENING, LEANING, REACH, FAST = range(6)
+MARGIN, RATE, QUICKENING, LEANING = range(4)
 """What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
-tracking error's part, less what `cap` cuts off of it, and the errors of what was measured.
-`of_models` adds what the body takes of h, and whether it is faster than a speed limit."""
+tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""
 
 
 class Known(NamedTuple):
@@ -125,26 +124,6 @@ class Several(NamedTuple):
     drift: Array
     growth: Array
     turns: Array
-
-
-class Rows(NamedTuple):
-    """The conditions of N plants of any model.
-
-    Attributes:
-        kind: (N, m) as `layout` has it; what is no built-in shape has its slope in `gradient`.
-        parameters: (N, m, WIDTH).
-        least: (N, m) what a row reserves by itself.
-        gradient: (N, m, n) ∇h of others.
-        bend: (N, m) what these may lose in second order.
-        n_p: how many states, from the first on, are the position.
-    """
-
-    kind: Integers
-    parameters: Array
-    least: Array
-    gradient: Array
-    bend: Array
-    n_p: int
 
 
 @kernel(error_model="numpy")
@@ -250,58 +229,6 @@ def of_row(
     margin += settings.confidence * (deviation + period * turned)
     rate, quickening = _growing(settings, unknown, gradient, steep, straight, period)
     return margin, rate, quickening, cap - abs(cap - tracking), steep
-
-
-@kernel(error_model="numpy")
-def of_models(
-    settings: Uncertainty | Record, rows: Rows, several: Several, period: float, out: Array
-) -> None:
-    """Write what the rows of N plants of any model reserve.
-
-    Args:
-        settings: as `derive` takes them.
-        rows: the conditions.
-        several: of the plants.
-        period: T [s]; 0 where it is not known.
-        out: (N, m, 6) to be written: m, ṁ, m̈, leaning, what the body takes of h, and 1 where the
-            body is faster than a speed limit.
-    """
-    n = several.x.shape[1]
-    gradient = np.empty(n)
-    for i in range(several.x.shape[0]):
-        x, lag, covariance = several.x[i], several.lag[i], several.state[i]
-        for k in range(rows.kind.shape[1]):
-            row, kind, c = out[i, k], rows.kind[i, k], rows.parameters[i, k]
-            row[:] = 0.0
-            placed = rows.n_p
-            if kind == layout.SPEED_LIMIT:
-                row[MARGIN] = of_speed(settings, lag, covariance)
-                row[RATE] = speed_growth(settings, covariance, several.growth[i], period)
-                row[FAST] = is_fast(c[layout.V_MAX], x, lag)
-            else:
-                if kernels.is_region(kind) and kind >= 0:
-                    jet = kernels.jet(kind, c, x[0], x[1], several.time[i])
-                    gradient[:] = 0.0
-                    gradient[0], gradient[1] = jet[1], jet[2]
-                    placed = 2
-                else:
-                    gradient[:] = rows.gradient[i, k]
-                unknown = Unknown(
-                    several.off[i],
-                    lag[:placed],
-                    several.slip[i, :, :placed],
-                    covariance,
-                    several.drift[i, 0:, 0:],
-                    several.growth[i],
-                    several.turns[i],
-                )
-                straight = kind == half_plane.CODE
-                m, rate, later, used, steep = of_row(settings, unknown, gradient, straight, period)
-                row[MARGIN], row[RATE], row[QUICKENING], row[LEANING] = m, rate, later, used
-                row[REACH] = steep * settings.body
-                if kind == convex_polygon.CODE:
-                    row[LEANING] += convex_polygon.used(c)
-            row[MARGIN] += rows.least[i, k] + rows.bend[i, k]
 
 
 @kernel(error_model="numpy")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
@@ -26,9 +27,6 @@ rows, the frame's origin and turn, and where the lists begin, counted from the h
 
 BOX = 8
 """Numbers of a piece's box: least and greatest u and v in the frame [m], and its buckets."""
-
-LEAST_SIDE, MOST_BUCKETS = 0.5, 4096
-"""Of a bucket [m], and of the buckets of a map."""
 
 Frame = tuple[float, float, float]
 
@@ -61,7 +59,7 @@ class Pieces:
             blocks[:, convex_polygon.USED] = used
         x, y, yaw = frame
         self._frame, self._around, self._used = frame, around, used
-        self.packed = _packed(blocks, float(x), float(y), float(yaw), len(count) - around)
+        self.packed = _core.pieces_packed(blocks, x, y, yaw, len(count) - around)
         self.packed.flags.writeable = False
 
     def __len__(self) -> int:
@@ -99,94 +97,6 @@ class Nearest(NamedTuple):
 
     distance: float
     block: int
-
-
-@kernel()
-def _packed(blocks: Array, x: float, y: float, yaw: float, inner: int) -> Array:
-    """Return the array of polygons with the blocks (P, WIDTH), the first `inner` in buckets.
-
-    What lies beyond all buckets stands in the nearest.
-    """
-    count = len(blocks)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    boxes = np.empty((count, BOX))
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for p in range(count):
-        boxes[p, :2], boxes[p, 2:4] = np.inf, -np.inf
-        for i in range(int(blocks[p, convex_polygon.COUNT])):
-            at = convex_polygon.FIRST + 2 * i
-            dx, dy = blocks[p, at] - x, blocks[p, at + 1] - y
-            u, v = cos * dx + sin * dy, cos * dy - sin * dx
-            boxes[p, 0], boxes[p, 1] = min(boxes[p, 0], u), min(boxes[p, 1], v)
-            boxes[p, 2], boxes[p, 3] = max(boxes[p, 2], u), max(boxes[p, 3], v)
-        for k in range(2 if p < inner else 0):
-            low[k], high[k] = min(low[k], boxes[p, k]), max(high[k], boxes[p, 2 + k])
-    if inner == 0:
-        low[:], high[:] = 0.0, 0.0
-    side = max(LEAST_SIDE, np.sqrt((high[0] - low[0]) * (high[1] - low[1]) / MOST_BUCKETS))
-    side = max(side, (high[0] - low[0]) / MOST_BUCKETS, (high[1] - low[1]) / MOST_BUCKETS)
-    columns = int((high[0] - low[0]) / side) + 1
-    rows = int((high[1] - low[1]) / side) + 1
-    held = np.zeros(columns * rows + 1, dtype=np.int64)
-    for p in range(count):
-        for k in range(4):
-            most = columns - 1 if k % 2 == 0 else rows - 1
-            bucket = int((boxes[p, k] - low[k % 2]) / side)
-            boxes[p, 4 + k] = min(max(bucket, 0), most)
-        for r in range(int(boxes[p, 5]), int(boxes[p, 7]) + 1):
-            for c in range(int(boxes[p, 4]), int(boxes[p, 6]) + 1):
-                held[r * columns + c + 1] += 1
-    starts = np.cumsum(held)
-    items = np.zeros(starts[-1])
-    filled = starts.copy()
-    for p in range(count):
-        for r in range(int(boxes[p, 5]), int(boxes[p, 7]) + 1):
-            for c in range(int(boxes[p, 4]), int(boxes[p, 6]) + 1):
-                items[filled[r * columns + c]] = p
-                filled[r * columns + c] += 1
-    rings = _rings(held[1:].reshape(rows, columns))
-    for p in range(count):  # boxes are measured from the world's frame, not from the first bucket
-        for k in range(4):
-            boxes[p, k] -= low[k % 2]
-    head = np.zeros(BLOCKS + 1)
-    head[COUNT], head[SIDE], head[COLUMNS], head[ROWS] = count, side, columns, rows
-    head[X], head[Y] = x + cos * low[0] - sin * low[1], y + sin * low[0] + cos * low[1]
-    head[COS], head[SIN] = cos, sin
-    head[STARTS] = head.size
-    head[ITEMS] = head[STARTS] + starts.size
-    head[RINGS] = head[ITEMS] + items.size
-    head[BOXES] = head[RINGS] + rings.size
-    head[BLOCKS] = head[BOXES] + boxes.size
-    lists = (starts.astype(np.float64), items, rings.ravel(), boxes.ravel(), blocks.ravel())
-    packed = np.empty(int(head[BLOCKS]) + blocks.size)
-    packed[: head.size] = head
-    at = head.size
-    for part in lists:
-        packed[at : at + part.size] = part
-        at += part.size
-    return packed
-
-
-@kernel()
-def _rings(held: Integers) -> Array:
-    """Return (rows, columns) how many buckets away the nearest is that holds a piece.
-
-    Diagonal steps count as one. Two sweeps are exact for that distance.
-    """
-    rows, columns = held.shape
-    far = float(rows + columns)
-    rings = np.where(held > 0, 0.0, far)
-    for r in range(rows):
-        for c in range(columns):
-            for i, j in ((r - 1, c - 1), (r - 1, c), (r - 1, c + 1), (r, c - 1)):
-                if i >= 0 and 0 <= j < columns:
-                    rings[r, c] = min(rings[r, c], rings[i, j] + 1.0)
-    for r in range(rows - 1, -1, -1):
-        for c in range(columns - 1, -1, -1):
-            for i, j in ((r + 1, c - 1), (r + 1, c), (r + 1, c + 1), (r, c + 1)):
-                if i < rows and 0 <= j < columns:
-                    rings[r, c] = min(rings[r, c], rings[i, j] + 1.0)
-    return rings
 
 
 class Lists(NamedTuple):
@@ -328,15 +238,6 @@ def nearest(atlas: Array, at: int, x: float, y: float) -> Nearest:
             break
         ring += 1
     return best
-
-
-@kernel(error_model="numpy")
-def distances(atlas: Array, at: int, points: Array) -> Array:
-    """Return (N,) signed distances of points (N, 2) from the nearest piece [m]."""
-    out = np.empty(len(points))
-    for i in range(len(points)):
-        out[i] = nearest(atlas, at, points[i, 0], points[i, 1]).distance
-    return out
 
 
 @kernel(error_model="numpy")

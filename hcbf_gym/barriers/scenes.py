@@ -96,7 +96,7 @@ def scenes_of_arrays(
         scenes.parameters[chosen] = _blocks(cls, values[chosen])
         if cls is not SpeedLimit:
             scenes.parameters[chosen, : layout.VELOCITY_Y + 1] = moving[chosen]
-    scenes.priority = levels.astype(np.int64)
+    scenes.priority = levels.astype(np.int64, order="C")
     scenes.keeps_margin = ((scenes.kind != layout.SPEED_LIMIT) & (levels == 1)).astype(np.float64)
     scenes.own_margin = np.zeros((count, m))
     scenes.is_kept = True

@@ -15,7 +15,6 @@ from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.general_kernels import WIDTH
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.margins import Known
 from hcbf_gym.barriers.own_rows import write_own_row
 from hcbf_gym.barriers.rows import CbfRows, RowSettings
 from hcbf_gym.barriers.shapes import SHAPES
@@ -396,12 +395,12 @@ class BarrierSet:
                 None for zeros.
             period: T [s]; 0 where it is not known.
         """
-        numbers = Uncertainty(*map(float, settings))
         out = np.zeros((4, *self.kind.shape))
-        for i in range(len(x)):
-            grown = 0.0 if growth is None else float(growth[i])
-            known = Known(x[i], float(t[i]), model[i], lag[i], covariance[i], grown)
-            margins.derive(numbers, self.kind[i], self.parameters[i], known, period, out[:, i])
+        grown = np.zeros(len(x)) if growth is None else growth
+        known = x, t, model, lag, covariance, grown
+        _core.margins_reserved(
+            np.array(settings, dtype=float), self.kind, self.parameters, *known, period, out
+        )
         out[margins.MARGIN] += self.own_margin
         return out
 
@@ -428,20 +427,17 @@ class BarrierSet:
             covariance: (4, 4) of x.
             growth: by how much that of the velocity grows until the next sample [m²/s²].
         """
-        whole = mapped.Scene(
-            self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0], self.kind[0]
-        )
-        numbers = Uncertainty(*map(float, uncertainty))
-        known = Known(x, 0.0, model, lag, covariance, float(growth))
+        scene = self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0]
         atlas = np.empty(0) if self.atlas.numbers is None else self.atlas.numbers
-        found = mapped.nearby(numbers, settings.packed, radius, whole, atlas, known)
+        numbers = np.array(uncertainty, dtype=float), settings.packed, radius
+        known = x, model, lag, covariance, growth
+        *found, source = _core.map_nearby(*numbers, *scene, atlas, *known)
         part = BarrierSet([()])
-        for name in ("kind", "parameters", "priority", "own_margin"):
-            setattr(part, name, getattr(found, name)[None])
-        part.keeps_margin = self.keeps_margin[:, found.source]
-        first = [(r, int(k)) for r, k in enumerate(found.source)]
+        part.kind, part.parameters, part.priority, part.own_margin = (one[None] for one in found)
+        part.keeps_margin = self.keeps_margin[:, source]
+        first = [(r, int(k)) for r, k in enumerate(source)]
         part.own = {(0, r): self.own[0, k] for r, k in first if (0, k) in self.own}
-        return part, found.source
+        return part, source
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import margins
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.margins import Several
 from hcbf_gym.errors import UNREADABLE
@@ -60,12 +60,15 @@ class Reserve:
             least: (N, m) what a row reserves by itself.
             entries: those that are no built-in shapes; none where nothing of them is reserved.
             known: of the plants.
-            out: (N, m, 6) see `margins.of_models`.
+            out: (N, m, 6) to be written: m, ṁ, m̈, leaning, what the body takes of h, and 1 where
+                the body is faster than a speed limit.
         """
         confidence, shape = self.settings.confidence, out.shape[:2]
         gradient, bend = slopes(entries, known, confidence, (shape[0], shape[1]))
-        rows = margins.Rows(*scene, least, gradient, bend, self._model.n_p)
-        margins.of_models(self.settings, rows, known, self._period, out)
+        rows = (*scene, least, gradient, bend, self._model.n_p)
+        written = np.empty(out.shape)
+        _core.margins_of_models(np.array(self.settings), *rows, *known, self._period, written)
+        out[:] = written
 
 
 def several(

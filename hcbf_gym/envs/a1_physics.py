@@ -6,23 +6,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
 from hcbf_gym.errors import finite_float
-from hcbf_gym.locomotion.rotation import turned
 from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots import a1
-from hcbf_gym.robots.motors import drive
 from hcbf_gym.robots.reader import foot_name, read_robot
 from hcbf_gym.scenarios import BoxObstacle
 
 MIN_UPRIGHT = 0.5  # cosine of the trunk's tilt below which it has fallen
 MIN_HEIGHT = 0.12  # [m] of the trunk below which it has fallen
-
-CONTACT_FORCE = 5.0  # [N] of the floor on a foot, above which the foot stands on it
 
 # standard deviations at sensor_noise = 1, in the order of qvel and of the joints' positions
 VELOCITY_NOISE = np.repeat([0.1, 0.2, 0.6], [3, 3, 12])  # [m/s], [rad/s], [rad/s]
@@ -85,8 +81,11 @@ class A1Physics(Simulation):
         )
         super().__init__(robot, drawn, obstacles, terrain, disturbances)
         self._feet = np.array([self.model.geom(foot_name(leg)).id for leg in a1.LEGS])
-        self._rate, self._ctrl = self.data.qvel[6:18], self.data.ctrl
-        self._foot_forces = self.data.sensordata[:12]  # (3,) of each foot
+        self._motors = _core.Motors(
+            self.robot.stall_torque, self.robot.no_load_speed, self.data.qvel[6:18], self.data.ctrl
+        )
+        # of the sensors (3,) of each foot
+        self._reader = _core.A1State(self._qpos, self._qvel, self.data.sensordata[:12])
         self._arrive()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
@@ -100,14 +99,7 @@ class A1Physics(Simulation):
         The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
         new time when the controller reads them.
         """
-        drive(
-            self.robot.stall_torque,
-            self.robot.no_load_speed,
-            self._rate,
-            self.conditions.motor_strength,
-            self._disturbed(inputs),
-            self._ctrl,
-        )
+        self._motors.drive(self.conditions.motor_strength, self._disturbed(inputs))
         mujoco.mj_step2(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
@@ -123,7 +115,7 @@ class A1Physics(Simulation):
         """Compute what follows from the new positions and velocities, and note them."""
         mujoco.mj_step1(self.model, self.data)
         self.truth = np.empty(STATE_SIZE)
-        self._finite = read_state(self._qpos, self._qvel, self._foot_forces, self.truth)
+        self._finite = self._reader.read(self.truth)
 
     @property
     def diverged(self) -> bool:
@@ -149,29 +141,8 @@ class A1Physics(Simulation):
         sensed = vector.copy()
         sensed[19:37] += noise * VELOCITY_NOISE * self._rng.standard_normal(18)
         sensed[7:19] += noise * JOINT_NOISE * self._rng.standard_normal(12)
-        sensed[3:7] = turned(sensed[3:7], noise * TURN_NOISE * self._rng.standard_normal(3))
+        turn = noise * TURN_NOISE * self._rng.standard_normal(3)
+        sensed[3:7] = _core.turned(sensed[3:7], turn)
         wrong = self._rng.random(4) < noise * CONTACT_NOISE
         sensed[37:] = np.where(wrong, 1.0 - sensed[37:], sensed[37:])
         return RobotState(sensed)
-
-
-@kernel()
-def read_state(
-    qpos: Array,
-    qvel: Array,
-    foot_forces: Array,
-    state: Array,
-) -> bool:
-    """Fill in the vector of a `RobotState` and return whether it is finite.
-
-    Args:
-        qpos: (19,) of the robot.
-        qvel: (18,).
-        foot_forces: (12,) the ground's force on each foot in the last tick, in the world [N].
-        state: (41,) filled in.
-    """
-    state[:19] = qpos
-    state[19:37] = qvel
-    for foot in range(4):
-        state[37 + foot] = abs(foot_forces[3 * foot + 2]) > CONTACT_FORCE
-    return bool(np.isfinite(state).all())

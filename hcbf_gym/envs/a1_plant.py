@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym import certificates, records
+from hcbf_gym import _core, certificates, records
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
@@ -14,7 +14,6 @@ from hcbf_gym.envs.plants import PlantModel
 from hcbf_gym.envs.randomization import PlantConditions, Randomization
 from hcbf_gym.errors import InvalidInputError, LoweredWarning, warn_caller
 from hcbf_gym.locomotion.controller import LEAST_FRICTION
-from hcbf_gym.locomotion.tick import FULL_GRIP
 from hcbf_gym.locomotion.watch import WatchBounds
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.models.input_sets import InputSet
@@ -113,7 +112,7 @@ def believed_friction(declared: Randomization) -> float:
 
     More than the nominal floor's, on which the robot walks as well as it can, is not believed.
     """
-    return min(FULL_GRIP, max(LEAST_FRICTION, BELIEVED * declared.floor_friction[0]))
+    return min(_core.FULL_GRIP, max(LEAST_FRICTION, BELIEVED * declared.floor_friction[0]))
 
 
 def carried_inputs(input_set: InputSet, friction: float) -> InputSet:

@@ -6,9 +6,9 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.simulation import BASE_SIZE, Simulation
@@ -167,7 +167,6 @@ def ticks_of(timestep: float) -> int:
     return ticks
 
 
-@kernel(error_model="numpy")
 def tracked(base: Array, look_ahead: float) -> Array:
     """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
 
@@ -176,13 +175,4 @@ def tracked(base: Array, look_ahead: float) -> Array:
         look_ahead: ℓ [m].
     """
     path = np.empty((len(base), 4))
-    for n in range(len(base)):
-        w, x, y, z = base[n, 3:7]
-        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        ahead_x, ahead_y = look_ahead * np.cos(yaw), look_ahead * np.sin(yaw)
-        path[n, 0], path[n, 1] = base[n, 0] + ahead_x, base[n, 1] + ahead_y
-        path[n, 2] = base[n, 7] - base[n, 12] * ahead_y
-        path[n, 3] = base[n, 8] + base[n, 12] * ahead_x
-        if not np.isfinite(base[n].sum()):
-            return path[:n]
-    return path
+    return path[: _core.tracked_path(base, look_ahead, path)]

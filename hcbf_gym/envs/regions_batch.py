@@ -4,17 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import kernels, layout, mapped, speed_limit
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed, kernel, put
 from hcbf_gym.envs.task import (
     CONTROL_DT,
     PHYSICS_DT,
     SUBSTEPS,
     Ranked,
     barriers_of,
-    observe,
     reference_table,
     reset_info,
     reward_terms,
@@ -139,9 +137,8 @@ class RegionsBatch:
     def look(self) -> tuple[Array, Array, Array]:
         """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
         h, sensed = self.barrier_set.sense(self.x, self.time)
-        observation, error = _observe(
-            *self._references, self.x, self.steps, sensed, self.n_barriers
-        )
+        observation, error = np.empty((len(h), 8 + 4 * self.n_barriers)), np.empty(len(h))
+        _core.regions_observe(self._references, self.x, self.steps, sensed, observation, error)
         return observation, h, error
 
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
@@ -160,9 +157,10 @@ class RegionsBatch:
         u = np.minimum(np.maximum(action, self.low), self.high)
         scene = self.barrier_set
         start = self.x.copy() if scene.own else self.x
-        min_h, distance_before = _advance(
+        min_h, distance_before = np.empty(scene.kind.shape), np.empty(len(u))
+        _core.regions_advance(
             scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
-            u, self._v_max,
+            u, self._v_max, min_h, distance_before,
         )  # fmt: skip
         if self.barrier_set.own:
             self._look_at_own(start, u, min_h)
@@ -192,77 +190,3 @@ class RegionsBatch:
                 x[i] = double_integrator_step(x[i], u[i], PHYSICS_DT, self._v_max[i])
             self.barrier_set.write_own_values(x, self.time + (s + 1) * PHYSICS_DT, h)
             min_h[own] = np.minimum(min_h[own], h[own])
-
-
-@kernel()
-def _reference(references: References, i: int, step: int) -> Array:
-    """Return (6,) what robot `i` follows at a control step."""
-    return references.tables[references.of[i], min(step, references.last[i])]
-
-
-@kernel()
-def _observe(
-    tables: Array, of: Integers, last: Integers, x: Array, steps: Integers, sensed: Array, m: int
-) -> tuple[Array, Array]:
-    """Return the observation (N, 8 + 4 m) and ‖p_ref − p‖ (N,); `References` has the first three.
-
-    Python hands arrays to compiled code faster one by one than in a record.
-    """
-    references = References(borrowed(tables), borrowed(of), borrowed(last))
-    x = borrowed(x)
-    sensed = borrowed(sensed)
-    now, error = np.empty((x.shape[0], 6)), np.empty(x.shape[0])
-    for i in range(x.shape[0]):
-        put(now[i], _reference(references, i, steps[i]))
-        error[i] = np.hypot(now[i, 0] - x[i, 0], now[i, 1] - x[i, 1])
-    return observe(x, now, sensed, m), error
-
-
-@kernel()
-def _advance(
-    kind: Integers,
-    parameters: Array,
-    atlas: Array | None,
-    references: References,
-    x: Array,
-    steps: Integers,
-    u: Array,
-    v_max: Array,
-) -> tuple[Array, Array]:
-    """Advance x (N, 4) in place over one control step.
-
-    Returns:
-        (N, m) the least h on the way, and (N,) ‖p_ref − p‖ before it.
-    """
-    kind, parameters, x, u = borrowed(kind), borrowed(parameters), borrowed(x), borrowed(u)
-    references = References(*borrowed(references))
-    min_h, distance = np.empty(kind.shape), np.empty(x.shape[0])
-    way = np.empty((SUBSTEPS, 4))
-    for i in range(x.shape[0]):
-        state = x[i]
-        action = u[i]
-        top_speed = 0.0
-        goal = _reference(references, i, steps[i])
-        distance[i] = np.hypot(goal[0] - state[0], goal[1] - state[1])
-        for s in range(SUBSTEPS):
-            state[0], state[1], state[2], state[3] = double_integrator_step(
-                state, action, PHYSICS_DT, v_max[i]
-            )
-            for k in range(4):
-                way[s, k] = state[k]
-            top_speed = max(top_speed, np.hypot(state[2], state[3]))
-        for k in range(kind.shape[1]):
-            which = kind[i, k]
-            c = parameters[i, k]
-            if which == layout.SPEED_LIMIT:
-                min_h[i, k] = speed_limit.value(c[layout.V_MAX], top_speed, 0.0)
-                continue
-            if atlas is not None and kernels.is_mapped(which):
-                min_h[i, k] = mapped.least_along(which, c, borrowed(atlas), way)
-                continue
-            least = np.inf
-            for s in range(SUBSTEPS):
-                now = steps[i] * CONTROL_DT + (s + 1) * PHYSICS_DT
-                least = min(least, kernels.height(which, c, way[s, 0], way[s, 1], now))
-            min_h[i, k] = least
-    return min_h, distance

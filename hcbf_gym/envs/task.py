@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from gymnasium import spaces
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
-from hcbf_gym.barriers.layout import SPEED_LIMIT, ZONES
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import borrowed, kernel
 from hcbf_gym.errors import InvalidInputError, count, floats
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
@@ -22,8 +21,6 @@ PHYSICS_DT = 0.002
 SUBSTEPS = 10
 MAX_EPISODE_STEPS = 1000
 
-EFFORT_WEIGHT = 1e-3
-GOAL_REWARD = 10.0
 REWARD_TERMS = {
     "track": ("reward_tracking", "reward_effort"),
     "reach": ("reward_progress", "reward_goal", "reward_effort"),
@@ -61,7 +58,6 @@ def reference_table(scenario: Scenario) -> Array:
     )
 
 
-@kernel()
 def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     """Return (N, 8 + 4 m) what a policy sees.
 
@@ -73,24 +69,8 @@ def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
         sensed: (N, ≥ m, 4) what `BarrierSet.sense` returns.
         m: how many of the barriers a policy sees; an environment's own come after them.
     """
-    seen = np.empty((x.shape[0], 8 + 4 * m))
-    x, reference, sensed = borrowed(x), borrowed(reference), borrowed(sensed)
-    out = borrowed(seen)
-    for i in range(x.shape[0]):
-        write_observation(x[i], reference[i], sensed[i], out[i])
-    return seen
-
-
-@kernel(inline="always")
-def write_observation(x: Array, reference: Array, sensed: Array, seen: Array) -> None:
-    """Write (8 + 4 m,) what the policy of one robot sees, as `observe` returns it."""
-    for k in range(4):
-        seen[k] = reference[k] - x[k]
-    for k in range(2):
-        seen[4 + k] = x[2 + k]
-        seen[6 + k] = reference[4 + k]
-    for k in range(len(seen) - 8):
-        seen[8 + k] = sensed[k // 4, k % 4]
+    of_barriers = sensed[:, :m].reshape(len(x), -1)
+    return np.hstack([reference[:, :4] - x, x[:, 2:], reference[:, 4:], of_barriers])
 
 
 def reward_terms(
@@ -108,35 +88,10 @@ def reward_terms(
         reached: (N,) whether the goal is reached.
         u: (N, 2) the applied acceleration [m/s²].
     """
-    effort, gained, bonus = _terms(distance_before, distance_after, reached, u)
+    effort, gained, bonus = each = np.empty((3, len(u)))
+    _core.task_terms(distance_before, distance_after, reached, u, each)
     terms = (-distance_after, effort) if task == "track" else (gained, bonus, effort)
     return dict(zip(REWARD_TERMS[task], terms, strict=True))
-
-
-@kernel()
-def _terms(
-    distance_before: Array, distance_after: Array, reached: Mask, u: Array
-) -> tuple[Array, Array, Array]:
-    """Return (N,) what effort costs, by how much the goal came nearer, and what reaching it earns.
-
-    Args:
-        distance_before: as `reward_terms` takes it.
-        distance_after: as `reward_terms` takes it.
-        reached: as `reward_terms` takes it.
-        u: as `reward_terms` takes it.
-    """
-    effort, gained, bonus = np.empty((3, len(u)))
-    for i in range(len(u)):
-        effort[i] = effort_cost(u[i, 0], u[i, 1])
-        gained[i] = distance_before[i] - distance_after[i]
-        bonus[i] = GOAL_REWARD * reached[i]
-    return effort, gained, bonus
-
-
-@kernel(inline="always")
-def effort_cost(ux: float, uy: float) -> float:
-    """Return what an input costs."""
-    return -EFFORT_WEIGHT * (ux**2 + uy**2)
 
 
 class Ranked(NamedTuple):
@@ -183,9 +138,10 @@ def step_info(
     }
 
 
-@kernel()
 def costs_of(least: Array, kind: Integers, priority: Integers, ranks: int) -> tuple[Array, Array]:
     """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step.
+
+    A speed limit is a condition of rank 1 and has no metres. A rank beyond R counts with R.
 
     Args:
         least: the least values.
@@ -193,28 +149,9 @@ def costs_of(least: Array, kind: Integers, priority: Integers, ranks: int) -> tu
         priority: as `Ranked` has it.
         ranks: as `Ranked` has it.
     """
-    cost, costs = np.empty(least.shape[0]), np.empty((least.shape[0], ranks))
-    for i in range(least.shape[0]):
-        cost[i] = write_costs(least[i], kind[i], priority[i], costs[i])
+    cost, costs = np.empty(len(least)), np.empty((len(least), ranks))
+    _core.task_costs(least, kind, priority, cost, costs)
     return cost, costs
-
-
-@kernel(inline="always")
-def write_costs(least: Array, kind: Integers, priority: Integers, costs: Array) -> float:
-    """Write by rank (R,) how deep one robot was [m], and return 1 if rank 1 was entered, else 0.
-
-    A speed limit is a condition of rank 1 and has no metres. A rank beyond R counts with R.
-    """
-    cost = 0.0
-    costs[:] = 0.0
-    for k in range(len(least)):
-        if least[k] < 0.0:
-            if priority[k] == 1:
-                cost = 1.0
-            if kind[k] != SPEED_LIMIT and kind[k] != ZONES:
-                rank = min(priority[k], len(costs)) - 1
-                costs[rank] = max(costs[rank], -least[k])
-    return cost
 
 
 def reset_info(task: str, h: Array, ranked: Ranked, tracking_error: Array) -> dict[str, Array]:
@@ -243,18 +180,9 @@ def check_action(action: object, shape: tuple[int, ...]) -> Array:
             or infinite.
     """
     array = floats("action", action, shape).astype(np.float64, copy=False)
-    if not _are_finite(array):
+    if not _core.are_finite(array):
         raise InvalidInputError(f"action: got {array.tolist()}, expected finite accelerations")
     return array
-
-
-@kernel()
-def _are_finite(array: Array) -> bool:
-    """Tell whether an array holds nothing but finite numbers."""
-    finite = True
-    for number in array.flat:
-        finite &= np.isfinite(number)
-    return finite
 
 
 def check_seed(seed: object) -> int | None:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.envs import scene
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
@@ -102,10 +102,4 @@ class WalkerPhysics(Simulation):
     @property
     def diverged(self) -> bool:
         """Whether the robot's state has left the finite numbers."""
-        return not _finite(self._qpos, self._qvel)
-
-
-@kernel()
-def _finite(positions: Array, velocities: Array) -> bool:
-    """Return whether a state holds nothing but finite numbers."""
-    return bool(np.isfinite(positions).all() and np.isfinite(velocities).all())
+        return not _core.is_finite(self._qpos, self._qvel)

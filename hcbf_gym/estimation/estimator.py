@@ -5,19 +5,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
-from hcbf_gym.estimation.kalman import AXIS, A, D, S
-from hcbf_gym.estimation.sensing import NOISE, NOISES
+from hcbf_gym.estimation.records import AXIS, SETTINGS, A, D, S
 from hcbf_gym.estimation.sensors import Sensors
-from hcbf_gym.estimation.tick import MEMORY, PAST, SETTINGS, SLIPPING, start, tick
-from hcbf_gym.locomotion.dynamics import GRAVITY
 from hcbf_gym.locomotion.leg import LegGeometry
+from hcbf_gym.locomotion.records import packed
 from hcbf_gym.locomotion.state import STATE_SIZE
+from hcbf_gym.models.constants import GRAVITY
 
 SETTLING = 0.01
 """How long a foot must have touched before its leg shows the trunk's velocity [s]."""
+
+SLIPPING = 0.005
+"""Standard deviation of what standing feet slip in the simulation itself, slowly [m/s]: some 0.6 mm
+in a stance of 0.13 s."""
 
 STANDING = 1.0
 """How long the robot has stood, averaging fixes, when an episode begins [s]."""
@@ -67,15 +71,10 @@ class Estimator:
         dt = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
         delay = round(self.sensors.delay / dt)
         settings = _settings(self.sensors, legs, foot_radius, dt, delay)
-        self._settings = np.array([settings], dtype=SETTINGS)
-        self._memory = np.zeros(1, dtype=MEMORY)
-        self._past = np.zeros(delay + 1, dtype=PAST)
-        self._means: Array = self._past["x"]
-        self._covariances: Array = self._past["cov"]
+        self._compiled = _core.EstimationTick(packed(settings, SETTINGS))
         self._yaw_error = self.sensors.yaw
         self._rng: np.random.Generator | None = None
-        self._noise = np.zeros(0, dtype=NOISE)
-        self._drawn = 0
+        self._drawn = BLOCK
 
     def reset(self, truth: Array, rng: np.random.Generator) -> Array:
         """Begin an episode; return what is known of the robot (41,), as `tick` does.
@@ -86,10 +85,9 @@ class Estimator:
         """
         truth = finite_array("truth", truth, (STATE_SIZE,))
         self._rng = rng
-        self._drawn = len(self._noise)
+        self._drawn = BLOCK
         told = np.empty(STATE_SIZE)
-        row = self._next_noise()
-        start(self._settings, self._memory, self._past, truth, self._noise, row, told)
+        self._compiled.start(truth, self._next_noise(), told)
         return told
 
     def tick(self, truth: Array) -> Array:
@@ -105,29 +103,25 @@ class Estimator:
             InvalidInputError: before the first reset.
         """
         told = np.empty(STATE_SIZE)
-        row = self._next_noise()
-        tick(self._settings, self._memory, self._past, truth, self._noise, row, told)
+        self._compiled.tick(truth, self._next_noise(), told)
         return told
 
     @property
     def estimate(self) -> PlanarEstimate:
         """What is known after the latest tick."""
-        memory = self._memory[0]
-        now = int(memory["ticks"]) % len(self._past)
-        mean = self._means[now]
-        of_axis, mixed = self._covariances[now, :2, :2]
+        mean = self._compiled.mean
+        of_axis, mixed = self._compiled.covariance[:2, :2]
         turned = self._yaw_error * mean[:2, 2:].ravel()
         covariance = np.outer(turned, turned)
         covariance[_DIAGONAL, _DIAGONAL] += of_axis[0], of_axis[0], mixed[1], mixed[1]
         covariance[_DIAGONAL, _ACROSS] += of_axis[1]
-        return PlanarEstimate(mean[:2, :2].ravel(), covariance, float(memory["yaw"]))
+        return PlanarEstimate(mean[:2, :2].ravel(), covariance, self._compiled.yaw)
 
     def _next_noise(self) -> int:
         if self._rng is None:
             raise InvalidInputError("estimator: got a tick, expected a reset first")
-        if self._drawn >= len(self._noise):
-            numbers = self._rng.standard_normal((BLOCK, NOISES))
-            self._noise = numbers.view(NOISE)[:, 0]
+        if self._drawn >= BLOCK:
+            self._compiled.use(self._rng.standard_normal((BLOCK, _core.NOISES)))
             self._drawn = 0
         self._drawn += 1
         return self._drawn - 1

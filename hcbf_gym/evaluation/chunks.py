@@ -32,12 +32,14 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from hcbf_gym import opened, version
 from hcbf_gym.certificates import same
-from hcbf_gym.compilation import PACKAGE, SAID_EVERY, read_by_name, sources_hash
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError, warn_caller
 from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
 from hcbf_gym.opened import MISSING, content
 from hcbf_gym.records import whole
+from hcbf_gym.sources import PACKAGE, read_by_name, sources_hash
 
+SAID_EVERY = 15.0
+"""Where no terminal shows the progress, it is printed [s]."""
 COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
 """Whose versions decide the bits of an episode."""
 ATTEMPTS = 5
@@ -245,10 +247,11 @@ def _complete(
         saved = _saved(work, chunks, pool)
         for chunk in saved:
             yield from enumerate(_load(chunk).results, chunk.start)
+        console = Console(stderr=True)
         with Progress(
             *columns,
-            console=Console(stderr=True),
-            disable=title is None,
+            console=console,
+            disable=title is None or console.is_jupyter,  # rich warns there without ipywidgets
             speed_estimate_period=3600.0,  # of chunks that take minutes, too
         ) as progress:
             bar = progress.add_task(

@@ -30,7 +30,6 @@ from rich.progress import track
 from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
 from hcbf_gym.barriers import Barrier, Shapes
-from hcbf_gym.compilation import sources_hash
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -60,6 +59,7 @@ from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend, open_pool
 from hcbf_gym.programs.general.qp import check_solver
 from hcbf_gym.robots.walker import Walker
+from hcbf_gym.sources import sources_hash
 
 GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""
@@ -231,7 +231,7 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     for row, label in zip(rows, labels, strict=True):
         said = " ".join(sentences(row, names))
         console.print(f"{label.replace(chr(10), ', ')}: {said}", soft_wrap=True, highlight=False)
-    console.print(f"written to {output}: {', '.join(written)}", soft_wrap=True)
+    console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
 def _check(args: Args) -> None:
@@ -422,7 +422,7 @@ def comparison(
         counts = (str(row["status_counts"][status]) for row in rows)
         cells.append((f"steps with status {status}", *counts))
     policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
-    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode(s) each"
+    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode{'s' * (n > 1)} each"
     return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
 
 

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, shown
-from hcbf_gym.filtering.belief import is_covariance, numbers_of
+from hcbf_gym.filtering.belief import numbers_of
 from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -34,7 +35,7 @@ def of_state(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
         one = _one_of(value, shape, i, count)
         if one is None:
             return f"{name}: got {shown(value)}, expected real numbers of shape {shape}"
-        if name == "covariance" and not is_covariance(one):
+        if name == "covariance" and not _core.is_covariance(one):
             return f"covariance: got {shown(one.tolist())}, expected a symmetric one, none below 0"
         if name == "elapsed" and not 0.0 < one <= LONGEST:
             return f"elapsed: got {one:g} s, expected above 0 s and at most {LONGEST:g} s"

@@ -22,6 +22,7 @@ from hcbf_gym.errors import (
     warn_caller,
 )
 from hcbf_gym.filtering import plants
+from hcbf_gym.filtering.bound import Bound
 from hcbf_gym.filtering.settings import (
     ROW_OPTIONS,
     FilterSettings,
@@ -30,7 +31,6 @@ from hcbf_gym.filtering.settings import (
     input_limits,
     kept,
 )
-from hcbf_gym.filtering.threads import Threads
 from hcbf_gym.guidance.extent import CELL, FINE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
@@ -111,10 +111,7 @@ class Configured:
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._make_program(held)
-        self._drives: plants.Drives = None if plant.axle is None else True
-        self._parts = plants.parts_of(self.count, threads)
-        self._programs = self._of_parts()
-        self._threads = Threads(len(self._parts))
+        self._bound = Bound(threads)
 
     @cached_property
     def reserve(self) -> Reserve:
@@ -198,13 +195,13 @@ class Configured:
         numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
         axle, period = plant.axle, plant.period or 0.0
         if axle is not None:
-            numbers |= {"axle": axle, "jerk": axle.jerk(period)}
+            numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
             settings = self._axle_settings(held)
             numbers["axle_rows"] = settings.packed
             self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
         self._words, self._program = plants.constants(compiled, numbers)
         if axle is not None:  # its U turns with the heading, and is written at every step
-            nothing = np.zeros((self.count, 4, 2))
+            nothing = np.zeros((1, 4, 2))
             self._program = plants.with_vertices(self._constants, self._program, nothing)
 
     @property
@@ -231,13 +228,6 @@ class Configured:
         """
         corners = finite_array("vertices", vertices, (self.count, None, 2))
         self._program = plants.with_vertices(self._constants, self._program, corners)
-        self._programs = self._of_parts()
-
-    def _of_parts(self) -> list[Array]:
-        """Return the program of each part of the plants."""
-        if len(self._parts) == 1:
-            return [self._program]
-        return [plants.part_of(self._constants, self._program, part) for part in self._parts]
 
     def _fit_alpha1(self) -> float:
         """Scale α₁ down to what the robot can brake, and return the factor, which reports repeat.

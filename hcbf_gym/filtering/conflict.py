@@ -4,11 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Records
-from hcbf_gym.barriers.row_kernels import B, H
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.filtering import step
-from hcbf_gym.filtering.plants import Drives, Plants, split
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_among
 
@@ -41,42 +38,28 @@ class Polygon(NamedTuple):
 
 
 def conflict_of(
-    shared: tuple[Records, Array, Drives],
-    plants: Plants,
-    atlas: Array | None,
-    input_set: InputSet | None,
+    asked: Any, i: int, slack: Array, input_set: InputSet | None
 ) -> ConflictReport | None:
-    """Return the conflict of one plant whose state was accepted; None where there is none.
+    """Return the conflict of a plant whose state was accepted; None where there is none.
 
-    The rows are made once more, from the same sample; copies are written to.
+    The rows are made once more, from the same sample.
 
     Args:
-        shared: constants, the plant's program and whether it has an axle, as `step.pose` takes it.
-        plants: one plant, as the last step left it.
-        atlas: as `step.filter_plants` takes it.
+        asked: the `_core.Filter` of copies, which are written to, as the last step left them.
+        i: which plant.
+        slack: (M,) of its rows at that step.
         input_set: U; None takes the corners of the program.
 
     Returns:
         the report, whose `rows` are indices of the conditions.
     """
-    constants, program, drives = shared
-    constants = constants.copy()
-    constants["input_sets"] = min(1, constants["input_sets"][0])
-    sensed, slack = plants.sensed.copy(), plants.rows["slack"][0]
-    sensed["known"] = 0  # or the time of the same sample would not advance
-    copies = plants._replace(sensed=sensed, told=plants.told.copy(), rows=plants.rows.copy())
-    _, part, work, source = step.pose(constants, program, drives, copies, atlas)
-    m = part.kind.shape[1]
-    whose = source if source.size else np.arange(m)
-    there = part.priority[0] > 0  # a batch fills up shorter scenes
-    rows = CbfRows(
-        work.a[0, :m][there], work.rows[B, 0, :m][there], work.rows[H, 0, :m][there],
-        part.priority[0][there],
-    )  # fmt: skip
+    asked.pose(i)
+    _, a, b, h, _, _ = asked.problem()
+    priority, whose = asked.conditions(i)
+    there = np.flatnonzero(priority > 0)  # a batch fills up shorter scenes
+    rows = CbfRows(a[there], b[there], h[there], priority[there])
     whose = whose[there]
-    limits: Any = input_set
-    if limits is None:
-        limits = Polygon(split(constants[0], program)[0][0])
+    limits: Any = Polygon(asked.corners()) if input_set is None else input_set
     found = conflict_among(rows, slack[whose], limits)
     if found is None:
         return None

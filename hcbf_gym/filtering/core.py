@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import Kinks
@@ -33,18 +34,17 @@ from hcbf_gym.errors import (
     shown,
     warn_caller,
 )
-from hcbf_gym.filtering import causes, solvers, step
+from hcbf_gym.filtering import bound, causes, solvers
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.filtering.configured import Configured
 from hcbf_gym.filtering.conflict import conflict_of
 from hcbf_gym.filtering.covering import Covering
 from hcbf_gym.filtering.nearness import Nearness
-from hcbf_gym.filtering.plants import Plants, part_of
+from hcbf_gym.filtering.plants import COMPARED, NEWS
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.settings import FilterSettings
-from hcbf_gym.filtering.verdict import COMPARED, NEWS
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_gym.models.input_sets import InputSet
@@ -222,7 +222,7 @@ class FilterCore(Configured, ABC):
         self._kinks.u = u_nominal
         self._last = arrays, own = self._made(scene, u_nominal)
         said = self._filter(arrays, own)
-        if said == step.NOT_FINITE:
+        if said == bound.NOT_FINITE:
             bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
             raise InvalidInputError(
                 f"action: got {shown(np.atleast_2d(u_nominal)[bad].tolist())} for the plants "
@@ -230,14 +230,14 @@ class FilterCore(Configured, ABC):
                 if self.count > 1
                 else f"action: got {u_nominal.tolist()}, expected finite numbers"
             )
-        if said == step.MISSHAPED:
+        if said == bound.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {scene.kind.shape} for {self.count} plants, "
                 f"expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
         if estimate.time is None:
             self._steps += 1.0
-        if said == step.ASKS:
+        if said == bound.ASKS:
             self._finish(estimate)
         report = buffer.report()
         return report["u_safe"], report
@@ -251,17 +251,18 @@ class FilterCore(Configured, ABC):
         """
         if self._last is None or 0 < self._buffer.plants["reason"][i] < FIRST_ALARM:
             return None
-        one = slice(i, i + 1)
-        sensed, told, rows = self._samples.plants, self._buffer.plants, self._buffer.rows
-        (kind, parameters, priority, own_margin, atlas), own = self._last
-        plants = Plants(
-            kind[one], parameters[one], priority[one], own_margin[one],
-            sensed[one], own[one], told[one], rows[one],
-        )  # fmt: skip
-        program = part_of(self._constants, self._program, one)
+        scene, own = self._last
+        sensed = self._samples.plants.copy()
+        sensed["known"] = 0  # or the time of the same sample would not advance
+        told, rows = (words.copy() for words in self._buffer.words)
+        asked = _core.Filter(
+            self._words.copy(), self._program, sensed.view(np.float64), self.count, 1
+        )
+        asked.set_scene(*scene, own)
+        asked.set_report(told, rows)
         turns = self.plant.axle is not None
-        shared = self._constants, program, self._drives
-        return conflict_of(shared, plants, atlas, None if turns else self.input_set)
+        slack = self._buffer.rows["slack"][i]
+        return conflict_of(asked, i, slack, None if turns else self.input_set)
 
     def _renew(self) -> None:
         """Give a batch's next report memory of its own: the user has that of the last one."""
@@ -298,57 +299,18 @@ class FilterCore(Configured, ABC):
         """Know what was known before."""
         self._samples.restore(remembered)
 
+    @property
+    def _filter_of(self) -> Any:
+        """The compiled filter of the plants, bound to their records and reports."""
+        return self._bound.of(self._words, self._program, self._samples, self._buffer)
+
     def _filter(self, scene: SceneArrays, own: Array) -> int:
-        """Filter the plants; return what `step.filter_plants` says."""
-        samples, buffer = self._samples, self._buffer
-        if self._solver is None and len(self._parts) == 1:
-            words, told = samples.words, buffer.words
-            return step.filter_plants(
-                self._words, self._program, self._drives, *scene, words, own, *told
-            )
+        """Filter the plants; return what is to be done, as `bound` has it."""
+        compiled = self._filter_of
+        self._bound.see(*scene, own)
         if self._solver is None:
-            return self._filter_parts(scene, own)
-        shared = self._constants, self._program, self._drives
-        sensed, told, rows = samples.plants, buffer.plants, buffer.rows
-        kind, parameters, priority, own_margin, atlas = scene
-        plants = Plants(kind, parameters, priority, own_margin, sensed, own, told, rows)
-        said, part, work, source = step.pose(*shared, plants, atlas)
-        if said != step.DONE:
-            return said
-        answered = solvers.answer(self._solver, work)
-        return step.close(*shared, answered, (part, work, source), buffer.rows)
-
-    def _filter_parts(self, scene: SceneArrays, own: Array) -> int:
-        """Filter parts of the plants at once, as `_filter` does all of them."""
-        sensed, told, rows = self._samples.plants, self._buffer.plants, self._buffer.rows
-        if not np.isfinite(told["u_nominal"]).all():
-            return step.NOT_FINITE
-        kind, parameters, priority, own_margin, atlas = scene
-
-        def filter_part(part: tuple[slice, Array]) -> int:
-            these, program = part
-            constants = self._constants
-            if constants["input_sets"][0] > 1:
-                constants = constants.copy()
-                constants["input_sets"] = len(told[these])
-            return step.filter_plants(
-                constants.view(np.float64),
-                program,
-                self._drives,
-                kind[these],
-                parameters[these],
-                priority[these],
-                own_margin[these],
-                atlas,
-                sensed[these].view(np.float64),
-                own[these],
-                told[these].view(np.float64),
-                rows[these].reshape(-1).view(np.float64),
-            )
-
-        return max(
-            self._threads.run(filter_part, list(zip(self._parts, self._programs, strict=True)))
-        )
+            return compiled.filter()
+        return solvers.answer(self._solver, compiled, self.count)
 
     def _finish(self, estimate: Estimate) -> None:
         """Brake as the user asks, and warn."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
@@ -15,7 +16,6 @@ from hcbf_gym.errors import (
     choose,
     warn_caller,
 )
-from hcbf_gym.filtering import axle_step
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.extent import CELL
@@ -131,7 +131,7 @@ class Guide:
             ranks = plants["reachable"], plants["zone"]
             guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
             if self._ahead > 0.0:
-                axle_step.face(plants, u_nominal, guide.pull.gain, self._ahead)
+                _core.face(samples.words, u_nominal, guide.pull.gain, self._ahead)
 
     def _follow(self, guide: Geodesic, scenes: BarrierSet, samples: Samples) -> None:
         """Take up maps that have changed; of one on another grid guidance knows nothing."""

@@ -18,6 +18,7 @@ from hcbf_gym.filtering import belief
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.model_monitor import ModelMonitor
 from hcbf_gym.filtering.settings import FilterSettings, check_hold
+from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.models.plant import Plant, Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -133,7 +134,7 @@ class ModelCore(FilterCore):
         own = states.model if taken.told else states.x
         known = reserve.know(states.x, taken.time, own, states.lag, states.covariance)
         if taken.told:
-            belief.grow_all(taken.plants, self._buffer.plants, known.drift, self.plant.model.n_p)
+            self._filter_of.grow_all(known.drift, self.plant.model.n_p)
             known = known._replace(growth=taken.plants["growth"].copy())
         out, scene = self._own[..., MARGIN : FAST + 1], prepared.scene
         entries = prepared.entries if changes else ()
@@ -187,9 +188,10 @@ class ModelCore(FilterCore):
         """Write reasons, alarms, rows and braking inputs."""
         samples, told = self._samples, self._buffer.plants
         records, states = samples.plants, samples.states
-        if belief.believe_all(records, states, self._velocity_at, told):
+        compiled = self._filter_of
+        if compiled.believe_all(self._velocity_at):
             self._carry_on(told["reason"] != 0)
-            belief.replace_all(records, states, told)
+            compiled.replace_all()
         terms, known = self._terms(states.x)
         if not known.all():
             told["reason"][(told["reason"] == 0) & ~known] = Reason.BARRIERS
@@ -213,7 +215,7 @@ class ModelCore(FilterCore):
             except UNREADABLE:
                 after = None
             carried = belief.real_numbers(after, last.shape)
-            near = carried is not None and belief.are_near(carried)
+            near = carried is not None and (np.abs(carried) <= FARTHEST).all()
             records["known"][i] = near
             states.believed[i] = carried if near else last
 

@@ -18,13 +18,13 @@ from collections import Counter
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import kernels, layout, shapes
+from hcbf_gym.barriers import kernels, layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.placing import Listed
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import UNREADABLE
 
 SMOOTHS = 0.1
@@ -33,8 +33,6 @@ FORGIVEN, OF_SPEED = 0.02, 0.1
 """Undeclared approach that is no motion [m/s], and as a share of the declared speed."""
 LEAST = 1e-3
 """l where no error of a position is declared [m]."""
-BESIDE = 0.5
-"""A region without a name of its own was one of its kind that was so near to its place [m]."""
 _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
 
 
@@ -119,7 +117,7 @@ def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news
     """Return (N, m) which condition before was which now, −1 for none.
 
     It is the one of the same name, where both lists have that name once; else, of all regions of
-    its kind that were `BESIDE` it, the nearest to the robot.
+    its kind that were beside it (`nearness.hpp`), the nearest to the robot.
     """
     (count, m), k = now.kind.shape, before.kind.shape[1]
     found = np.full((count, m), -1)
@@ -133,7 +131,7 @@ def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news
             same = (before.parameters == now.parameters).all(axis=2) & (before.kind == now.kind)
             found = np.where((found < 0) & same, np.arange(m), found)
         numbers = (before.kind, before.parameters), (now.kind, now.parameters)
-        _find_beside(*numbers, earlier, t, found)
+        _core.nearness_find_beside(*numbers, earlier, t, found)
     return found
 
 
@@ -159,56 +157,6 @@ def _names(listed: Listed) -> list[str]:
         else:
             names.append(one.name)
     return names
-
-
-@kernel(error_model="numpy")
-def _find_beside(
-    before: tuple[Integers, Array],
-    now: tuple[Integers, Array],
-    earlier: Array,
-    t: Array,
-    found: Integers,
-) -> None:
-    """Write which regions before explain those without a name of their own.
-
-    Args:
-        before: kinds (N, k) and blocks (N, k, WIDTH).
-        now: kinds (N, m) and blocks (N, m, WIDTH).
-        earlier: (N, k) ĥ [m].
-        t: (N,) [s].
-        found: (N, m) −1 where one is missing, written to.
-    """
-    kind, blocks = before
-    others, others_blocks = now
-    for i in range(found.shape[0]):
-        taken = np.zeros(kind.shape[1], dtype=np.bool_)
-        for k in range(found.shape[1]):
-            if found[i, k] >= 0:
-                taken[found[i, k]] = True
-        places = np.empty((kind.shape[1], 2))
-        for j in range(kind.shape[1]):
-            places[j, 0], places[j, 1] = _place(kind[i, j], blocks[i, j], t[i])
-        for k in range(found.shape[1]):
-            if found[i, k] >= 0 or not kernels.is_region(others[i, k]):
-                continue
-            x, y = _place(others[i, k], others_blocks[i, k], t[i])
-            least = np.inf
-            for j in range(kind.shape[1]):
-                if taken[j] or kind[i, j] != others[i, k] or earlier[i, j] >= least:
-                    continue
-                if abs(places[j, 0] - x) <= BESIDE and abs(places[j, 1] - y) <= BESIDE:
-                    least, found[i, k] = earlier[i, j], j
-
-
-@kernel(error_model="numpy")
-def _place(kind: int, c: Array, t: float) -> tuple[float, float]:
-    """Return the middle of a region at time t [m]; 0 of one without end."""
-    low_x, low_y, high_x, high_y = shapes.bounds(kind, c)
-    x = 0.5 * (low_x + high_x) + c[layout.VELOCITY_X] * t
-    y = 0.5 * (low_y + high_y) + c[layout.VELOCITY_Y] * t
-    if not (np.isfinite(x) and np.isfinite(y)):
-        return 0.0, 0.0
-    return x, y
 
 
 def _write_own(

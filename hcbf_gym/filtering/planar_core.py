@@ -15,7 +15,6 @@ from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.row_kernels import B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, CoverageWarning, InvalidInputError, warn_caller
-from hcbf_gym.filtering import belief
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.guide import Guide
 from hcbf_gym.filtering.settings import FilterSettings
@@ -170,8 +169,7 @@ class PlanarCore(FilterCore):
     def _make_rows(self, scene: BarrierSet) -> None:
         """Look at the states, and make the rows of users' own barriers."""
         plants, out = self._samples.plants, self._own_rows
-        for i in range(self.count):
-            self._buffer.plants["reason"][i] = belief.believe(plants[i])
+        self._filter_of.believe()
         names = "x", "time", "model", "lag", "covariance"
         reach = 0.0 if self.plant.axle is None else self.plant.axle.look_ahead
         reserve, told = self.reserve, self._samples.told

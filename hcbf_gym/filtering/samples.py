@@ -1,7 +1,7 @@
 """What is handed to the filter of N plants, as one record a plant.
 
 Whatever is misshaped, too old or no number on the way from the plant is a fault of that plant, and
-`belief.look` does not believe it.
+the core (`state_check.hpp`) does not accept it.
 """
 
 from types import EllipsisType
@@ -65,6 +65,11 @@ class Samples:
         self._has_model: NDArray[np.int64] = plants["has_model"]
         self._states, *self._parts = (_bare(array) for array in self.states[:4])
         self._times, self._headings = _bare(self.time), _bare(plants["heading"])
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the states stand beside the records."""
+        return self._own is not None
 
     @property
     def x(self) -> Array:

@@ -1,33 +1,39 @@
 """A program with a solver by name, in the place of the compiled one."""
 
+from typing import Any
+
 import numpy as np
 
-from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
-from hcbf_gym.filtering.plants import Work
+from hcbf_gym.filtering.bound import DONE
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
-from hcbf_gym.programs.program import has_no_gap
 
 
-def answer(program: Program, work: Work) -> Mask:
-    """Write a program's answers for N plants, and return (N,) where there is one.
+def answer(program: Program, posed: Any, count: int) -> int:
+    """Filter N plants by a program's answers, and return what is to be done, as `bound` has it.
 
     Args:
         program: with its solver.
-        work: the rows and the inputs that are asked for; the answers are written to.
+        posed: the `_core.Filter` that poses the problems, one plant after the other.
+        count: N.
     """
-    answered = np.zeros(len(work.u), dtype=np.bool_)
-    for i in range(len(work.u)):
-        b, h, alpha2_psi = work.rows[B, i], work.rows[H, i], work.rows[ALPHA2_PSI, i]
-        rows = CbfRows(work.a[i], b, h, work.priority[i], alpha2_psi)
-        result = solve(program, work.u[i], rows)
+    said = posed.check()
+    if said != DONE:
+        return said
+    for i in range(count):
+        posed.pose(i)
+        u, a, b, h, alpha2_psi, priority = posed.problem()
+        result = solve(program, u, CbfRows(a, b, h, priority, alpha2_psi))
+        status, fallbacks = FilterStatus.BACKUP, 0
         if result is not None:
-            answered[i] = True
-            for place, value in zip(work.answer, result, strict=True):
-                place[i] = value
-    return answered
+            for place, value in zip(posed.answer(), result, strict=False):
+                place[:] = value
+            status, fallbacks = result.status, result.fallbacks
+        said = max(said, posed.close(i, result is not None, int(status), int(fallbacks)))
+    return said
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
@@ -57,7 +63,7 @@ def without_gaps(rows: CbfRows) -> CbfRows:
 
     Where nothing strict is in sight, a last row of rank 1 asks for nothing.
     """
-    if has_no_gap(rows.priority):
+    if _core.has_no_gap(rows.priority):
         return rows
     ranks = np.unique(rows.priority)
     lower = ranks[ranks > 1]

@@ -40,7 +40,7 @@ class Geodesic:
     Args:
         count: N.
         through: ranks from it on may be crossed at their price, above 1; 0 for none. All others
-            are crossed only where no other path is left, see `march`.
+            are crossed only where no other path is left, see `guidance.field`.
         cell: side of a grid cell [m]; larger in scenes of more than 10⁴ cells.
         period: after which the field of a scene that moves is computed anew [s].
         pull: how the row pulls.

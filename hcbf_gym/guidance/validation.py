@@ -79,7 +79,7 @@ def _beyond(name: str, point: Array, geometry: Array) -> str:
     if not ((cell < -1e-9).any() or (cell > last + 1e-9).any()):
         return ""
     low = fields.to_world(0.0, 0.0, geometry)
-    high = fields.to_world(last[0], last[1], geometry)
+    high = fields.to_world(float(last[0]), float(last[1]), geometry)
     return f"{name}: got {point.tolist()}, expected a point within the extent ({low}, {high})"
 
 

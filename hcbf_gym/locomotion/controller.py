@@ -1,29 +1,48 @@
 """The locomotion controller: a planar acceleration in, twelve joint torques out, at 500 Hz."""
 
+import math
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.body_reference import BodyReference
-from hcbf_gym.locomotion.feet import stand
-from hcbf_gym.locomotion.foothold import nominal_stance
-from hcbf_gym.locomotion.gait import GAITS, RESTING, Gait
+from hcbf_gym.locomotion.gait import GAITS, Gait
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.rotation import rotation_matrix, yaw_of
+from hcbf_gym.locomotion.records import MEMORY, SETTINGS, attributes
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space_qp import TaskSpaceQp
-from hcbf_gym.locomotion.tick import MEMORY, SETTINGS
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
 LEAST_FRICTION, LARGEST_FRICTION = 0.05, 10.0
 """What may be believed of the ground: below, no gait walks; above, nothing is left to believe."""
+
+
+class BodyReference(NamedTuple):
+    """What the trunk shall do in the plane.
+
+    Attributes:
+        position: (2,) [m].
+        velocity: (2,) [m/s].
+        acceleration: (2,) [m/s²].
+        yaw: [rad].
+        yaw_rate: [rad/s].
+        yaw_acceleration: [rad/s²].
+        turning: whether the heading follows the velocity at present.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    yaw: float
+    yaw_rate: float
+    yaw_acceleration: float
+    turning: bool
 
 
 class Diagnostics(NamedTuple):
@@ -63,7 +82,7 @@ class LocomotionController:
     Args:
         xml_file: MJCF of the robot alone, from which the controller's own model is read.
         timestep: of the control loop [s].
-        friction: µ of the friction pyramid that bounds the contact forces; below `FULL_GRIP` the
+        friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
             robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
         heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
@@ -98,12 +117,12 @@ class LocomotionController:
             self.robot.foot_radius,
             chosen_gait,
             self.model.legs,
-            nominal_stance(self.model.legs.hip),
+            _core.nominal_stance(self.model.legs.hip),
             self.model.bodies,
         )
         self._settings = np.array([settings], dtype=SETTINGS)
         self._memory = np.zeros(1, dtype=MEMORY)
-        self.stance: NDArray[np.uint8] = self._memory["targets"]["stance"][0]
+        self.stance: Mask = self._memory["targets"]["stance"][0]
         self._qp = TaskSpaceQp(self._settings, self._memory)
         self._begun = False
         self._solution: qp.Solution | None = None
@@ -117,17 +136,18 @@ class LocomotionController:
 
     def reset(self, state: RobotState) -> None:
         """Forget the past and start from rest where the robot is."""
-        R = rotation_matrix(state.quaternion)
+        R = _core.rotation_matrix(state.quaternion)
         kinematics = foot_kinematics(self.model.legs, state.joint_position, state.joint_velocity)
         feet = state.position + kinematics.position @ R.T
         self._memory[:] = 0
-        memory = self._memory[0]
+        memory = attributes(self._memory)
         memory.reference.position[:] = state.position[:2]
-        memory.reference.yaw = yaw_of(R)
-        memory.clock = RESTING if self._settings[0].gait.rests else 0.0
+        memory.reference.yaw = math.atan2(R[1, 0], R[0, 0])
+        memory.clock = _core.RESTING if self._settings["gait"]["rests"][0] else 0.0
         memory.ground = feet[:, 2].mean() - self.robot.foot_radius
-        for foot in range(4):
-            stand(memory.targets, foot, feet[foot])
+        memory.targets.stance[:] = True
+        memory.targets.motion[:, 0] = feet
+        memory.targets.foothold[:] = feet[:, :2]
         self._qp.feedforward[:] = 0.0
         self._torque = np.zeros(12)
         self._begun, self._solution = True, None
@@ -158,8 +178,7 @@ class LocomotionController:
         """Where the trunk shall be: the reduced-order model's own state, and the heading."""
         # in one piece: field by field takes six times as long
         fields = self._memory["reference"].copy().item()
-        reference = BodyReference._make(fields)
-        return reference._replace(turning=bool(reference.turning))
+        return BodyReference._make(fields)
 
     @property
     def diagnostics(self) -> Diagnostics:
@@ -169,10 +188,10 @@ class LocomotionController:
         """
         if not self._begun:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
-        targets = self._memory[0].targets
+        targets = attributes(self._memory).targets
         solved = self._solution
         return Diagnostics(
-            stance=targets.stance.astype(np.bool_),
+            stance=targets.stance.copy(),
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),

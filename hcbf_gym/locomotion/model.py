@@ -1,18 +1,38 @@
 """The controller's own model of the robot, read by Pinocchio from an MJCF file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import RobotModelError
-from hcbf_gym.locomotion.dynamics import Bodies
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import Quadruped
 
 if TYPE_CHECKING:
     import pinocchio as pin
+
+
+class Bodies(NamedTuple):
+    """Inertias of the trunk and, leg by leg, of hip, thigh and calf; losses of the joints.
+
+    Attributes:
+        mass: (13,) [kg].
+        com: (13, 3) centre of mass in the body's own axes [m].
+        inertia: (13, 3, 3) about the centre of mass, in the body's own axes [kg·m²].
+        armature: (12,) of the joints [kg·m²].
+        damping: (12,) [N·m·s/rad].
+        dry_friction: (12,) [N·m].
+    """
+
+    mass: Array
+    com: Array
+    inertia: Array
+    armature: Array
+    damping: Array
+    dry_friction: Array
 
 
 class RobotModel:

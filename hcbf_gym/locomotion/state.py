@@ -3,10 +3,7 @@
 A state travels as one vector: entering compiled code costs time per argument.
 """
 
-from typing import NamedTuple
-
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.compilation import kernel
 
 STATE_SIZE = 41
 
@@ -60,29 +57,3 @@ class RobotState:
     def foot_contact(self) -> Mask:
         """(4,) bool, whether the foot touches something."""
         return self.vector[..., 37:] > 0.0
-
-
-class StateViews(NamedTuple):
-    """The same attributes for compiled code."""
-
-    position: Array
-    quaternion: Array
-    linear_velocity: Array
-    angular_velocity: Array
-    joint_position: Array
-    joint_velocity: Array
-    foot_contact: Mask
-
-
-@kernel()
-def state_views(vector: Array) -> StateViews:
-    """Return the parts of a state's vector (41,)."""
-    return StateViews(
-        vector[:3],
-        vector[3:7],
-        vector[19:22],
-        vector[22:25],
-        vector[7:19],
-        vector[25:37],
-        vector[37:] > 0.0,
-    )

@@ -2,12 +2,11 @@
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Records
-from hcbf_gym.compilation import kernel
 from hcbf_gym.locomotion import qp
+from hcbf_gym.locomotion.records import WORKSPACE, as_bytes, attributes
 from hcbf_gym.locomotion.state import RobotState
-from hcbf_gym.locomotion.task_space import WORKSPACE, set_torque, take_solution
-from hcbf_gym.locomotion.tick import tick
 
 
 class TaskSpaceQp:
@@ -18,15 +17,15 @@ class TaskSpaceQp:
         program: that of the latest tick; views, too.
 
     Args:
-        settings: (1,) `tick.SETTINGS`.
-        memory: (1,) `tick.MEMORY`, moved on by every tick.
+        settings: (1,) `records.SETTINGS`.
+        memory: (1,) `records.MEMORY`, moved on by every tick.
     """
 
     def __init__(self, settings: Records, memory: Records) -> None:
-        self._settings, self._memory = settings, memory
-        self._workspace = np.zeros(1, dtype=WORKSPACE)
-        work = self._workspace[0]
-        self._torque, self.feedforward = work.torque, work.feedforward
+        workspace = np.zeros(1, dtype=WORKSPACE)
+        self._compiled = _core.LocomotionTick(*map(as_bytes, (settings, memory, workspace)))
+        work = attributes(workspace)
+        self._torque, self.feedforward, self._z = work.torque, work.feedforward, work.z
         self._programs = [
             qp.QuadraticProgram(
                 work.H,
@@ -47,21 +46,12 @@ class TaskSpaceQp:
 
     def step(self, state: RobotState, u: Array) -> tuple[Array, qp.Solution]:
         """Return (12,) torques [N·m] and the QP's solution; without one the last torques hold."""
-        contacts, free = tick(self._settings, self._memory, self._workspace, state.vector, u)
+        contacts, free = self._compiled.tick(state.vector, u)
         self.program = self._programs[contacts]
         if free:
             return self._torque.copy(), self._free[contacts]
         solution = qp.solve(self.program)
         if solution.x is not None:
-            self._workspace["z"][0] = solution.x
-        finish(self._workspace, solution.x is not None)
+            self._z[:] = solution.x
+        self._compiled.finish(solution.x is not None)
         return self._torque.copy(), solution
-
-
-@kernel()
-def finish(workspace: Records, solved: bool) -> None:
-    """Set the torques after the solver has been asked."""
-    if solved:
-        take_solution(workspace[0])
-    else:
-        set_torque(workspace[0])

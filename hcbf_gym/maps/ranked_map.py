@@ -9,9 +9,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hcbf_gym import records
+from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import pieces
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
@@ -195,10 +194,11 @@ class RankedMap(Several):
         """
         at = finite_array("points", points, (None, 2), largest=FARTHEST)
         rank = None if rank is None else count("rank", rank)
-        least = np.full(len(at), np.inf)
+        least, distance = np.full(len(at), np.inf), np.empty(len(at))
         for one, cells in zip(self.classes, self._cells, strict=True):
             if one.kind != "speed" and rank in (None, one.rank):
-                np.minimum(least, pieces.distances(cells.packed, 0, at), out=least)
+                _core.pieces_distances(cells.packed, 0, at, distance)
+                np.minimum(least, distance, out=least)
         return least
 
     def update(self, corner: tuple[int, int], cells: Mapping[str, ArrayLike]) -> "RankedMap":

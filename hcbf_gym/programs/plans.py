@@ -2,7 +2,7 @@ r"""The programs: each is a plan, a few choices that stand beside its equation.
 
 Throughout, u ∈ U, rows of one priority are one level, and û_k solves the program of row k alone: it
 is the input of U nearest u* that meets row k or, where none does, violates it least. A plan is read
-by two interpreters: `planar.cascade`, compiled for two inputs, and `general.cascade` for any number
+by two interpreters: the core's `cascade.hpp` for two inputs, and `general.cascade` for any number
 of inputs and for QP solvers by name.
 """
 

@@ -6,9 +6,8 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym import _core
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, holds_numbers, instance, shown
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.plans import Plan
@@ -60,13 +59,9 @@ def check_rows(rows: CbfRows, n_u: int) -> None:
     check_shapes(rows, n_u)
     if rows.alpha2_psi is not None and not np.isfinite(rows.alpha2_psi).all():
         raise InvalidInputError(f"rows.alpha2_psi: got {rows.alpha2_psi}, expected finite numbers")
-    a, b, h, priority = rows.a, rows.b, rows.h, rows.priority
-    if b.ndim == 1:
-        a = a[None]
-        b = b[None]
-        h = h[None]
-        priority = priority[None]
-    if not all(well_formed(a[i], b[i], h[i], priority[i]) for i in range(len(b))):
+    parts = rows.a, rows.b, rows.h, rows.priority
+    states = zip(*parts, strict=True) if rows.b.ndim > 1 else [parts]
+    if not all(_core.well_formed(*state) for state in states):
         explain(rows)
 
 
@@ -106,45 +101,3 @@ def explain(rows: CbfRows) -> NoReturn:
     raise InvalidInputError(
         f"rows.priority: got {rows.priority.tolist()}, expected the integers from 1 without a gap"
     )
-
-
-@kernel()
-def well_formed(a: Array, b: Array, h: Array, priority: Integers) -> bool:
-    """Return whether the rows of one state are finite, with priorities 1, 2, … without a gap.
-
-    Args:
-        a: (m, n_u) gradients.
-        b: (m,) bounds.
-        h: (m,) barrier values.
-        priority: (m,).
-    """
-    return are_finite(a, b, h) and has_no_gap(priority)
-
-
-@kernel()
-def are_finite(a: Array, b: Array, h: Array) -> bool:
-    """Return whether the rows of one state are made of finite numbers."""
-    for k in range(b.size):
-        if not (np.isfinite(b[k]) and np.isfinite(h[k])):
-            return False
-        for j in range(a.shape[1]):
-            if not np.isfinite(a[k, j]):
-                return False
-    return True
-
-
-@kernel()
-def has_no_gap(priority: Integers) -> bool:
-    """Return whether priorities (m,) are 1, 2, … without a gap."""
-    levels = 0
-    for rank in priority:
-        if not 1 <= rank <= priority.size:
-            return False
-        levels = max(levels, rank)
-    for level in range(1, levels + 1):
-        present = False
-        for rank in priority:
-            present |= rank == level
-        if not present:
-            return False
-    return True

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.compilation import kernel
@@ -61,20 +62,7 @@ def violation(rows: CbfRows, u: Array, radius: float) -> Array:
         u: (n_u,) the input.
         radius: the largest norm of an input, which sets the scale of rounding.
     """
-    return _violation(rows.a, rows.b, u, radius)
-
-
-@kernel()
-def _violation(a: Array, b: Array, u: Array, radius: float) -> Array:
-    slack = np.empty(b.size)
-    for k in range(b.size):
-        square = 0.0
-        lack = b[k]
-        for j in range(u.size):
-            square += a[k, j] * a[k, j]
-            lack -= a[k, j] * u[j]
-        slack[k] = slack_of(lack, np.sqrt(square), b[k], radius)
-    return slack
+    return _core.violation(rows.a, rows.b, u, radius)
 
 
 @kernel(error_model="numpy", inline="always")

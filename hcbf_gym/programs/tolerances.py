@@ -3,13 +3,15 @@
 What is left out are the settings of third-party solvers, which stand beside them in `general.qp`.
 """
 
+from hcbf_gym import _core
+
 SLACK = 1e-8
 """A violation below it, relative to ‖a_k‖ max‖u‖ + |b_k|, is rounding; the row counts as met."""
 
-NOMINAL = 1e-9
+NOMINAL: float = _core.TOLERANCE_NOMINAL
 """An input within it of u*, relative to 1 + max‖u‖, is u*."""
 
-ZERO_GRADIENT = 1e-12
+ZERO_GRADIENT: float = _core.TOLERANCE_ZERO_GRADIENT
 """A row with a smaller gradient is a constant: no input changes its violation."""
 
 # ------------------------------------------------------------------ polygons
@@ -51,7 +53,7 @@ is at its kink, and pushes nowhere."""
 DEPENDENT = 1e-9
 """A unit row whose part along the free directions is smaller does not bind them."""
 
-MET = 1e-9
+MET: float = _core.TOLERANCE_MET
 """A row that misses its bound by less in the input space, relative to 1 + ‖u‖, is met."""
 
 PRIMAL = 1e-7

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, shown
@@ -73,7 +74,7 @@ class Weights(NamedTuple):
     def of(self, priority: Integers, h: Array) -> Array:
         """Return λ_δ(h) (m,) of one state's rows; infinity for those of strict levels."""
         ranked = zip(priority.tolist(), h.tolist(), strict=True)
-        return np.array([weight_of(self.table[0], rank, value) for rank, value in ranked])
+        return np.array([_core.row_weight(self.table[0], rank, value) for rank, value in ranked])
 
     def check(self, states: int) -> None:
         """Refuse a batch of another number of states.

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.compilation import kernel
 
 ALONG = 5
 """Points along the axis of a capsule, and along each edge of a box."""
@@ -90,31 +89,3 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
         ]
         return np.unique(np.concatenate(edges), axis=0) * size, 0.0
     return np.zeros((1, 3)), float(model.geom_rbound[geom])
-
-
-@kernel()
-def reach(body: BodyPoints, position: Array, rotation: Array, centre: Array) -> float:
-    """Return the greatest horizontal distance of the body from a point (2,) [m].
-
-    Args:
-        body: the points.
-        position: (ngeom, 3) of the geoms in the world [m].
-        rotation: (ngeom, 9) of the geoms, row by row.
-        centre: (2,) [m].
-    """
-    geom, place, radius = body
-    farthest = 0.0
-    for p in range(geom.size):
-        x, y = in_plane(place[p], position[geom[p]], rotation[geom[p]])
-        distance = np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2) + radius[p]
-        farthest = max(farthest, distance)
-    return farthest
-
-
-@kernel()
-def in_plane(place: Array, position: Array, rotation: Array) -> tuple[float, float]:
-    """Return where a point of a geom is in the plane of the world [m]."""
-    return (
-        position[0] + rotation[0] * place[0] + rotation[1] * place[1] + rotation[2] * place[2],
-        position[1] + rotation[3] * place[0] + rotation[4] * place[1] + rotation[5] * place[2],
-    )

@@ -4,9 +4,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.walker_drive import WalkerDrive
@@ -131,7 +131,8 @@ class SimulatedRobot:
             return np.full(BEAMS, np.inf)
         (column, row), turn = self.grid.to_cells([[x, y]])[0], self.grid.origin[2]
         side = self.grid.resolution
-        far = side * _cast(self.cells, column, row, angles - turn, FARTHEST_BEAM / side)
+        reach = FARTHEST_BEAM / side
+        far = side * _core.cast_rays(self.cells, column, row, angles - turn, reach)
         far = far + self._noise * self._rng.standard_normal(BEAMS)
         return np.where(far < FARTHEST_BEAM, np.maximum(far, NEAREST_BEAM), np.inf)
 
@@ -142,26 +143,3 @@ def _shut(map_file: str | Path) -> tuple[Grid | None, Mask | None]:
         return None, None
     raster = nav2.read(map_file)
     return raster.grid, reading.of_map(raster, 1, None, 0.0)[0].cells
-
-
-@njit(cache=True, error_model="numpy")
-def _cast(cells: Mask, x: float, y: float, angles: Array, reach: float) -> Array:
-    """Return (k,) how far rays from (x, y) go until an occupied cell, all in cells."""
-    rows, columns = cells.shape
-    out = np.full(angles.size, np.inf)
-    for k in range(angles.size):
-        dx, dy = np.cos(angles[k]), np.sin(angles[k])
-        c, r = int(np.floor(x)), int(np.floor(y))
-        step_c, step_r = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
-        next_c = abs(((c + 1 if dx > 0.0 else c) - x) / dx)
-        next_r = abs(((r + 1 if dy > 0.0 else r) - y) / dy)
-        travelled = 0.0
-        while travelled < reach:
-            if 0 <= r < rows and 0 <= c < columns and cells[r, c]:
-                out[k] = travelled
-                break
-            if next_c < next_r:
-                travelled, next_c, c = next_c, next_c + abs(1.0 / dx), c + step_c
-            else:
-                travelled, next_r, r = next_r, next_r + abs(1.0 / dy), r + step_r
-    return out

@@ -2,12 +2,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from hcbf_gym._core import trunk_velocity
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.estimation import PRESETS, Estimator, Sensors
-from hcbf_gym.locomotion.leg import foot_kinematics
-from hcbf_gym.locomotion.leg_odometry import trunk_velocity
-from hcbf_gym.locomotion.rotation import rotation_matrix
-from hcbf_gym.locomotion.state import state_views
+from hcbf_gym.locomotion.records import LEGS, packed
 from hcbf_gym.robots.reader import read_robot
 
 BASE = [0, 1, 19, 20]
@@ -93,13 +91,12 @@ def test_a_seed_decides_all_errors(legs, walk):
 
 def test_standing_feet_show_the_velocity_of_the_trunk(legs, walk):
     touching, errors = np.zeros(4, dtype=np.int64), []
+    radius = read_robot().foot_radius
     for truth in walk:
-        state, rotation = state_views(truth), rotation_matrix(truth[3:7])
-        feet = foot_kinematics(legs, state.joint_position, state.joint_velocity)
         touching = np.where(truth[37:] > 0.0, touching + 1, 0)
         for leg in np.flatnonzero(touching > 5):
-            foot = trunk_velocity(feet, read_robot().foot_radius, leg, state, rotation)
-            errors.append(np.linalg.norm(foot.velocity - truth[19:21]))
+            shown, _ = trunk_velocity(packed(legs, LEGS), radius, leg, truth)
+            errors.append(np.linalg.norm(shown - truth[19:21]))
     assert np.median(errors) < 0.015
     assert np.quantile(errors, 0.99) < 0.08
 

@@ -13,7 +13,7 @@ import joblib
 import pytest
 from needs import needs
 
-from hcbf_gym import compilation
+from hcbf_gym import sources
 from hcbf_gym.errors import ChunkError, InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import chunks
 
@@ -75,7 +75,7 @@ def test_an_edit_of_what_a_users_file_imports_is_other_work(line, package, tmp_p
     (folder / "physics.py").write_text("gain = 1.0\n")
     before = chunks.sources_of(abs, [folder / "plant.py"])
     (folder / "physics.py").write_text("gain = 2.0\n")
-    monkeypatch.setattr(compilation, "_digest", compilation._digest.__wrapped__)  # another process
+    monkeypatch.setattr(sources, "_digest", sources._digest.__wrapped__)  # another process
     assert chunks.sources_of(abs, [folder / "plant.py"]) != before
 
 
@@ -281,6 +281,12 @@ def test_bad_arguments_are_refused_before_anything_runs(options, error):
 def test_what_cannot_be_pickled_is_refused_where_it_is_to_be_saved(tmp_path):
     with pytest.raises(InvalidInputError, match="can be pickled"):
         chunks.run(lambda job: job, [1.0], folder=tmp_path)
+
+
+def test_a_notebook_without_widgets_gets_no_bar_and_no_warning_of_it(monkeypatch, recwarn):
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert list(chunks.run(abs, range(3), workers=1, size=1, title="numbers"))
+    assert not recwarn
 
 
 def test_where_no_terminal_shows_the_bar_lines_say_how_far_it_is(monkeypatch, capsys):

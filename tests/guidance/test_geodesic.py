@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from hcbf_gym import guidance, programs, scenarios
+from hcbf_gym import _core, guidance, programs, scenarios
 from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, HalfPlane, RowSettings
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
@@ -243,7 +243,7 @@ def test_the_guidance_row_comes_last_unless_a_rank_may_give_way():
     out = np.empty(6, dtype=np.int64)
 
     def ranks(way, through, zone=0):
-        guidance_row.insert(priority, way, zone, through, out)
+        _core.guidance_insert(priority, way, zone, through, out)
         return out.tolist()
 
     last = [1, 3, 2, 2, 1, 4]
@@ -259,7 +259,7 @@ def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
     for _ in range(100):
         u, angle, b = rng.uniform(-5.0, 5.0, 2), rng.uniform(0.0, 6.3), rng.uniform(-2.0, 2.0)
         a = np.array([np.cos(angle), np.sin(angle)])
-        shaped = np.array(guidance_row.shape(*u, *a, b))
+        shaped = np.array(_core.guidance_shape(*u, *a, b))
         assert a @ shaped >= b - 1e-12
         if a @ u >= b:
             np.testing.assert_array_equal(shaped, u)

@@ -1,22 +1,16 @@
 """The controller as a whole, in the loop with the simulation."""
 
-import json
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
-from benchmarks.judges.task_space import paper_program
+from benchmarks.judges.task_space import PLAN, paper_program
 from benchmarks.suites import walks
+from hcbf_gym import _core
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.locomotion import qp, task_space_qp
+from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.controller import LocomotionController
-from hcbf_gym.locomotion.state import state_views
-from hcbf_gym.locomotion.tick import plan, tick
-from hcbf_gym.robots.motors import torque_limits
+from hcbf_gym.locomotion.records import as_bytes, attributes
 from hcbf_gym.robots.reader import read_robot
 
 ROBOT = read_robot()
@@ -45,38 +39,23 @@ def test_the_torques_of_a_walk_are_those_of_the_paper_s_program():
     simulation, controller = A1Physics(), LocomotionController()
     simulation.reset(np.zeros(2), 0.0, np.random.default_rng(0))
     controller.reset(simulation.state())
-    settings, u = controller._settings[0], np.array([0.8, 0.3])
-    limits = np.empty((2, 12))
+    settings, u = controller._settings, np.array([0.8, 0.3])
+    friction, robot = controller._settings["friction"][0], controller.robot
+    planned = np.zeros(1, dtype=PLAN)
+    plan = attributes(planned)
     for _ in range(300):
         state = simulation.state()
         before = controller._memory.copy()
         torque = controller.step(state, u)
-        now = state_views(state.vector)
-        torque_limits(settings.stall_torque, settings.no_load_speed, now.joint_velocity, limits)
-        robot, tasks, feedback = plan(settings, before[0], now, u)
-        solution = qp.solve(paper_program(robot, tasks, settings.friction, limits))
+        rate = state.joint_velocity
+        limits = _core.torque_limits(robot.stall_torque, robot.no_load_speed, rate)
+        _core.plan_tick(as_bytes(settings), as_bytes(before), state.vector, u, as_bytes(planned))
+        solution = qp.solve(paper_program(plan.robot, plan.tasks, friction, limits))
         assert solution.x is not None
-        expected = np.clip(solution.x[18:30] + feedback, *limits)
+        expected = np.clip(solution.x[18:30] + plan.feedback, *limits)
         np.testing.assert_allclose(torque, expected, atol=1e-2)
         simulation.step(torque)
     assert controller.solved == 300
-
-
-def test_kernels_run_uncompiled_with_the_same_result():
-    script = (
-        "import sys; sys.path.insert(0, 'tests/locomotion')\n"
-        "from test_controller import walk\n"
-        "import json; print(json.dumps(walk(20)[0].tolist()))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    plain = np.array(json.loads(run.stdout))
-    np.testing.assert_allclose(plain, walk(20)[0], rtol=1e-9, atol=1e-9)
 
 
 def test_two_walks_are_identical_bit_for_bit():
@@ -103,7 +82,9 @@ def test_a_failing_program_is_counted_and_the_torques_stay_finite(monkeypatch):
     controller = LocomotionController()
     controller.reset(simulation.state())
     controller.step(simulation.state(), np.zeros(2))
-    monkeypatch.setattr(task_space_qp, "tick", lambda *arguments: (tick(*arguments)[0], False))
+    tick = _core.LocomotionTick.tick
+    bound = lambda *arguments: (tick(*arguments)[0], False)  # noqa: E731
+    monkeypatch.setattr(_core.LocomotionTick, "tick", bound)
     monkeypatch.setattr(qp, "solve", lambda program: qp.Solution(None, -1, np.zeros(0)))
     torque = controller.step(simulation.state(), np.zeros(2))
     assert (controller.solved, controller.failed) == (1, 1)

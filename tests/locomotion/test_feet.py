@@ -7,33 +7,35 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym.locomotion.body_reference import (
-    REFERENCE,
-)
-from hcbf_gym.locomotion.feet import TARGETS, Places, plan_feet, stand
-from hcbf_gym.locomotion.foothold import MAX_OFFSET, Trunk, foothold, nominal_stance
-from hcbf_gym.locomotion.gait import GAITS, RESTING, advance_clock, foot_phases
+from hcbf_gym import _core
+from hcbf_gym._core import MAX_OFFSET, RESTING, SWING_HEIGHT, minimum_jerk_step, swing_step
+from hcbf_gym.locomotion.gait import GAITS, Gait
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.swing import SWING_HEIGHT, minimum_jerk_step, swing_step
+from hcbf_gym.locomotion.records import GAIT, REFERENCE, TARGETS, as_bytes, attributes, packed
 from hcbf_gym.robots.reader import read_robot
 
 DT = 0.002
 ORIGIN = np.zeros(3)
 ROBOT = read_robot()
 MODEL = RobotModel(ROBOT)
-examples = settings(deadline=None, max_examples=40)  # the first one may compile
+examples = settings(deadline=None, max_examples=40)
 speeds = st.floats(-1.0, 1.0)
 
 
-def at_rest() -> np.record:
-    return np.zeros(1, dtype=REFERENCE)[0]
+def standing(gait: Gait, clock: float, contact: np.ndarray) -> np.ndarray:
+    """Return (4,) which feet stand."""
+    return np.array(_core.foot_phases(packed(gait, GAIT), clock, contact)[0])
+
+
+def advance_clock(gait: Gait, clock: float, quiet: bool, dt: float) -> float:
+    return _core.advance_clock(packed(gait, GAIT), clock, quiet, dt)
 
 
 @pytest.mark.parametrize("name", ["trot", "walk"])
 def test_each_foot_stands_for_the_gait_s_share_of_the_time(name):
     gait = GAITS[name]
     clocks = (np.arange(2000) + 0.5) * gait.period / 2000
-    stance = np.array([foot_phases(gait, c, np.zeros(4, bool)).stance for c in clocks])
+    stance = np.array([standing(gait, c, np.zeros(4, bool)) for c in clocks])
     np.testing.assert_allclose(stance.mean(axis=0), gait.duty, atol=1e-3)
     least = 2 if name == "trot" else 3
     assert stance.sum(axis=1).min() == least
@@ -43,7 +45,7 @@ def test_each_foot_stands_for_the_gait_s_share_of_the_time(name):
 def test_every_swing_lasts_the_same_number_of_ticks_for_minutes(name):
     gait, clock, stance = GAITS[name], 0.0, []
     for _ in range(60_000):
-        stance.append(foot_phases(gait, clock, np.zeros(4, bool)).stance)
+        stance.append(standing(gait, clock, np.zeros(4, bool)))
         clock = advance_clock(gait, clock, False, DT)
     for foot in np.array(stance).T:
         lift_offs = np.flatnonzero(foot[:-1] & ~foot[1:])
@@ -55,8 +57,8 @@ def test_every_swing_lasts_the_same_number_of_ticks_for_minutes(name):
 def test_a_foot_that_lands_late_in_its_swing_becomes_stance_and_an_early_touch_does_not():
     gait, touching = GAITS["trot"], np.ones(4, dtype=bool)
     early, late = 0.3 * 0.13, 0.7 * 0.13
-    assert foot_phases(gait, early, touching).stance.tolist() == [True, False, False, True]
-    assert foot_phases(gait, late, touching).stance.all()
+    assert standing(gait, early, touching).tolist() == [True, False, False, True]
+    assert standing(gait, late, touching).all()
 
 
 def test_standing_rests_while_quiet_and_steps_at_once_when_disturbed():
@@ -64,7 +66,7 @@ def test_standing_rests_while_quiet_and_steps_at_once_when_disturbed():
     assert advance_clock(gait, RESTING, True, DT) == RESTING
     clock = advance_clock(gait, RESTING, False, DT)
     assert clock == 0.0
-    assert not foot_phases(gait, clock, np.zeros(4, bool)).stance.all()
+    assert not standing(gait, clock, np.zeros(4, bool)).all()
     while clock >= 0.0:
         before, clock = clock, advance_clock(gait, clock, True, DT)
     half = 0.5 * gait.period
@@ -74,13 +76,13 @@ def test_standing_rests_while_quiet_and_steps_at_once_when_disturbed():
 @examples
 @given(speeds, speeds, st.floats(-2.0, 2.0), st.floats(0.0, 0.13))
 def test_footholds_stay_within_reach_of_the_hip(vx, vy, yaw_rate, remaining):
-    nominal = nominal_stance(MODEL.legs.hip)
-    reference = at_rest()
-    reference.yaw_rate = yaw_rate
+    nominal = _core.nominal_stance(MODEL.legs.hip)
+    reference = np.zeros(1, dtype=REFERENCE)
+    reference["yaw_rate"] = yaw_rate
     velocity = np.array([vx, vy, 0.0])
     for foot in range(4):
-        trunk = Trunk(ORIGIN, velocity, 0.0, 0.27)
-        landing = foothold(nominal[foot], trunk, reference, remaining, 0.13)
+        trunk = ORIGIN, velocity, 0.0, 0.27
+        landing = _core.foothold(nominal[foot], *trunk, as_bytes(reference), remaining, 0.13)
         turned = yaw_rate * remaining
         turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
         hip = velocity[:2] * remaining + turn @ nominal[foot]
@@ -124,20 +126,23 @@ def test_a_swing_is_smooth_clears_the_ground_and_lands_on_its_foothold():
 @examples
 @given(st.floats(-1.2, 1.2), st.floats(0.0, 2 * np.pi))
 def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, start):
-    gait, nominal = GAITS["trot"], nominal_stance(MODEL.legs.hip)
-    targets, reference = np.zeros(1, dtype=TARGETS)[0], at_rest()
-    reference.velocity[0] = speed
+    gait, nominal = GAITS["trot"], _core.nominal_stance(MODEL.legs.hip)
+    plan, reference = np.zeros(1, dtype=TARGETS), np.zeros(1, dtype=REFERENCE)
+    targets = attributes(plan)
+    reference["velocity"][0, 0] = speed
     place = np.array([0.0, 0.0, 0.27])
     feet = np.column_stack([nominal, np.full(4, ROBOT.foot_radius)])
-    for foot in range(4):
-        stand(targets, foot, feet[foot])
+    targets.stance[:] = True
+    targets.motion[:, 0] = feet
+    targets.foothold[:] = feet[:, :2]
     for tick in range(65, 130):  # the first half is FR's stance
-        phases = foot_phases(gait, tick * DT, np.zeros(4, bool))
         sway = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
         velocity = np.array([speed + sway, 0.0, 0.0])
         place[:2] += DT * velocity[:2]
-        trunk = Trunk(place, velocity, 0.0, 0.27)
-        plan_feet(targets, phases, gait, Places(feet, nominal, 0.02), trunk, reference, DT)
+        now = packed(gait, GAIT), tick * DT, np.zeros(4, bool)
+        trunk = place, velocity, 0.0, 0.27
+        places = feet, nominal, 0.02
+        _core.plan_feet(as_bytes(plan), *now, *places, *trunk, as_bytes(reference), DT)
     assert not targets.stance[0]
     assert np.linalg.norm(targets.motion[0, 1, :2]) < 0.35  # chasing its foothold to the end: 0.86
     np.testing.assert_allclose(targets.motion[0, 0, :2], targets.foothold[0], atol=1e-3)

@@ -8,38 +8,30 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.judges.task_space import paper_program
+from benchmarks.judges.task_space import DYNAMICS, TASKS, paper_program
+from hcbf_gym import _core
+from hcbf_gym._core import CATCH_UP, LEASH, PLANE_KD, PLANE_KP, rotation_matrix
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.body_reference import (
-    LEASH,
-    REFERENCE,
-)
-from hcbf_gym.locomotion.dynamics import Dynamics, rigid_body_terms
-from hcbf_gym.locomotion.feet import TARGETS
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.rotation import rotation_matrix, rotation_vector_to_yaw
-from hcbf_gym.locomotion.state import StateViews
-from hcbf_gym.locomotion.task_space import WORKSPACE, condense, free_minimiser
-from hcbf_gym.locomotion.tasks import (
-    CATCH_UP,
-    PLANE_KD,
-    PLANE_KP,
-    TaskAccelerations,
-    task_accelerations,
+from hcbf_gym.locomotion.records import (
+    BODIES,
+    LEGS,
+    REFERENCE,
+    TARGETS,
+    WORKSPACE,
+    as_bytes,
+    attributes,
+    packed,
 )
+from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots.reader import read_robot
 
-ORIGIN = np.zeros(3)
 ROBOT = read_robot()
 MODEL = RobotModel(ROBOT)
 LIMITS = np.outer([-1.0, 1.0], ROBOT.stall_torque)
-examples = settings(deadline=None, max_examples=40)  # the first one may compile
+examples = settings(deadline=None, max_examples=40)
 speeds = st.floats(-1.0, 1.0)
-
-
-def at_rest() -> np.record:
-    return np.zeros(1, dtype=REFERENCE)[0]
 
 
 @examples
@@ -51,30 +43,29 @@ def test_the_orientation_error_is_the_rotation_s_logarithm(quaternion, yaw):
     goal = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
     expected = pin.log3(R.T @ goal)
     assume(np.linalg.norm(expected) < 3.0)  # at π the logarithm has two values
-    np.testing.assert_allclose(rotation_vector_to_yaw(R, yaw), expected, atol=1e-7)
+    np.testing.assert_allclose(_core.rotation_vector_to_yaw(R, yaw), expected, atol=1e-7)
 
 
 STANCES = [(1, 0, 0, 1), (0, 1, 1, 0), (1, 1, 1, 1), (1, 1, 0, 1), (0, 0, 0, 0)]
 
 
 def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
-    """Return the arguments of both programs at a random state near the stance, and q."""
+    """Return robot (1,) and tasks (1,) at a random state near the stance, and q."""
     rng = np.random.default_rng(seed)
     quaternion = np.array([1.0, *(0.1 * rng.standard_normal(3))])
-    state = StateViews(
-        np.array([0.0, 0.0, 0.27]),
-        quaternion / np.linalg.norm(quaternion),
-        0.3 * rng.standard_normal(3),
-        0.5 * rng.standard_normal(3),
-        ROBOT.home_joints + 0.2 * rng.standard_normal(12),
-        rng.standard_normal(12),
-        np.array(stance, dtype=bool),
-    )
+    state = RobotState(np.zeros(STATE_SIZE))
+    state.position[2] = 0.27
+    state.quaternion[:] = quaternion / np.linalg.norm(quaternion)
+    state.linear_velocity[:] = 0.3 * rng.standard_normal(3)
+    state.angular_velocity[:] = 0.5 * rng.standard_normal(3)
+    state.joint_position[:] = ROBOT.home_joints + 0.2 * rng.standard_normal(12)
+    state.joint_velocity[:] = rng.standard_normal(12)
     R = rotation_matrix(state.quaternion)
     v = np.concatenate([R.T @ state.linear_velocity, state.angular_velocity, state.joint_velocity])
-    M, bias = rigid_body_terms(MODEL.bodies, MODEL.legs, R, v, state.joint_position)
+    model = packed(MODEL.bodies, BODIES), packed(MODEL.legs, LEGS)
+    M, bias = _core.rigid_body_terms(*model, R, v, state.joint_position)
     feet = foot_kinematics(MODEL.legs, state.joint_position, state.joint_velocity)
-    tasks = TaskAccelerations(
+    tasks = (
         effort * rng.standard_normal(3),
         effort * rng.standard_normal(3),
         10.0 * effort * rng.standard_normal((4, 3)),
@@ -82,32 +73,42 @@ def problem(seed: int, stance: tuple[int, ...], effort: float = 1.0):
     q = np.concatenate(
         [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
     )
-    robot = Dynamics(M, bias, v, R, feet, np.array(stance, dtype=np.uint8))
-    return (robot, tasks, 0.6, LIMITS), q
+    robot = np.array([(M, bias, v, R, feet, np.array(stance, dtype=bool))], dtype=DYNAMICS)
+    return robot, np.array([tasks], dtype=TASKS), q
 
 
-def condensed(args) -> tuple[qp.QuadraticProgram, np.record]:
-    w = np.zeros(1, dtype=WORKSPACE)[0]
-    rows = 12 + 4 * condense(*args, w)
-    return qp.QuadraticProgram(
+def paper(robot: np.ndarray, tasks: np.ndarray) -> qp.QuadraticProgram:
+    return paper_program(attributes(robot), attributes(tasks), 0.6, LIMITS)
+
+
+def condensed(robot: np.ndarray, tasks: np.ndarray) -> tuple[qp.QuadraticProgram, np.ndarray]:
+    """Return the program that runs, and its workspace (1,)."""
+    workspace = np.zeros(1, dtype=WORKSPACE)
+    packed = map(as_bytes, (robot, tasks))
+    contacts = _core.condense_task_space(*packed, 0.6, LIMITS, as_bytes(workspace))
+    w, rows = attributes(workspace), 12 + 4 * contacts
+    program = qp.QuadraticProgram(
         w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0
-    ), w
+    )
+    return program, workspace
 
 
 @examples
 @given(st.floats(-np.pi, np.pi), st.floats(-np.pi, np.pi), st.floats(0.0, LEASH), speeds)
 def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, side, lag, speed):
-    args, _ = problem(0, (1, 1, 1, 1))
-    reference, targets = at_rest(), np.zeros(1, dtype=TARGETS)[0]
-    targets.stance[:] = 1
+    robot, tasks, _ = problem(0, (1, 1, 1, 1))
+    references, targets = np.zeros(1, dtype=REFERENCE), np.zeros(1, dtype=TARGETS)
+    reference = attributes(references)
+    targets["stance"] = True
     reference.velocity[:] = np.cos(course), np.sin(course)
     reference.position[:] = lag * np.cos(side), lag * np.sin(side)
     velocity = np.array([speed, -speed, 0.0])
-    still = np.array([1.0, 0.0, 0.0, 0.0])
-    state = StateViews(ORIGIN, still, velocity, ORIGIN, np.zeros(12), np.zeros(12), targets.stance)
-    asked = task_accelerations(state, np.eye(3), args[0].feet, reference, targets, 0.0, 1.0).linear[
-        :2
-    ]
+    state = RobotState(np.zeros(STATE_SIZE))
+    state.quaternion[0] = 1.0
+    state.linear_velocity[:] = velocity
+    records = map(as_bytes, (robot["feet"].copy(), references, targets))
+    _core.task_accelerations(state.vector, np.eye(3), *records, 0.0, 1.0, as_bytes(tasks))
+    asked = tasks["linear"][0, :2]
     wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
     assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
     pd = PLANE_KP * reference.position + PLANE_KD * (reference.velocity - velocity[:2])
@@ -123,14 +124,14 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
 @pytest.mark.parametrize("effort", [1.0, 8.0])  # 8 makes friction and torque limits bind
 def test_the_torques_are_those_of_the_paper_s_program(stance, effort):
     for seed in range(5):
-        args, _ = problem(seed, stance, effort)
-        program, work = condensed(args)
+        robot, tasks, _ = problem(seed, stance, effort)
+        program, work = condensed(robot, tasks)
         ours = qp.solve(program)
-        reference = qp.solve(paper_program(*args))
+        reference = qp.solve(paper(robot, tasks))
         assert ours.x is not None
         assert reference.x is not None
         np.testing.assert_allclose(
-            program.A[:12] @ ours.x + work.torque_offset, reference.x[18:30], atol=1e-4
+            program.A[:12] @ ours.x + work["torque_offset"][0], reference.x[18:30], atol=1e-4
         )
 
 
@@ -138,7 +139,7 @@ def test_the_torques_are_those_of_the_paper_s_program(stance, effort):
 def test_solutions_meet_the_kkt_conditions(stance):
     complementary = 0
     for effort in (1.0, 8.0):
-        program, _ = condensed(problem(1, stance, effort)[0])
+        program, _ = condensed(*problem(1, stance, effort)[:2])
         solution = qp.solve(program)
         assert qp.residual(program, solution) < 1e-6
         _, _, A, lower, upper, _ = program
@@ -154,12 +155,12 @@ def test_solutions_meet_the_kkt_conditions(stance):
 def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
     counts = {True: 0, False: 0}
     for seed in range(20):
-        program, work = condensed(problem(seed, (1, 1, 1, 1), 0.25 * seed)[0])
-        free = free_minimiser(work, len(program.A))
+        program, work = condensed(*problem(seed, (1, 1, 1, 1), 0.25 * seed)[:2])
+        free = _core.free_minimiser(as_bytes(work), len(program.A))
         counts[free] += 1
         solution = qp.solve(program)
         if free:
-            np.testing.assert_allclose(work.z, solution.x, atol=1e-6)
+            np.testing.assert_allclose(work["z"][0], solution.x, atol=1e-6)
         else:
             assert np.abs(solution.multipliers).max() > 0.0
     assert min(counts.values()) > 0
@@ -167,9 +168,9 @@ def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
 
 @pytest.mark.parametrize("stance", STANCES)
 def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
-    args, q = problem(2, stance)
-    v = args[0].v
-    x = qp.solve(paper_program(*args)).x
+    robot, tasks, q = problem(2, stance)
+    v = robot["v"][0]
+    x = qp.solve(paper(robot, tasks)).x
     assert x is not None
     acceleration, forces = x[:18], x[30:].reshape(-1, 3)
     data = MODEL.pinocchio.createData()
@@ -183,7 +184,7 @@ def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
 
 
 def test_a_program_without_a_solution_is_told_as_such():
-    program, _ = condensed(problem(0, (1, 0, 0, 1))[0])
+    program, _ = condensed(*problem(0, (1, 0, 0, 1))[:2])
     program.lower[2], program.upper[2] = 1.0, -1.0
     solution = qp.solve(program)
     assert solution.x is None

@@ -4,11 +4,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from hcbf_gym._core import trunk_velocity
 from hcbf_gym.envs.a1_plant import watch_bounds
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.locomotion import watch
+from hcbf_gym.locomotion import records, watch
 from hcbf_gym.locomotion.model import RobotModel
+from hcbf_gym.locomotion.records import packed
 from hcbf_gym.locomotion.watch import Fault, Watch, WatchBounds
 from hcbf_gym.robots.reader import read_robot
 
@@ -16,7 +18,7 @@ ROBOT = read_robot()
 LEGS = RobotModel(ROBOT).legs
 TICKS = 20  # between two judgements
 BOUNDS = WatchBounds(slip=0.1, lag=0.2, lift=1.0, delay=0.004)
-STANDING, SWINGING = np.ones(4, dtype=np.uint8), np.zeros(4, dtype=np.uint8)
+STANDING, SWINGING = np.ones(4, dtype=bool), np.zeros(4, dtype=bool)
 
 
 def make_watch() -> Watch:
@@ -155,31 +157,52 @@ def test_lift_is_the_mean_of_the_window():
     assert seen.fault == Fault.LIFT
 
 
-def test_the_compiled_kernel_equals_the_uncompiled_on_recorded_ticks():
+def sums_in_numpy(states, torques, stances, lift):
+    """Return (WINDOW, …) the sums of ticks since a reset, as the core has them."""
+    delays, sums, legs = 13, [], packed(LEGS, records.LEGS)
+    rates = np.vstack([np.zeros((2, 12)), states[:, 25:37]])
+    bends = rates[2:] - 2.0 * rates[1:-1] + rates[:-2]
+    changes = np.diff(np.vstack([np.zeros((delays + 1, 12)), torques]), axis=0)
+    touched = np.zeros(4)
+    for k, (state, stance) in enumerate(zip(states, stances, strict=True)):
+        if k % TICKS == 0:
+            sums.append(np.zeros(4 + 2 * delays))
+            sums[-1][2] = lift
+        row, swings = sums[-1], np.repeat(~stance, 3)
+        touched = np.where(state[37:] > 0.0, touched + 1, 0)
+        late = changes[k : k + delays][::-1]
+        row[3] += (bends[k, swings] ** 2).sum()
+        row[4 : 4 + delays] += (late * bends[k])[:, swings].sum(axis=1)
+        row[4 + delays :] += (late**2)[:, swings].sum(axis=1)
+        if k % 5 == 4:
+            for foot in np.flatnonzero(stance & (touched >= 5)):
+                shown, _ = trunk_velocity(legs, ROBOT.foot_radius, foot, state)
+                row[0] += np.hypot(*(state[19:21] - shown))
+                row[1] += 1.0
+    return np.array(sums)
+
+
+def test_the_sums_equal_those_in_numpy_on_recorded_ticks():
     env = gym.make("HCBF-A1Regions-v0")
     env.reset(seed=0)
-    kernel, drive, seen = watch.add_up, env.unwrapped.drive, []
+    drive, seen = env.unwrapped.drive, []
 
     class Recorder(Watch):
         def tick(self, state, torque, stance):
             seen.append((state, torque, stance.copy()))
+            super().tick(state, torque, stance)
+
+        def judge(self, lift):
+            super().judge(0.1)
 
     drive.watch = Recorder(LEGS, ROBOT.foot_radius, 0.002, BOUNDS)
     for _ in range(2 * watch.WINDOW):
         env.step(np.array([2.0, 1.0], dtype=np.float32))
     env.close()
-    sums = []
-    for run in (kernel, kernel.py_func):
-        memory = make_watch()._memory
-        states, torques, stances = (np.array(part) for part in zip(*seen, strict=True))
-        legs = np.array([tuple(LEGS)], dtype=watch.LEGS)
-        for row in range(watch.WINDOW):
-            now = slice(TICKS * row, TICKS * (row + 1))
-            sampling = watch.Sampling(ROBOT.foot_radius, 5, 5)
-            run(memory, row, legs, sampling, states[now], torques[now], stances[now], 0.1)
-        sums.append(memory.sums)
-    np.testing.assert_allclose(sums[0], sums[1], rtol=1e-9, atol=1e-12)
-    assert (sums[0] != 0.0).any(axis=0).all()
+    sums = drive.watch._compiled.sums
+    expected = sums_in_numpy(*(np.array(part) for part in zip(*seen, strict=True)), 0.1)
+    np.testing.assert_allclose(sums, expected, rtol=1e-9, atol=1e-12)
+    assert (sums != 0.0).any(axis=0).all()
 
 
 def test_bounds_grow_with_what_is_declared_and_never_shrink():

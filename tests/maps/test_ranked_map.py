@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from hcbf_gym.barriers import pieces
+from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
@@ -309,5 +309,5 @@ def test_no_index_leaves_the_atlas_whatever_the_place(x):
     atlas = room().conditions[0].pieces.packed
     memory = np.concatenate([atlas, 1e15 * np.arange(1.0, atlas.size + 1.0)])
     found = np.full(64, -1)
-    count = pieces.near(memory[: atlas.size], 0, x, np.nan, 1.0, found)
+    count = _core.pieces_near(memory[: atlas.size], 0, x, np.nan, 1.0, found)
     assert (found[:count] < atlas.size).all()

@@ -184,7 +184,9 @@ class Visit:
 
 
 @pytest.fixture(scope="module")
-def browser():
+def browser(pytestconfig):
+    if not pytestconfig.getoption("with_browser"):
+        pytest.skip("needs minutes in a browser: pytest --with-browser")
     path = chromium()
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=FLAGS)

@@ -12,38 +12,38 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.judges.task_space import foot_drift, foot_jacobian
+from hcbf_gym._core import inverse_kinematics, rigid_body_terms, rotation_matrix
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.controller import LocomotionController
-from hcbf_gym.locomotion.dynamics import rigid_body_terms
-from hcbf_gym.locomotion.leg import foot_kinematics, inverse_kinematics
+from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.rotation import rotation_matrix
-from hcbf_gym.locomotion.state import StateViews
+from hcbf_gym.locomotion.records import BODIES, LEGS, packed
+from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
 ROBOT = read_robot()
 MODEL = RobotModel(ROBOT)
+PACKED_LEGS = packed(MODEL.legs, LEGS)
 
 
-def random_state(seed: int) -> StateViews:
+def random_state(seed: int) -> RobotState:
     rng = np.random.default_rng(seed)
     quaternion = rng.standard_normal(4)
     lower = np.tile([-0.8, -1.0, -2.69], 4)
     upper = np.tile([0.8, 4.0, -0.92], 4)
-    return StateViews(
-        position=rng.standard_normal(3),
-        quaternion=quaternion / np.linalg.norm(quaternion),
-        linear_velocity=rng.standard_normal(3),
-        angular_velocity=3.0 * rng.standard_normal(3),
-        joint_position=rng.uniform(lower, upper),
-        joint_velocity=5.0 * rng.standard_normal(12),
-        foot_contact=np.zeros(4, dtype=np.bool_),
-    )
+    state = RobotState(np.zeros(STATE_SIZE))
+    state.position[:] = rng.standard_normal(3)
+    state.quaternion[:] = quaternion / np.linalg.norm(quaternion)
+    state.linear_velocity[:] = rng.standard_normal(3)
+    state.angular_velocity[:] = 3.0 * rng.standard_normal(3)
+    state.joint_position[:] = rng.uniform(lower, upper)
+    state.joint_velocity[:] = 5.0 * rng.standard_normal(12)
+    return state
 
 
-def generalised_velocity(state: StateViews) -> tuple[np.ndarray, np.ndarray]:
+def generalised_velocity(state: RobotState) -> tuple[np.ndarray, np.ndarray]:
     """Return R and Pinocchio's v: the trunk's velocity in its own axes, then the joints."""
     R = rotation_matrix(state.quaternion)
     return R, np.concatenate(
@@ -51,13 +51,13 @@ def generalised_velocity(state: StateViews) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def pinocchio_configuration(state: StateViews) -> np.ndarray:
+def pinocchio_configuration(state: RobotState) -> np.ndarray:
     return np.concatenate(
         [state.position, state.quaternion[1:], state.quaternion[:1], state.joint_position]
     )
 
 
-def mujoco_at(state: StateViews):
+def mujoco_at(state: RobotState):
     simulation = A1Physics()
     simulation.data.qpos[:] = [*state.position, *state.quaternion, *state.joint_position]
     simulation.data.qvel[:] = [
@@ -73,7 +73,8 @@ def mujoco_at(state: StateViews):
 def test_mass_matrix_and_bias_agree_with_pinocchio(seed):
     state = random_state(seed)
     R, v = generalised_velocity(state)
-    M, bias = rigid_body_terms(MODEL.bodies, MODEL.legs, R, v, state.joint_position)
+    bodies = packed(MODEL.bodies, BODIES)
+    M, bias = rigid_body_terms(bodies, PACKED_LEGS, R, v, state.joint_position)
     model, data = MODEL.pinocchio, MODEL.pinocchio.createData()
     q = pinocchio_configuration(state)
     upper = np.triu(pin.crba(model, data, q))
@@ -89,7 +90,7 @@ def test_mass_matrix_and_bias_agree_with_mujoco(seed):
     state = random_state(seed)
     R, v = generalised_velocity(state)
     slippery = MODEL.bodies._replace(dry_friction=np.zeros(12))  # a constraint in MuJoCo
-    M, bias = rigid_body_terms(slippery, MODEL.legs, R, v, state.joint_position)
+    M, bias = rigid_body_terms(packed(slippery, BODIES), PACKED_LEGS, R, v, state.joint_position)
     model, data = mujoco_at(state)
     T = np.eye(18)  # MuJoCo's velocities from ours: the trunk's linear one in the world
     T[:3, :3] = R
@@ -152,7 +153,7 @@ def test_foot_acceleration_agrees_with_pinocchio(seed):
         )
 
 
-@settings(deadline=None)  # the first example may compile
+@settings(deadline=None)
 @given(
     leg=st.integers(0, 3),
     abad=st.floats(-0.8, 0.8),
@@ -164,16 +165,16 @@ def test_inverse_kinematics_undoes_the_forward_one(leg, abad, hip, knee):
     joints[3 * leg : 3 * leg + 3] = abad, hip, knee
     foot = foot_kinematics(MODEL.legs, joints, np.zeros(12)).position[leg]
     assume((foot - MODEL.legs.hip[leg])[2] < -0.1)  # the branch a walking leg is on
-    found = inverse_kinematics(MODEL.legs, leg, foot)
+    found = inverse_kinematics(PACKED_LEGS, leg, foot)
     joints[3 * leg : 3 * leg + 3] = found
     back = foot_kinematics(MODEL.legs, joints, np.zeros(12)).position[leg]
     np.testing.assert_allclose(back, foot, atol=1e-9)
 
 
-@settings(deadline=None)  # the first example may compile
+@settings(deadline=None)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
 def test_inverse_kinematics_answers_any_target_with_finite_joints(target):
-    assert np.isfinite(inverse_kinematics(MODEL.legs, 0, np.array(target))).all()
+    assert np.isfinite(inverse_kinematics(PACKED_LEGS, 0, np.array(target))).all()
 
 
 def test_the_package_robot_weighs_what_the_public_models_say():

@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hcbf_gym.filtering import belief, monitor, plants
+from hcbf_gym import _core
+from hcbf_gym.arrays import numbers_of
+from hcbf_gym.filtering import belief, plants
 from hcbf_gym.models.plant import Reason
 
 PERIOD, LIMIT = 0.02, 5.0
@@ -14,12 +16,13 @@ RADIUS = LIMIT * np.sqrt(2.0)
 
 def alarmed(inputs, applied):
     """Whether a monitor alarms, where `applied[k]` came of `inputs[k]`."""
-    plant = np.zeros(1, dtype=plants.PLANT)[0]
+    records = np.zeros(1, dtype=plants.PLANT)
+    plant = records[0]
     plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
         assert belief.believe(plant) == 0
-        monitor.watch(plant, RADIUS, 3.0, exact=True, observed=True)
+        _core.monitor_watch(numbers_of(records), RADIUS, 3.0, exact=True, observed=True)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really

@@ -22,7 +22,8 @@ inline bool allowed(Vector<const Point> vertices, const StateRows& rows, Point u
   return polygon::contains(vertices, u_nominal);
 }
 
-// Returns the least slack of row k; with a known offset alpha2(psi + eps) - alpha2(psi) = max(0, -alpha2(psi)).
+// Returns the least slack of row k; with a known offset it is alpha2(psi + eps) - alpha2(psi), which is
+// max(0, -alpha2(psi)).
 inline double least_slack(const Settings& settings, const StateRows& rows, Index k) {
   if (!settings.known_offset || rows.priority[k] <= 1) return 0.0;
   return std::max(0.0, -rows.alpha2_psi[k]);
@@ -83,7 +84,8 @@ inline Point decide(const Settings& settings, Vector<const Point> vertices, Rows
     if (found && settings.lock == Lock::PIN) stages::pin(some, u, w);
     if (found && settings.lock == Lock::BOUND) stages::bound(some, u, w);
   }
-  return found ? u : polygon::nearest(w.feasible, u_nominal);
+  // squares of numbers beyond 1e150 overflow, and leave no minimum
+  return found && std::isfinite(u.x) && std::isfinite(u.y) ? u : polygon::nearest(w.feasible, u_nominal);
 }
 
 // Writes what each row pays at u; returns the status, given that of an input without slack.
@@ -120,7 +122,8 @@ inline Index filter_state(const Settings& settings, const Own& own, Point u_nomi
   u[0] = chosen.x, u[1] = chosen.y;
   const double distance = std::max(std::abs(chosen.x - u_nominal.x), std::abs(chosen.y - u_nominal.y));
   const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);
-  return account(settings, moved ? result::SAFE : result::NOMINAL, rows.priority, sorted, chosen, slack, delta);
+  const Index unpaid = moved ? result::SAFE : result::NOMINAL;
+  return account(settings, unpaid, rows.priority, sorted, chosen, slack, delta);
 }
 
 // Filters those of N states from `first` on and before `end`.

@@ -139,7 +139,8 @@ struct Settled {
 
 // Minimises on the kink of row `own`, and finds where the cost falls from there. The kink crosses
 // the cell; the other rows' states are known to be PAID or MET, or OPEN.
-inline Settled settle(Vector<const Point> cell, const Line& line, Index own, const Cost& cost, double radius) {
+inline Settled settle(Vector<const Point> cell, const Line& line, Index own, const Cost& cost,
+                      double radius) {
   const Chord chord = chord_of(cell, line);
   const auto [t, place] = minimise_along(chord, own, cost, radius);
   const Point u = chord.at(t);

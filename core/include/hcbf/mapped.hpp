@@ -1,8 +1,8 @@
-// Classes of a map as barriers, and the pieces of them that a filter takes at one state.
+// Classes of a map as barriers, and the pieces that get a row at one state.
 //
-// A class is one condition, h its least over all pieces. A filter gives each piece within the braking
-// horizon a row of its own; docs/rows.md proves that beyond it nothing can go wrong, whatever input of U
-// is held for a period.
+// A class is one condition, h its least over all pieces. A filter makes one row for each piece within the
+// braking horizon. docs/rows.md proves that pieces beyond it need none: whatever input of U is held for a
+// period, h ≥ m and ψ ≥ 0 at its end.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -22,13 +22,13 @@ namespace hcbf::mapped {
 
 constexpr double LONGEST_HOLD = 0.2;  // within which rows of no known period look ahead [s]: none is longer
 
-// m conditions of one plant; of a map, or of its nearby pieces.
+// m conditions of one plant, with classes of maps or with their nearby pieces.
 struct Scene {
-  Vector<const Index> kind;         // (m,) which kernel evaluates each
-  Matrix<const double> parameters;  // (m, WIDTH) what it reads
+  Vector<const Index> kind;         // (m,) as `layout` has it
+  Matrix<const double> parameters;  // (m, WIDTH)
   Vector<const Index> priority;     // (m,)
-  Vector<const double> own_margin;  // (m,) what each reserves by itself
-  Vector<const Index> source;       // (m,) which condition of the scene each stands for
+  Vector<const double> own_margin;  // (m,) its own margin
+  Vector<const Index> source;       // (m,) to which condition of the whole scene each belongs
 };
 
 // Room for the conditions of one state, which a next state uses again.
@@ -51,12 +51,15 @@ struct Nearby {
 
   Scene scene() const {
     const Index m = static_cast<Index>(kind.size());
-    return {{kind.data(), m}, {parameters.data(), m, layout::WIDTH}, {priority.data(), m}, {own_margin.data(), m},
+    return {{kind.data(), m},
+            {parameters.data(), m, layout::WIDTH},
+            {priority.data(), m},
+            {own_margin.data(), m},
             {source.data(), m}};
   }
 };
 
-// What the braking horizons of all classes of a map have in common.
+// The common part of the braking horizons of all classes of a map.
 struct Horizon {
   double base;      // how far a row's margin and one period lead [m]
   double stopping;  // from which distance α₁ lets the robot approach as fast as it may by then [m]
@@ -71,7 +74,7 @@ struct Horizon {
   }
 };
 
-// `most`: what a row on the position reserves at most [m]; for the others see `nearby`.
+// `most`: the most that a row on the position reserves [m]; for the others see `nearby`.
 inline Horizon horizon(const Uncertainty& settings, const RowSettings& rows, double radius,
                        const margins::Known& known, double most) {
   const double* x = known.x;
@@ -96,8 +99,8 @@ inline void see_zone(const double* piece, const double* x, double limit, double 
   }
 }
 
-// Writes the conditions of a state, classes of a map replaced by their nearby pieces. `settings`: what
-// the rows reserve; `rows`: how they are made; `radius`: the largest norm of an input [m/s²]; `scene`: the
+// Writes the conditions of a state, classes of a map replaced by their nearby pieces. `settings`: of
+// the margins; `rows`: of the rows; `radius`: the largest norm of an input [m/s²]; `scene`: the
 // conditions, whose `source` is not read; `atlas`: where the pieces are.
 inline void nearby(const Uncertainty& settings, const RowSettings& rows, double radius, const Scene& scene,
                    Vector<const double> atlas, const margins::Known& known, Nearby& out) {

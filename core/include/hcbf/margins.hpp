@@ -1,4 +1,4 @@
-// What a row reserves between h and zero, from what is uncertain at this moment.
+// Margins: how much each row reserves between h and zero, for the uncertainty of this sample.
 //
 // For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 //   m = d + min(cap, k_v max(0, −n·e_v) + k_p max(0, n·e_p)) + max(0, n·(p − b)) + κσ + ρ,
@@ -29,13 +29,13 @@
 
 namespace hcbf::margins {
 
-constexpr double UNIT = 1.0 + 1e-9;  // a slope below it is taken for 1: that of a distance is, but for rounding
+constexpr double UNIT = 1.0 + 1e-9;  // a smaller slope counts as 1: a distance has it, but for rounding
 constexpr double SHORT = 1e-4;       // by how much h − m [m], ψ [m/s] and a speed limit may be missed
 
-// The order of what is written of a row; of planar double integrators the first four.
+// The margins of a row in their order; of planar double integrators the first four.
 enum { MARGIN, RATE, QUICKENING, LEANING, REACH, FAST };
 
-// What is known of a planar double integrator at a sample.
+// One sample of a planar double integrator.
 struct Known {
   const double* x;                  // (4,) position [m] and velocity [m/s], as the rows read them
   double time;                      // [s]
@@ -45,13 +45,7 @@ struct Known {
   double growth;                    // g, by how much that of the velocity grows until the next sample [m²/s²]
 };
 
-// The same of a record with these fields, `plants::Plant`.
-template <class Record>
-Known known(const Record& plant) {
-  return {plant.x, plant.time, plant.model, plant.lag, {plant.covariance[0], 4, 4}, plant.growth};
-}
-
-// What is unknown of a state, as the row of any h reads it.
+// The uncertainty of one state, as the row of any h reads it.
 struct Unknown {
   Vector<const double> off;    // (n,) x − x_b, the state that the rows read less the body's
   Vector<const double> lead;   // (n_p,) the body's position minus the model's
@@ -69,8 +63,8 @@ struct Reserved {
   double* margin;      // m [m], of speed limits [m/s]
   double* rate;        // ṁ [m/s]
   double* quickening;  // m̈ [m/s²]
-  double* leaning;     // what of m may be used: the tracking error's part, less what `cap` cuts off of it,
-                       // and the errors of what was measured [m]
+  double* leaning;     // what of m errors may use up: the tracking error's part, less what `cap` cuts off of
+                       // it, and the errors of a measured region [m]
 };
 
 // Those of plant i in (4, n, m).
@@ -122,7 +116,7 @@ inline bool is_fast(double limit, const double* x, const double* lag) {
   return vx * vx + vy * vy > (limit + SHORT) * (limit + SHORT);
 }
 
-// What a row on the position with ‖∇h‖ ≤ 1 reserves at most [m]; see `derive`.
+// The most that a row on the position with ‖∇h‖ ≤ 1 reserves [m]; see `derive`.
 inline double most(const Uncertainty& settings, const Known& known) {
   const double ahead_x = known.x[0] - known.model[0] - known.lag[0];
   const double ahead_y = known.x[1] - known.model[1] - known.lag[1];
@@ -131,7 +125,7 @@ inline double most(const Uncertainty& settings, const Known& known) {
   return settings.distance + settings.cap + ahead + spread + settings.body;
 }
 
-// What the row of a speed limit reserves [m/s].
+// The margin of a speed limit's row [m/s].
 inline double of_speed(const Uncertainty& settings, const double* lag, Matrix<const double> covariance) {
   const double slip = std::sqrt(lag[2] * lag[2] + lag[3] * lag[3]);
   const double sure = settings.speed + settings.speed_per_velocity * slip;
@@ -187,7 +181,7 @@ struct Row {
   double steep;                              // ‖a_p‖
 };
 
-// What one row reserves. `gradient`: (n,) ∇h; a is written to it. `straight`: whether ∇h is the same
+// The margins of one row. `gradient`: (n,) ∇h; a is written to it. `straight`: whether ∇h is the same
 // everywhere; `period`: T [s], 0 where it is unknown.
 inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<double> gradient, bool straight,
                   double period) {
@@ -206,7 +200,8 @@ inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<do
     for (Index j = 0; j < placed; ++j) away += gradient[j] * unknown.slip(s, j);
     faster += s > 0 ? std::abs(away) : -away;
   }
-  const double tracking = settings.per_velocity * std::max(0.0, faster) + settings.per_lead * std::max(0.0, lead);
+  const double tracking =
+      settings.per_velocity * std::max(0.0, faster) + settings.per_lead * std::max(0.0, lead);
   const double cap = steep * settings.cap;
   const double spread = deviation(unknown.state, 0.0, gradient, placed, steep, straight);
   for (Index s = 0; s < unknown.turns.layers; ++s)
@@ -218,8 +213,8 @@ inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<do
   return {margin, grown.rate, grown.quickening, cap - std::abs(cap - tracking), steep};
 }
 
-// Writes the margins of one state's rows, and how fast they grow at most. `kind`: (m,) which kernel
-// evaluates each barrier; `parameters`: (m, WIDTH) what it reads; `period`: T [s], 0 where it is unknown.
+// Writes the margins of one state's rows, and how fast they grow at most. `kind` (m,) and
+// `parameters` (m, WIDTH) as `layout` has them; `period`: T [s], 0 where it is unknown.
 inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix<const double> parameters,
                    const Known& known, double period, const Reserved& out) {
   const double *x = known.x, *lag = known.lag;
@@ -231,7 +226,8 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
     certain = certain && lag[j] == 0.0 && (j > 1 || off[j] == 0.0);
   }
   const double drifting[4] = {covariance(2, 2), covariance(2, 3), covariance(3, 2), covariance(3, 3)};
-  const Unknown unknown{{off, 4}, {lag, 2}, {lag + 2, 1, 2}, covariance, {drifting, 2, 2}, known.growth, {nullptr, 0, 4, 4}};
+  const Unknown unknown{{off, 4},         {lag, 2},     {lag + 2, 1, 2},   covariance,
+                        {drifting, 2, 2}, known.growth, {nullptr, 0, 4, 4}};
   const Vector<double> gradient{slope, 4};
   Growing drift{0.0, 0.0};
   if (!certain) drift = growing(settings, unknown, gradient, 1.0, false, period);
@@ -245,7 +241,7 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
       out.margin[k] = of_speed(settings, lag, covariance), out.rate[k] = speeding;
       if (which == layout::ZONE && parameters(k, layout::AWAY) > 0.0)
         out.rate[k] += zone::BRAKING * drift.rate / parameters(k, layout::V_MAX);
-    } else if (which == layout::CUSTOM || which == layout::MAPPED) {  // whose gradient is not known here
+    } else if (which == layout::CUSTOM || which == layout::MAPPED) {  // the gradient is unknown here
       out.margin[k] = most(settings, known);
       out.rate[k] = drift.rate, out.quickening[k] = drift.quickening;
       out.leaning[k] = settings.cap;

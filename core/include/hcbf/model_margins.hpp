@@ -1,4 +1,4 @@
-// What the rows of N plants of any model reserve; see `margins`.
+// Margins of the rows of N plants of any model; `margins` has the equation.
 #pragma once
 #include <algorithm>
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace hcbf::model_margins {
 
-// What is known of N plants, and what else their rows read.
+// Samples of N plants; the fields from `off` on are those of `margins::Unknown`.
 struct Several {
   Matrix<const double> x;     // (N, n) as the rows read it
   Vector<const double> time;  // (N,) [s]
@@ -28,8 +28,8 @@ struct Rows {
   Index n_p;                      // how many states, from the first on, are the position
 };
 
-// Writes what the rows of N plants of any model reserve into (N, m, 6): m, ṁ, m̈, leaning, what the body
-// takes of h, and 1 where the body is faster than a speed limit.
+// Writes (N, m, 6): m, ṁ, m̈, leaning, by how much the body's reach lowers h, and 1 where the body is faster
+// than a speed limit. `period`: T [s], 0 where it is unknown.
 inline void of_models(const Uncertainty& settings, const Rows& rows, const Several& several, double period,
                       Cube<double> out) {
   const Index n = several.x.columns, inputs = several.x.rows > 0 ? several.turns.layers / several.x.rows : 0;
@@ -57,10 +57,12 @@ inline void of_models(const Uncertainty& settings, const Rows& rows, const Sever
         } else {
           std::copy_n(rows.gradient[i][k].data, n, slope.data());
         }
-        const margins::Unknown unknown{several.off[i],       {lag, placed},      several.slip[i],
-                              covariance,           several.drift[i],   several.growth[i],
-                              several.turns.part(i * inputs, (i + 1) * inputs)};
-        const margins::Row found = margins::of_row(settings, unknown, gradient, kind == half_plane::CODE, period);
+        const margins::Unknown unknown{
+            several.off[i], {lag, placed},     several.slip[i],
+            covariance,     several.drift[i],  several.growth[i],
+            several.turns.part(i * inputs, (i + 1) * inputs)};
+        const bool straight = kind == half_plane::CODE;
+        const margins::Row found = margins::of_row(settings, unknown, gradient, straight, period);
         row[margins::MARGIN] = found.margin, row[margins::RATE] = found.rate;
         row[margins::QUICKENING] = found.quickening, row[margins::LEANING] = found.leaning;
         row[margins::REACH] = found.steep * settings.body;

@@ -1,6 +1,6 @@
 // Many convex polygons in one array of numbers, with buckets that find those near a point.
 //
-// Several such arrays stand behind one another in an *atlas*; `at` is where one of them begins. Buckets
+// Several such arrays follow one another in an *atlas*; `at` is where one of them begins. Buckets
 // are squares in the frame of the map's grid, so that pieces along its axes are in few of them. A piece
 // is in all buckets that its box meets, and is reported from the first of those that a search visits.
 // Places in the array are numbers of it, exact as doubles up to 2⁵³.
@@ -59,8 +59,8 @@ inline Place in_frame(Vector<const double> atlas, Index at, double x, double y) 
   return Frame{atlas[at + X], atlas[at + Y], atlas[at + COS], atlas[at + SIN]}.of(x, y);
 }
 
-// The bucket of a coordinate of the frame, the nearest for one beyond the last. What is no number is in
-// the first one: as an index it would lead out of the atlas.
+// The bucket of a coordinate of the frame, the nearest for one beyond the last. NaN is in the first one:
+// as an index it would point out of the atlas.
 inline Index bucket_of(Vector<const double> atlas, Index at, double place, Index most) {
   const double sides = place / atlas[at + SIDE];
   return sides > 0.0 ? static_cast<Index>(std::min(sides, most - 1.0)) : 0;
@@ -92,8 +92,10 @@ void visit_near(Vector<const double> atlas, Index at, double x, double y, double
       const Index end = lists.items + whole(atlas, bucket + 1);
       for (Index i = lists.items + whole(atlas, bucket); i < end; ++i) {
         const Index piece = whole(atlas, i), box = lists.boxes + BOX * piece;
-        const bool first = std::max(whole(atlas, box + 4), c0) == c && std::max(whole(atlas, box + 5), r0) == r;
-        if (!first || box_distance(atlas, box, u, v) > reach) continue;  // an earlier bucket has it
+        const Index first_c = std::max(whole(atlas, box + 4), c0);
+        const Index first_r = std::max(whole(atlas, box + 5), r0);
+        if (first_c != c || first_r != r) continue;  // an earlier bucket has it
+        if (box_distance(atlas, box, u, v) > reach) continue;
         const Index block = lists.blocks + layout::WIDTH * piece;
         if (height(atlas, block, x, y) <= reach) take(block);
       }
@@ -102,7 +104,8 @@ void visit_near(Vector<const double> atlas, Index at, double x, double y, double
 
 // Writes the blocks of the pieces no farther than `reach` [m], and returns how many there are. Where
 // there are more than `found` (k,) has room for, only their number is of use.
-inline Index near(Vector<const double> atlas, Index at, double x, double y, double reach, Vector<Index> found) {
+inline Index near(Vector<const double> atlas, Index at, double x, double y, double reach,
+                  Vector<Index> found) {
   Index total = 0;
   visit_near(atlas, at, x, y, reach, [&](Index block) {
     if (total < found.size) found[total] = block;
@@ -137,7 +140,8 @@ inline Nearest nearest(Vector<const double> atlas, Index at, double x, double y)
       if (distance < best.distance) best = {distance, block};
     }
   };
-  for (Index ring = whole(atlas, at + whole(atlas, at + RINGS) + r * columns + c); ring <= columns + rows; ++ring) {
+  const Index nearest_ring = whole(atlas, at + whole(atlas, at + RINGS) + r * columns + c);
+  for (Index ring = nearest_ring; ring <= columns + rows; ++ring) {
     const Index last = std::min(r + ring, rows - 1);
     for (Index i = std::max<Index>(r - ring, 0); i <= last; ++i) {
       const bool full = std::abs(i - r) == ring || ring == 0;  // else its two ends
@@ -255,10 +259,12 @@ inline std::vector<double> packed(Matrix<const double> blocks, double x, double 
   const Index starts = HEAD_SIZE, items = starts + columns * rows + 1, rings_at = items + filled.back();
   const Index boxes_at = rings_at + columns * rows, blocks_at = boxes_at + count * BOX;
   std::vector<double> out(blocks_at + count * layout::WIDTH);
-  const double head[HEAD_SIZE] = {
-      double(count), side, double(columns), double(rows),
-      x + frame.cos * low_u - frame.sin * low_v, y + frame.sin * low_u + frame.cos * low_v, frame.cos, frame.sin,
-      double(starts), double(items), double(rings_at), double(boxes_at), double(blocks_at)};
+  const double origin_x = x + frame.cos * low_u - frame.sin * low_v;
+  const double origin_y = y + frame.sin * low_u + frame.cos * low_v;
+  const double head[HEAD_SIZE] = {double(count),    side,           double(columns), double(rows),
+                                  origin_x,         origin_y,       frame.cos,       frame.sin,
+                                  double(starts),   double(items),  double(rings_at), double(boxes_at),
+                                  double(blocks_at)};
   std::copy_n(head, HEAD_SIZE, out.begin());
   std::copy(filled.begin(), filled.end(), out.begin() + starts);
   visit_buckets([&](Index bucket, Index piece) { out[items + filled[bucket]++] = double(piece); });

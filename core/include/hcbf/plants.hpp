@@ -1,17 +1,21 @@
-// What a filter never changes, and what is known of one plant: `filtering.plants` has the dtypes.
+// What a filter reads and writes: constants, plants with their scenes, and their reports.
+// `filtering.plants` has the dtypes.
 #pragma once
+#include <hcbf/axle.hpp>
+#include <hcbf/layout.hpp>
 #include <hcbf/memory.hpp>
+#include <hcbf/program_records.hpp>
+#include <hcbf/report.hpp>
+#include <hcbf/row_settings.hpp>
 #include <hcbf/uncertainty.hpp>
 
 namespace hcbf::plants {
 
-constexpr Index SETTINGS_WIDTH = 15;  // `RowSettings.packed`
-
 struct Constants {
   // the program, as `program_records::Settings` has it
-  Index lower;
+  program_records::Lower lower;
   bool by_level;
-  Index lock;
+  program_records::Lock lock;
   bool ranks, guided;
   double radius, lambda_u;
   bool known_offset;
@@ -21,7 +25,7 @@ struct Constants {
   bool made;         // whether rows, alarms and braking inputs were made beforehand
   // what rows reserve, and how they are made
   Uncertainty uncertainty;
-  double rows[SETTINGS_WIDTH];
+  RowSettings rows;
   double period;    // T [s], 0 where it is not known
   double rounding;  // of an input that is applied in 32 bits, 0 for 64 [m/s^2]
   double dip;       // what usual rows reserve against dips between samples
@@ -29,9 +33,9 @@ struct Constants {
   double settles;   // how long the robot takes to follow [s], 0 for its model
   // a differential drive
   bool drives;
-  double axle[4];                    // `axle::Axle`
-  double axle_rows[SETTINGS_WIDTH];  // of rows on the axle
-  double jerk;                       // what these reserve of the acceleration [m/s^2]
+  axle::Axle axle;
+  RowSettings axle_rows;  // of rows on the axle
+  double jerk;            // what these reserve of the acceleration [m/s^2]
   // guidance
   bool has_way;
   Index through;  // the highest rank that is relaxed for guidance, 0 for none
@@ -75,5 +79,71 @@ struct Plant {
   Index alarm;  // a `Reason`, until the next reset
   Index moves;  // whether a region is nearer than its velocity explains
 };
+
+// One plant, its conditions and its report.
+struct One {
+  Vector<const Index> kind;         // (m,) as `BarrierSet` holds it
+  Matrix<const double> parameters;  // (m, WIDTH)
+  Vector<const Index> priority;     // (m,)
+  Vector<const double> own_margin;  // (m,)
+  Matrix<const double> own;         // (m, WIDTH + n_u) rows that were made beforehand; empty without
+  Plant& plant;                     // written to
+  Vector<double> input, stop;       // (n_u,) behind it
+  report::Plant& report;            // written to
+  Vector<double> u_nominal, u_safe;  // (n_u,) behind it
+  Vector<report::Row> rows;         // (M,) written to; M is m, and one more where guidance has a row
+
+  Index count() const { return kind.size; }
+};
+
+// N of them, by field.
+struct Plants {
+  Matrix<const Index> kind;
+  Cube<const double> parameters;
+  Matrix<const Index> priority;
+  Matrix<const double> own_margin;
+  Cube<const double> own;  // see `barriers.general_kernels`
+  Records<Plant> sensed;
+  Records<report::Plant> reports;
+  Matrix<report::Row> rows;
+  Index n_u;
+
+  One operator[](Index i) const {
+    double *behind = sensed.tail(i), *reported = reports.tail(i);
+    return {kind[i], parameters[i], priority[i], own_margin[i],
+            own.layers > 0 ? own[i] : Matrix<const double>{nullptr, 0, 0},
+            sensed[i], {behind, n_u}, {behind + n_u, n_u},
+            reports[i], {reported, n_u}, {reported + n_u, n_u}, rows[i]};
+  }
+};
+
+// Returns whether the scenes are of as many plants and rows as there is room for, in sound ranks:
+// nothing else here checks an index. `guided`: whether guidance has a row of its own.
+inline bool fits(const Plants& p, bool guided) {
+  const Index count = p.kind.rows, m = p.kind.columns;
+  if (p.sensed.size != count || p.reports.size != count || p.rows.rows != count) return false;
+  if (p.rows.columns < m + guided) return false;
+  if (p.own.layers > 0 && (p.own.layers != count || p.own.rows != m)) return false;
+  if (p.parameters.layers != count || p.parameters.rows != m || p.parameters.columns != layout::WIDTH) return false;
+  if (p.priority.rows != count || p.priority.columns != m) return false;
+  if (p.own_margin.rows != count || p.own_margin.columns != m) return false;
+  for (Index i = 0; i < count; ++i)
+    for (Index k = 0; k < m; ++k) {
+      const Index rank = p.priority(i, k);
+      if (p.kind(i, k) == layout::NONE ? rank != 0 : rank < 1 || rank > layout::LOWEST_RANK) return false;
+    }
+  return true;
+}
+
+// Returns the program of plant i; `numbers` holds the corners of U and the weights behind them, each of
+// all plants or one a plant.
+inline program_records::Settings program_of(const Constants& c, Vector<const double> numbers, Index i) {
+  const Index end = 2 * c.corners * c.input_sets;
+  const bool weighs = numbers.size - end > c.weights;  // each plant by its own
+  return {c.lower,  c.by_level, c.lock,         c.ranks,
+          c.guided, c.radius,   c.lambda_u,     c.known_offset,
+          {numbers.data + (c.input_sets > 1 ? 2 * c.corners * i : 0), 1, c.corners, 2},
+          {numbers.data + end + (weighs ? c.weights * i : 0), 1, c.weights}};
+}
 
 }  // namespace hcbf::plants

@@ -43,6 +43,7 @@ struct Polygon {
 };
 
 // Returns corners (V, 2) that NumPy holds, as points.
+static_assert(sizeof(Point) == 2 * sizeof(double));
 inline Vector<const Point> points(Matrix<const double> corners) {
   return {reinterpret_cast<const Point*>(corners.data), corners.rows};
 }
@@ -175,8 +176,8 @@ inline Point descend(Vector<const Point> corners, const LeastSquares& problem, P
     arriving = leaving + step.x * step.x + step.y * step.y;
     if (0.0 < t && t < 1.0) {
       u = {u.x + t * along.x, u.y + t * along.y}, e = problem.residual(u);
-      const double inward = -along.y * (problem.r11 * e.x) + along.x * (problem.r12 * e.x + problem.r22 * e.y);
-      if (inward >= 0.0 || count == 2) return u;
+      const Point gradient{problem.r11 * e.x, problem.r12 * e.x + problem.r22 * e.y};
+      if (-along.y * gradient.x + along.x * gradient.y >= 0.0 || count == 2) return u;  // it points inwards
     }
     if (const double cost = dot(e, e); cost < least) least = cost, best = u;
   }

@@ -97,7 +97,8 @@ struct Workspace {
     radius = new_radius;
     for (Polygon* each : {&feasible, &trial, &cell, &chord}) each->reserve(corners + m + 4);
     rows.resize(std::max<Index>(m, rows.size()));
-    start.resize(std::max<Index>(std::max(m, LOWEST_RANK) + 4, start.size()));  // guidance is below the lowest
+    const Index ranks = std::max(m, LOWEST_RANK) + 4;  // guidance may be below the lowest
+    start.resize(std::max<Index>(ranks, start.size()));
   }
 };
 

@@ -1,5 +1,6 @@
 // Point masses: p' = v, v' = u − c v, and the integrator whose speed is capped.
 #pragma once
+#include <array>
 #include <cmath>
 
 #include <hcbf/arrays.hpp>
@@ -28,15 +29,15 @@ inline void damped_step(Vector<const double> x, Vector<const double> u, double d
 
 // The double integrator after dt, exactly, its speed capped at v_max:
 // v' = v + u dt (scaled back where it exceeds v_max), p' = p + (v + v') dt / 2.
-inline void double_integrator_step(const double* x, const double* u, double dt, double v_max, double* out) {
+inline std::array<double, 4> double_integrator_step(Vector<const double> x, Vector<const double> u, double dt,
+                                                    double v_max) {
   double vx = x[2] + u[0] * dt, vy = x[3] + u[1] * dt;
   const double speed = std::sqrt(vx * vx + vy * vy);
   if (speed > v_max) {
     const double scale = v_max * (1.0 - 1e-12) / speed;  // below the limit whichever way it is rounded
     vx = scale * vx, vy = scale * vy;
   }
-  const double px = x[0] + 0.5 * (x[2] + vx) * dt, py = x[1] + 0.5 * (x[3] + vy) * dt;
-  out[0] = px, out[1] = py, out[2] = vx, out[3] = vy;
+  return {x[0] + 0.5 * (x[2] + vx) * dt, x[1] + 0.5 * (x[3] + vy) * dt, vx, vy};
 }
 
 }  // namespace hcbf::reduced_order

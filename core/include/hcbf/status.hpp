@@ -45,7 +45,7 @@ struct Shortfall {
 // its model; `alpha1`: (4,).
 inline Shortfall shortfall(Vector<const bool> strict, Vector<const double> h, Vector<const double> margin,
                            Vector<const double> leaning, Vector<const double> psi, double dip, double sway,
-                           const double* alpha1) {
+                           const class_k::ClassK& alpha1) {
   Shortfall short_{INFINITY, INFINITY, INFINITY, INFINITY};
   for (Index k = 0; k < strict.size; ++k) {
     if (!strict[k]) continue;

@@ -1,5 +1,5 @@
 // Every tolerance of the programs, each with its reason; lengths are relative to the size of U.
-// Those of the stages that a QP solver answers stand beside it, in hcbf_gym/programs/tolerances.py.
+// hcbf_gym/programs/tolerances.py has those of the stages that a QP solver answers.
 #pragma once
 
 namespace hcbf::tolerances {

@@ -19,13 +19,13 @@ from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
 from hcbf_gym.certificates.declared import UNHASHABLE
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.certificates.sequential import Tally
-from hcbf_gym.compilation import PACKAGE
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, finite_float
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.certification import calibration, families, own
 from hcbf_gym.evaluation.certification.families import Family, Seen, run_searched, run_seed
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.models.plant import Plant, Uncertainty
+from hcbf_gym.sources import PACKAGE
 
 LOOK = 100
 """After how many episodes the running bound is printed."""

@@ -1,7 +1,7 @@
 """What a plan does stage by stage, for any number of inputs.
 
 It is written in terms of `polyhedron.SolverInputs`, the inputs that the stages so far leave.
-`planar.cascade` is the same for two inputs, compiled; the tests hold them together.
+The core's `cascade.hpp` is the same for two inputs; the tests hold them together.
 """
 
 from itertools import takewhile

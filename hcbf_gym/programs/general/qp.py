@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SolverError, choose
 from hcbf_gym.programs.general import rational
-from hcbf_gym.programs.general.dense import meets
 from hcbf_gym.programs.tolerances import PRIMAL
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
@@ -105,7 +105,7 @@ def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
     x, status = _backend(solver)(problem)
     if x is None or status is not QpStatus.OPTIMAL:
         return QpSolution(None, status, solver)
-    if not meets(problem.a, problem.lower, x, PRIMAL):
+    if not _core.meets(problem.a, problem.lower, x, PRIMAL):
         return QpSolution(None, QpStatus.FAILED, solver)
     return QpSolution(x, status, solver)
 

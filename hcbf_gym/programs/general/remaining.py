@@ -9,9 +9,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.general.dense import level_rows, unit_rows
 from hcbf_gym.programs.general.qp import QpProblem, Solver
 from hcbf_gym.programs.tolerances import DEPENDENT, MET, ZERO_GRADIENT
 
@@ -68,7 +68,7 @@ class Remaining(NamedTuple):
 
     def intersect(self, a: Array, b: Array) -> Self:
         """Keep those that meet ``a u ≥ b``, rows of any length; there may be none."""
-        level, bound = level_rows(a, b, ZERO_GRADIENT)
+        level, bound = _core.level_rows(a, b, ZERO_GRADIENT)
         rows, bounds = np.concatenate((self.a, level)), np.concatenate((self.b, bound))
         return self._replace(a=rows, b=bounds, known=None)
 
@@ -85,4 +85,4 @@ class Remaining(NamedTuple):
         if free == n_u:  # nothing is pinned yet: z = u
             return self.a, self.b
         lower = self.b - self.a @ self.point
-        return unit_rows(self.a @ self.basis, lower, DEPENDENT)
+        return _core.unit_rows(self.a @ self.basis, lower, DEPENDENT)

@@ -4,20 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.programs.general import rational
-from hcbf_gym.programs.general.dense import (
-    back_substitute,
-    rows_of_image,
-    steepness,
-    unit_rows,
-    whiten,
-    with_slack,
-)
 from hcbf_gym.programs.general.qp import QpProblem
 from hcbf_gym.programs.general.rational import SoftRows
 from hcbf_gym.programs.general.remaining import Remaining
-from hcbf_gym.programs.planar import least_cost as planar
 from hcbf_gym.programs.tolerances import DEPENDENT, GRADED_FOR_SOLVERS, PULL, SETTLED, ZERO_GRADIENT
 
 
@@ -52,16 +44,17 @@ def _equalities(inputs: Remaining, a: Array, target: Array) -> Callable[[Array],
     rows, lower = inputs.reduced()
 
     def nearest(centre: Array) -> Array:
-        factor, y_centre = whiten(a, target, centre)
-        problem = QpProblem(y_centre, *unit_rows(rows_of_image(rows, factor), lower, 0.0))
-        return back_substitute(factor, inputs.solver.must(problem))
+        factor, y_centre = _core.whiten(a, target, centre)
+        image = _core.image_of_rows(rows, factor)
+        y = inputs.solver.must(QpProblem(y_centre, *_core.unit_rows(image, lower, 0.0)))
+        return _core.back_substitute(factor, y)
 
     return nearest
 
 
 def _soft(inputs: Remaining, a: Array, target: Array, least: Array) -> Callable[[Array], Array]:
     """Project (c, 0) on the (z, s) with ``s_k = √w_k δ_k``, ``a z + s ≥ t`` and ``s ≥ s_min``."""
-    matrix, below = with_slack(*inputs.reduced(), a, target, least)
+    matrix, below = _core.with_slack(*inputs.reduced(), a, target, least)
     nothing = np.zeros(target.size)
 
     def nearest(centre: Array) -> Array:
@@ -80,7 +73,7 @@ def least_cost(inputs: Remaining, soft: SoftRows) -> Array:
     Raises:
         SolverError: if nobody finds it.
     """
-    norm, slope = steepness(soft.a, inputs.basis)
+    norm, slope = _core.steepness(soft.a, inputs.basis)
     counts = slope > np.maximum(DEPENDENT * norm, ZERO_GRADIENT)
     if soft.least is not None:  # a row that pays for no input of U
         counts &= soft.target - soft.least > -norm * inputs.radius
@@ -105,7 +98,7 @@ def _on_polygon(inputs: Remaining, soft: SoftRows) -> Array:
     least = np.zeros(target.size) if soft.least is None else soft.least
     table = np.column_stack((np.pad(soft.a @ inputs.basis, pad), target, soft.weight, least))
     one_sided = soft.least is not None
-    z = planar.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
+    z = _core.least_cost(table, one_sided, np.pad(rows, pad), lower, inputs.radius)
     return inputs.point + inputs.basis @ np.array(z[:free])
 
 
@@ -125,7 +118,7 @@ def _proximal(inputs: Remaining, soft: SoftRows, steepest: float) -> Array | Non
 def _exactly(inputs: Remaining, soft: SoftRows) -> Array:
     """Minimise in rational arithmetic."""
     inputs.solver.fallbacks += 1
-    binding = steepness(inputs.a, inputs.basis)[1] > DEPENDENT
+    binding = _core.steepness(inputs.a, inputs.basis)[1] > DEPENDENT
     return rational.least_cost(
         soft,
         inputs.centre(),

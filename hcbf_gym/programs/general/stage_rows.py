@@ -6,12 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import kernel
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
-from hcbf_gym.programs.weights import weight_of
 
 
 class StageRows(NamedTuple):
@@ -49,26 +48,11 @@ def stage_rows(plan: Plan, prices: Prices, rows: CbfRows, least: Array) -> Stage
         rows: of the state.
         least: (m,) δ_min.
     """
-    by_level = plan.order == "by level"
-    found = _staged(prices.weights.table[0], by_level, rows.priority, rows.h)
-    return StageRows(rows.a, rows.b, *found, least, rows.b)
-
-
-@kernel()
-def _staged(
-    table: Array, by_level: bool, priority: Integers, h: Array
-) -> tuple[Integers, Mask, Array]:
-    """Return stage, strict and weight (m,); `table` is that of `Weights`."""
-    stage, strict = priority.copy(), np.empty(h.size, dtype=np.bool_)
-    weight = np.ones(h.size)
-    for k in range(h.size):
-        price = weight_of(table, priority[k], h[k])
-        strict[k] = np.isinf(price)
-        if not by_level:
-            stage[k] = 1 if strict[k] else 2
-        if not strict[k]:
-            weight[k] = price
-    return stage, strict, weight
+    m, by_level = rows.b.size, plan.order == "by level"
+    stage, strict, weight = np.empty(m, np.int64), np.empty(m, np.bool_), np.empty(m)
+    table = prices.weights.table[0]
+    _core.stage_rows(table, by_level, rows.priority, rows.h, stage, strict, weight)
+    return StageRows(rows.a, rows.b, stage, strict, weight, least, rows.b)
 
 
 def in_stages(rows: StageRows) -> list[StageRows]:

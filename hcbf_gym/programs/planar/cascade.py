@@ -2,8 +2,8 @@
 
 `general.cascade` is the same for any number of inputs; the tests hold them together.
 
-`filter_batch` can be called from other compiled code; it allocates once for all N states. What it
-calls here is inlined: across a call Numba counts the references to every array of a record.
+What `filter_range` calls here is inlined: across a call Numba counts the references to every array
+of a record.
 """
 
 import numpy as np
@@ -24,7 +24,6 @@ from hcbf_gym.programs.planar.records import (
     Point,
     Settings,
     Workspace,
-    make_workspace,
     own_of,
 )
 from hcbf_gym.programs.result import FilterResult, FilterStatus, slack_of
@@ -33,22 +32,6 @@ from hcbf_gym.programs.weights import gamma0_of, weight_of
 
 _NOMINAL, _SAFE = int(FilterStatus.NOMINAL), int(FilterStatus.SAFE)
 _RELAXED, _VIOLATED = int(FilterStatus.RELAXED), int(FilterStatus.VIOLATED)
-
-
-@kernel(error_model="numpy")
-def filter_batch(settings: Settings, u_nominal: Array, rows: CbfRows, answer: FilterResult) -> None:
-    """Filter the nominal inputs of N states.
-
-    Args:
-        settings: the program.
-        u_nominal: (N, 2) u*.
-        rows: the rows of N states, finite, priorities from 1 to `LOWEST_RANK`, or 0 of no row;
-            m ≥ 0. `alpha2_psi` is an array even where the program does not read it.
-        answer: written to: u (N, 2), slack (N, m), delta (N, m), status (N,) a `FilterStatus`,
-            fallbacks (N,) zeros.
-    """
-    w = make_workspace(settings.radius, settings.vertices.shape[1], rows.b.shape[1])
-    filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.shape[0])
 
 
 @kernel(error_model="numpy")
@@ -61,7 +44,7 @@ def filter_range(
     first: int,
     end: int,
 ) -> None:
-    """Filter those of N states from `first` on and before `end`; see `filter_batch`."""
+    """Filter those of N states from `first` on and before `end`; see the core's `cascade.hpp`."""
     settings, u_nominal = borrowed(settings), borrowed(u_nominal)
     rows, answer, w = borrowed(rows), borrowed(answer), borrowed(w)
     assert rows.alpha2_psi is not None

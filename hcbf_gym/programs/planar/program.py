@@ -1,25 +1,22 @@
-"""The programs of two inputs: N states in one compiled call, of which one state is the case N = 1.
+"""The programs of two inputs: N states in one call of the core; one state is the case N = 1.
 
 No solver is called: the inputs that the stages leave are polygons, cut and searched in doubles.
 What is given up with that: the violations that a level pays are the least up to rounding, and u is
-as exact as they decide it; see `planar.soft.keep_least`.
+as exact as they decide it; see `soft_minimum::keep_least`.
 """
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, floats, holds_numbers
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.planar.cascade import filter_batch
 from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Settings
 from hcbf_gym.programs.plans import Plan
 from hcbf_gym.programs.prices import Prices
-from hcbf_gym.programs.program import Program, check_shapes, explain, well_formed
+from hcbf_gym.programs.program import Program, check_shapes, explain
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
 _LOWER = {"nothing": NOTHING, "relaxed": RELAXED, "drawn": DRAWN}
@@ -28,7 +25,7 @@ _STATUSES = tuple(FilterStatus)
 
 
 class _Compiled:
-    """What one state and N of them share: a program as the kernels read it.
+    """What one state and N of them share: a program as the core reads it.
 
     Args:
         plan: what is solved.
@@ -57,9 +54,10 @@ class _Compiled:
             np.ascontiguousarray(input_set.vertices())[None],
             np.ascontiguousarray(prices.weights.table),
         )
+        self._core = _core.PlanarProgram(*self._settings)
 
     def settings_of(self, count: int) -> Settings:
-        """Return what the kernels must know of the program, for N states.
+        """Return what the filter must know of the program, for N states.
 
         Raises:
             InvalidInputError: if the weights are those of another number of states.
@@ -67,7 +65,7 @@ class _Compiled:
         self.prices.weights.check(count)
         return self._settings
 
-    def _solve(self, settings: tuple[Any, ...], u_nominal: Array, rows: CbfRows) -> Array:
+    def _solve(self, u_nominal: Array, rows: CbfRows) -> Array:
         """Return u, slack, δ and the statuses of all states, one after the other."""
         if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
             self.prices.least_slack(rows)
@@ -79,8 +77,7 @@ class _Compiled:
         if not fits or kind not in "iu":
             check_shapes(rows, 2)
         answer = np.empty(3 * (u_nominal.size // 2) + 2 * rows.b.size)
-        if not _filter_all(
-            settings,
+        if not self._core.filter(
             u_nominal,
             np.ascontiguousarray(rows.a, np.float64),
             np.ascontiguousarray(rows.b, np.float64),
@@ -99,7 +96,7 @@ class PlanarProgram(_Compiled, Program):
 
     def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
         super().__init__(plan, prices, input_set)
-        self._of_one = tuple(self.settings_of(1))
+        prices.weights.check(1)
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
@@ -107,7 +104,7 @@ class PlanarProgram(_Compiled, Program):
             u_nominal = finite_array("u_nominal", floats("u_nominal", u_nominal, (2,)), (2,))
         if _dimensions(rows) != 1:
             raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
-        answer = self._solve(self._of_one, np.ascontiguousarray(u_nominal), rows)
+        answer = self._solve(np.ascontiguousarray(u_nominal), rows)
         end, status = 2 + rows.b.size, _STATUSES[int(answer[-1])]
         return FilterResult(answer[:2], answer[2:end], answer[end:-1], status, 0)
 
@@ -133,7 +130,8 @@ class BatchProgram(_Compiled):
         shape = rows.b.shape
         if dimensions != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
-        answer = self._solve(tuple(self.settings_of(count)), desired, rows)
+        self.prices.weights.check(count)
+        answer = self._solve(desired, rows)
         sizes = 2 * count, rows.b.size, rows.b.size
         u, slack, delta, status = np.split(answer, np.cumsum(sizes))
         return FilterResult(
@@ -158,48 +156,5 @@ def _dimensions(rows: CbfRows) -> int:
 
 
 def _is_pair(u: ArrayLike) -> bool:
-    """Return whether u* is what the kernel reads, so that nothing needs to be checked."""
+    """Return whether u* is what the core reads, so that nothing needs to be checked."""
     return type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64
-
-
-@kernel()
-def _filter_all(
-    settings: tuple[Any, ...],
-    u_nominal: Array,
-    a: Array,
-    b: Array,
-    h: Array,
-    priority: Integers,
-    alpha2_psi: Array,
-    answer: Array,
-) -> bool:
-    """Filter N states into `answer`, unless u* or a row is malformed; return whether none is.
-
-    Arrays come one by one, of one state without the leading N: Numba takes a microsecond to open a
-    record that Python hands over, and NumPy as long to make its arrays longer by an axis.
-    """
-    count, total = u_nominal.size // 2, b.size
-    m = total // count if count else 0
-    if not (np.isfinite(u_nominal).all() and np.isfinite(alpha2_psi).all()):
-        return False
-    rows = CbfRows(
-        a.reshape(count, m, 2),
-        b.reshape(count, m),
-        h.reshape(count, m),
-        priority.reshape(count, m),
-        alpha2_psi.reshape(count, m),
-    )
-    for i in range(count):
-        if not well_formed(rows.a[i], rows.b[i], rows.h[i], rows.priority[i]):
-            return False
-    end = 2 * count + total
-    result = FilterResult(
-        answer[: 2 * count].reshape(count, 2),
-        answer[2 * count : end].reshape(count, m),
-        answer[end : end + total].reshape(count, m),
-        np.empty(count, dtype=np.int64),
-        np.empty(count, dtype=np.int64),
-    )
-    filter_batch(Settings(*settings), u_nominal.reshape(count, 2), rows, result)
-    answer[end + total :] = result.status
-    return True
