@@ -26,10 +26,10 @@ from benchmarks.registry import SUITES
 from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.certificates.judge import words
-from hcbf_gym.sources import PACKAGE
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.output_folder import write_json, write_text
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.sources import PACKAGE
 
 _MARKED = re.compile(
     r"<!-- (results|awaits): ([\w-]+)/([^>]+?) -->\n.*?<!-- end of results -->", re.DOTALL

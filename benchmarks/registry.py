@@ -8,8 +8,8 @@ import importlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hcbf_gym.sources import sources_hash
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.sources import sources_hash
 
 _ROOT = Path(__file__).parents[1]
 

@@ -8,8 +8,7 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.compilation import kernel
-from hcbf_gym.programs.tolerances import NOMINAL, SLACK
+from hcbf_gym.programs.tolerances import NOMINAL
 
 
 class FilterStatus(IntEnum):
@@ -63,19 +62,6 @@ def violation(rows: CbfRows, u: Array, radius: float) -> Array:
         radius: the largest norm of an input, which sets the scale of rounding.
     """
     return _core.violation(rows.a, rows.b, u, radius)
-
-
-@kernel(error_model="numpy", inline="always")
-def slack_of(lack: float, norm: float, b: float, radius: float) -> float:
-    """Return by how much a row is violated, 0 where that is rounding.
-
-    Args:
-        lack: b − a·u.
-        norm: ‖a‖.
-        b: its bound.
-        radius: the largest norm of an input.
-    """
-    return lack if lack > SLACK * (norm * radius + abs(b)) else 0.0
 
 
 def classify(

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, shown
 
 
@@ -86,18 +85,6 @@ class Weights(NamedTuple):
             raise InvalidInputError(
                 f"gamma0, delta_gamma: got weights of {self.states} states, expected {states}"
             )
-
-
-@kernel(inline="always")
-def gamma0_of(table: Array, priority: int) -> float:
-    """Return γ₀ of a priority, `table` a row of that of `Weights`; infinity for a strict level."""
-    return np.inf if priority <= 1 else table[min(priority - 1, table.size - 1)]
-
-
-@kernel(inline="always")
-def weight_of(table: Array, priority: int, h: float) -> float:
-    """Return λ_δ(h) of one row; infinity for one of a strict level."""
-    return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h))
 
 
 def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:
