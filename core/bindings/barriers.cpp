@@ -118,6 +118,8 @@ void bind_shapes(nb::module_& m) {
 }
 
 void bind_values(nb::module_& m) {
+  m.def("zone_value", &zone::value, "limit"_a, "away"_a, "vx"_a, "vy"_a,
+        "Return h of a speed zone at a distance from it and a velocity.");
   m.def("speed_limit_value", &speed_limit::value, "v_max"_a, "vx"_a, "vy"_a, "Return h of a speed limit.");
   m.def(
       "barrier_values",
