@@ -179,7 +179,7 @@ class MappedZone(OnGrid):
         gradient[:2] = zone.BRAKING / self.limit * normal * (away > 0.0)
         gradient[2:4] = -x[2:4] / self.limit
         hessian[2:4, 2:4] = -np.eye(2) / self.limit
-        h = zone.value(self.limit, away, float(x[2]), float(x[3]))
+        h = _core.zone_value(self.limit, away, float(x[2]), float(x[3]))
         return Jet(h, gradient, hessian, 0.0, np.zeros(n), 0.0)
 
 
