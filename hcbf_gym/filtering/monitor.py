@@ -79,37 +79,6 @@ PLANAR_MEMORY = [
 """What is remembered besides of the motion in the plane; zeros at a reset."""
 
 
-@kernel()
-def account(memory: Record, error: float, chosen: float, rate: float, radius: float) -> bool:
-    """Count one sample's ‖Δu‖² and ‖u‖², and return whether most were missed.
-
-    Args:
-        memory: a record with the fields of `MEMORY`, written to.
-        error: ‖Δu‖².
-        chosen: ‖u‖².
-        rate: T/τ.
-        radius: the largest norm of an input.
-    """
-    memory.error += min(1.0, rate) * (error - memory.error)
-    if chosen > (FLOOR * radius) ** 2:
-        memory.samples += 1.0
-        share = 1.0 / min(memory.samples, TELLING)
-        memory.missed += share * ((error > SHARE * SHARE * chosen) - memory.missed)
-        memory.exact += share * ((error <= EXACT * EXACT * chosen) - memory.exact)
-        memory.off += share * ((error > OFF_EXACT * OFF_EXACT * chosen) - memory.off)
-    return memory.samples >= LEAST_SAMPLES and memory.missed > MOST
-
-
-@kernel()
-def breaks_off(memory: Record) -> bool:
-    """Return whether a plant that meets inputs exactly has missed more than few of the last ones.
-
-    Args:
-        memory: a record with the fields of `MEMORY`, of a plant whose steps have no rounding.
-    """
-    return memory.samples >= TELLING and memory.exact > MOST and memory.off > FEW
-
-
 @kernel(error_model="numpy", inline="always")
 def fade(period: float) -> float:
     """Return by how much sums over τ fade in a period."""
@@ -141,46 +110,6 @@ def strays(
     bound = rest + OFF * moved + memory.bend + spread
     memory.in_a_row = memory.in_a_row + 1.0 if off > bound else 0.0
     return memory.in_a_row >= IN_A_ROW
-
-
-@kernel(error_model="numpy", inline="always")
-def latch(plant: Record, alarm: int) -> None:
-    """Raise an alarm until the next reset; the first one stays."""
-    if plant.alarm == 0:
-        plant.alarm = alarm
-
-
-@kernel(error_model="numpy")
-def watch(plant: Record, radius: float, confidence: float, exact: bool, observed: bool) -> None:
-    """Compare a believed sample of a planar double integrator with the one before.
-
-    Args:
-        plant: a `plants.PLANT` record, written to.
-        radius: the largest norm of an input [m/s²].
-        confidence: κ.
-        exact: whether the plant is its model.
-        observed: whether states were measured; who carries them on compares them itself.
-    """
-    model, lag, period = plant.model, plant.lag, plant.elapsed
-    body = (model[0] + lag[0], model[1] + lag[1], model[2] + lag[2], model[3] + lag[3])
-    if plant.fault >= ALARM:
-        latch(plant, plant.fault)
-    if observed and plant.follows and period > 0.0:
-        missed = chosen = 0.0
-        for k in range(2):
-            miss = (model[2 + k] - plant.expected[k]) / period - plant.input[k]
-            missed += miss * miss
-            chosen += plant.input[k] * plant.input[k]
-        if account(plant, missed, chosen, period / WINDOW, radius) or breaks_off(plant):
-            latch(plant, INPUT)
-        covariance = plant.covariance
-        spread = confidence * np.sqrt(max(0.0, covariance[0, 0] + covariance[1, 1]))
-        if drifts(plant, body, period, spread, exact):
-            latch(plant, MOTION)
-    note_body(plant, body)
-    plant.expected[0] = model[2]
-    plant.expected[1] = model[3]
-    plant.follows = 1
 
 
 @kernel(error_model="numpy", inline="always")
