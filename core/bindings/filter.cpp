@@ -12,7 +12,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
-#include "bindings.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -20,20 +20,12 @@ namespace {
 
 constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread starts
 
-using Numbers1 = Numbers<double, 1>;
-
-// (N,) records of the numbers that they are made of.
-template <class T>
-Records<T> records(const Numbers1& words, Index count) {
-  const auto bytes = static_cast<Index>(words.size() * sizeof(double));
-  return {reinterpret_cast<char*>(words.data()), count, count > 0 ? bytes / count : Index{sizeof(T)}};
-}
 
 // The filter of N plants, bound to the arrays that it reads and writes, which it keeps alive. Nothing is
 // allocated in a step of a scene that it has seen.
 class Filter {
  public:
-  Filter(Numbers1 constants, Numbers<const double, 1> program, Numbers1 sensed, Index count, Index threads)
+  Filter(Words constants, Numbers<const double, 1> program, Words sensed, Index count, Index threads)
       : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
     plants_.sensed = records<plants::Plant>(sensed_, count);
     plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
@@ -53,7 +45,7 @@ class Filter {
               std::move(own)};
   }
 
-  void set_report(Numbers1 reports, Numbers1 rows) {
+  void set_report(Words reports, Words rows) {
     const Index count = plants_.sensed.size;
     plants_.reports = records<report::Plant>(reports, count);
     const auto size = static_cast<Index>(rows.size() * sizeof(double) / sizeof(report::Row));
@@ -180,13 +172,13 @@ class Filter {
                     nb::rv_policy::reference);
   }
 
-  Numbers1 constants_;
+  Words constants_;
   Numbers<const double, 1> program_;
-  Numbers1 sensed_;
+  Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>, Numbers<const double, 2>,
              std::optional<Numbers<const double, 1>>, std::optional<Numbers<const double, 3>>>
       scene_;
-  std::pair<Numbers1, Numbers1> report_;
+  std::pair<Words, Words> report_;
   std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>, Numbers<double, 2>>
       own_states_;
   plants::Plants plants_{};
@@ -255,7 +247,7 @@ Offsets report_row_offsets() {
 
 void bind_filter(nb::module_& m) {
   nb::class_<Filter>(m, "Filter", "The filter of N plants, bound to the arrays that it reads and writes.")
-      .def(nb::init<Numbers1, Numbers<const double, 1>, Numbers1, Index, Index>(), "constants"_a.noconvert(),
+      .def(nb::init<Words, Numbers<const double, 1>, Words, Index, Index>(), "constants"_a.noconvert(),
            "program"_a.noconvert(), "sensed"_a.noconvert(), "count"_a, "threads"_a)
       .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
            "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
@@ -281,7 +273,7 @@ void bind_filter(nb::module_& m) {
            "Conclude what `pose` began, and return what is to be done.");
   m.def("is_covariance", [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
         "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
-  m.def("face", [](const Numbers1& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
+  m.def("face", [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
     const Records<plants::Plant> plants = records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
     for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
   }, "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
