@@ -318,16 +318,6 @@ def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return array._getvalue()
 
 
-@kernel(inline="always")
-def put(target: Any, source: Any) -> None:
-    """Copy a vector into one of the same length, which is not looked at.
-
-    ``target[:] = source`` asks for lengths and overlaps besides, and takes longer to compile.
-    """
-    for k in range(target.size):
-        target[k] = source[k]
-
-
 class _Announcer(event.Listener):
     """Says that kernels are compiled instead of read from the cache, and how many by now.
 

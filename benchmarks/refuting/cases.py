@@ -16,8 +16,8 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
     RowSettings,
-    row_kernels,
 )
+from hcbf_gym.barriers.rows import HELD, PSI, B
 
 NUMBERS, LOOKS, CORNERS, WORST = 16, 24, 5, 60
 ROUNDING = 1e-9
@@ -128,11 +128,11 @@ def draw(rng: np.random.Generator, kind: str = "") -> Case:
 def rows(case: Case, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
     """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
     n, settings = len(x), case.how.packed.copy()
-    settings[row_kernels.HELD] = held
+    settings[HELD] = held
     kind, numbers = case.barriers.kind.repeat(n, 0), case.barriers.parameters.repeat(n, 0)
     a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
     _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
-    return a[:, 0], out[row_kernels.B, :, 0], out[row_kernels.PSI, :, 0]
+    return a[:, 0], out[B, :, 0], out[PSI, :, 0]
 
 
 def rounding(case: Case) -> float:

@@ -15,7 +15,7 @@ from benchmarks.refuting.cases import (
     value,
 )
 from hcbf_gym import _core
-from hcbf_gym.barriers import layout, row_kernels
+from hcbf_gym.barriers import layout, rows
 
 
 def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
@@ -49,7 +49,7 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     reserved = np.stack([own, rate, 0.0 * own])[:, :, None]
     x = np.hstack([p, v])
     _core.planar_rows(kind, numbers, reserved, x, np.zeros(len(z)), case.how.packed, a, out)
-    size, b = np.linalg.norm(a[:, 0], axis=1), out[row_kernels.B, :, 0]
+    size, b = np.linalg.norm(a[:, 0], axis=1), out[rows.B, :, 0]
     ahead = a[:, 0] / np.maximum(size, 1e-300)[:, None]
     u = push(case, ahead, b / np.maximum(size, 1e-300), z[:, 11], z[:, 12])
     tau = np.linspace(0.0, span, LOOKS + 1)

@@ -5,10 +5,11 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
-#include <hcbf/arrays.hpp>
 #include <initializer_list>
 #include <utility>
 #include <vector>
+
+#include <hcbf/arrays.hpp>
 
 namespace hcbf {
 

@@ -53,6 +53,9 @@ void bind_task(nb::module_& m) {
   m.def("are_finite", [](const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& numbers) {
     return task::are_finite(numbers.data(), static_cast<Index>(numbers.size()));
   }, "numbers"_a, "Return whether an array holds nothing but finite numbers.");
+  m.attr("CONTROL_DT") = task::CONTROL_DT;
+  m.attr("PHYSICS_DT") = task::PHYSICS_DT;
+  m.attr("SUBSTEPS") = task::SUBSTEPS;
 }
 
 using Step = std::tuple<Line, double, double, bool, bool, Index>;  // as `tally.Task` has it

@@ -34,8 +34,8 @@ void bind_extent(nb::module_& m) {
   m.attr("FIELD_CELL") = extent::CELL;
   m.attr("FIELD_FINE") = extent::FINE;
   m.attr("FIELD_MAX_CELLS") = static_cast<Index>(extent::MAX_CELLS);
-  m.def("scene_extent", [](const Kinds& kind, const Table& parameters, const Kinds& priority, const Line& start,
-                           const Line& goal, double t, const Numbers<double, 2>& out) {
+  m.def("scene_extent", [](const Kinds& kind, const Table& parameters, const Kinds& priority,
+                           const Line& start, const Line& goal, double t, const Numbers<double, 2>& out) {
     *reinterpret_cast<extent::Extent*>(out.data()) =
         extent::scene_extent(view(kind), view(parameters), view(priority), start.data(), goal.data(), t);
   }, "kind"_a, "parameters"_a, "priority"_a, "start"_a, "goal"_a, "t"_a, "extent"_a.noconvert(),
@@ -43,7 +43,8 @@ void bind_extent(nb::module_& m) {
   m.def("geometry_over", [](const Table& over, double cell, const Numbers<double, 1>& geometry) {
     *reinterpret_cast<Geometry*>(geometry.data()) =
         extent::geometry_over(*reinterpret_cast<const extent::Extent*>(over.data()), cell);
-  }, "extent"_a, "cell"_a, "geometry"_a.noconvert(), "Write the geometry (7,) of a grid over an extent (2, 2).");
+  }, "extent"_a, "cell"_a, "geometry"_a.noconvert(),
+  "Write the geometry (7,) of a grid over an extent (2, 2).");
 }
 
 void bind_ground(nb::module_& m) {
@@ -56,15 +57,16 @@ void bind_ground(nb::module_& m) {
   m.def("paint_barriers", [](const Costs& cost, const Ranks& rank, const Line& geometry, const Kinds& kind,
                              const Table& parameters, const Kinds& priority, const Line& clearance, double t,
                              Index opened) {
-    ground::paint_barriers({view(cost), view(rank)}, geometry_of(geometry.data()), view(kind), view(parameters),
-                           view(priority), view(clearance), t, opened);
-  }, "cost"_a.noconvert(), "rank"_a.noconvert(), "geometry"_a, "kind"_a, "parameters"_a, "priority"_a, "clearance"_a,
-  "t"_a, "opened"_a, "Paint the regions of one scene's barriers as they are at time t.", Unlocked());
+    ground::paint_barriers({view(cost), view(rank)}, geometry_of(geometry.data()), view(kind),
+                           view(parameters), view(priority), view(clearance), t, opened);
+  }, "cost"_a.noconvert(), "rank"_a.noconvert(), "geometry"_a, "kind"_a, "parameters"_a, "priority"_a,
+  "clearance"_a, "t"_a, "opened"_a,
+  "Paint the regions of one scene's barriers as they are at time t.", Unlocked());
   m.def("paint_cells", [](const Costs& cost, const Ranks& rank, const Corners& window, const Cells& cells,
                           double side, Index priority, double clearance, Index opened) {
     const auto [first_j, end_j, first_i, end_i] = window;
-    ground::paint_cells({view(cost), view(rank)}, {first_j, end_j, first_i, end_i}, view(cells), side, priority,
-                        clearance, opened);
+    ground::paint_cells({view(cost), view(rank)}, {first_j, end_j, first_i, end_i}, view(cells), side,
+                        priority, clearance, opened);
   }, "cost"_a.noconvert(), "rank"_a.noconvert(), "window"_a, "cells"_a, "side"_a, "priority"_a, "clearance"_a,
   "opened"_a, "Paint what occupied cells of one rank make of a window of the ground.", Unlocked());
   m.def("cell_distances", [](const Cells& cells, Index reach) {
@@ -75,19 +77,20 @@ void bind_ground(nb::module_& m) {
       found = ground::distances(all, {0, all.rows, 0, all.columns}, reach);
     }
     return owned<float>(std::move(found), {cells.shape(0), cells.shape(1)});
-  }, "cells"_a, "reach"_a, "Return distances (ny, nx) of the cells' centres from the nearest occupied square.");
+  }, "cells"_a, "reach"_a,
+  "Return distances (ny, nx) of the cells' centres from the nearest occupied square.");
 }
 
 void bind_field(nb::module_& m) {
   m.def("solve_field", [](const Numbers<const float, 2>& cost, const Numbers<const Rank, 2>& rank,
-                          const Line& geometry, const Line& goal, Index opened, const Numbers<float, 1>& field,
-                          const Numbers<Rank, 1>& through) {
+                          const Line& geometry, const Line& goal, Index opened,
+                          const Numbers<float, 1>& field, const Numbers<Rank, 1>& through) {
     field::solve(view(cost), view(rank), geometry_of(geometry.data()), goal.data(), opened, view(field),
                  view(through));
   }, "cost"_a, "rank"_a, "geometry"_a, "goal"_a, "opened"_a, "field"_a.noconvert(), "through"_a.noconvert(),
   "Write the field of a painted ground.", Unlocked());
-  m.def("field_crossing", [](const Numbers<const Rank, 2>& rank, const Numbers<const float, 2>& values, Index j,
-                             Index i, Index opened) {
+  m.def("field_crossing", [](const Numbers<const Rank, 2>& rank, const Numbers<const float, 2>& values,
+                             Index j, Index i, Index opened) {
     const auto found = field::crossing(view(rank), view(values), {j, i}, opened);
     return std::tuple(found.rank, found.cell.j, found.cell.i);
   }, "rank"_a, "view"_a, "j"_a, "i"_a, "opened"_a,
@@ -100,8 +103,8 @@ void bind_field(nb::module_& m) {
     const auto cell = field::cell_of(x, y, geometry_of(geometry.data()));
     return std::pair(cell.j, cell.i);
   }, "x"_a, "y"_a, "geometry"_a, "Return row and column of the cell nearest a point.");
-  m.def("field_descent", [](const Numbers<const float, 2>& values, const Line& geometry, const Line& goal, double x,
-                            double y, double length) {
+  m.def("field_descent", [](const Numbers<const float, 2>& values, const Line& geometry, const Line& goal,
+                            double x, double y, double length) {
     const auto point = field::descent(view(values), geometry_of(geometry.data()), goal.data(), x, y, length);
     return std::pair(point.x, point.y);
   }, "view"_a, "geometry"_a, "goal"_a, "x"_a, "y"_a, "length"_a,
@@ -110,19 +113,21 @@ void bind_field(nb::module_& m) {
 
 void bind_rows(nb::module_& m) {
   m.def("guidance_rows", [](const Numbers<const float, 2>& fields, const Table& geometry, const Table& goal,
-                            const Spread<const double, 2>& x, const Four& pull, const Spread<double, 2>& out) {
+                            const Spread<const double, 2>& x, const Four& pull,
+                            const Spread<double, 2>& out) {
     const auto states = x.view();
     const auto rows = out.view();
     for (Index n = 0; n < view(fields).rows; ++n) {
       const double state[4] = {states(n, 0), states(n, 1), states(n, 2), states(n, 3)};
       const Row last{rows(n, 0), rows(n, 1), rows(n, 2)};
-      const auto row = guidance_row::row(view(fields)[n], geometry_of(view(geometry)[n].data), view(goal)[n].data,
-                                         state, pull_of(pull), last);
+      const auto row = guidance_row::row(view(fields)[n], geometry_of(view(geometry)[n].data),
+                                         view(goal)[n].data, state, pull_of(pull), last);
       rows(n, 0) = row.a_x, rows(n, 1) = row.a_y, rows(n, 2) = row.b;
     }
   }, "field"_a, "geometry"_a, "goal"_a, "x"_a, "pull"_a, "out"_a.noconvert(),
   "Write a_x, a_y and b (N, 3) of N states (N, 4), each in its own field.");
-  m.def("guidance_rank_at", [](const Numbers<const Rank, 1>& ranks, const Line& geometry, double x, double y) {
+  m.def("guidance_rank_at", [](const Numbers<const Rank, 1>& ranks, const Line& geometry, double x,
+                               double y) {
     return guidance_row::rank_at(view(ranks), geometry_of(geometry.data()), x, y);
   }, "ranks"_a, "geometry"_a, "x"_a, "y"_a, "Return the rank at a point's cell; 0 for none.");
   m.def("guidance_ranks", [](const Numbers<const Rank, 2>& through, const Numbers<const Rank, 2>& zones,
@@ -150,10 +155,11 @@ void bind_rows(nb::module_& m) {
 
 void bind_local(nb::module_& m) {
   m.attr("CIRCULATION_STUCK") = local_guidance::STUCK;
-  m.def("circulation_rows", [](const Numbers<const Index, 2>& kind, const Numbers<const double, 3>& parameters,
-                               const Spread<const double, 2>& x, const Spread<const double, 1>& t,
-                               const Spread<const double, 2>& u_nominal, const Four& pull,
-                               const Numbers<double, 2>& memory, const Spread<double, 2>& out) {
+  m.def("circulation_rows", [](const Numbers<const Index, 2>& kind,
+                               const Numbers<const double, 3>& parameters, const Spread<const double, 2>& x,
+                               const Spread<const double, 1>& t, const Spread<const double, 2>& u_nominal,
+                               const Four& pull, const Numbers<double, 2>& memory,
+                               const Spread<double, 2>& out) {
     const auto states = x.view(), inputs = u_nominal.view();
     const auto times = t.view();
     const auto rows = out.view();
@@ -165,8 +171,8 @@ void bind_local(nb::module_& m) {
                                                    pull_of(pull), memories[n]);
       rows(n, 0) = row.a_x, rows(n, 1) = row.a_y, rows(n, 2) = row.b;
     }
-  }, "kind"_a, "parameters"_a, "x"_a, "t"_a, "u_nominal"_a, "pull"_a, "memory"_a.noconvert(), "out"_a.noconvert(),
-  "Write a_x, a_y and b (N, 3) of the rows along edges at N states.");
+  }, "kind"_a, "parameters"_a, "x"_a, "t"_a, "u_nominal"_a, "pull"_a, "memory"_a.noconvert(),
+  "out"_a.noconvert(), "Write a_x, a_y and b (N, 3) of the rows along edges at N states.");
 }
 
 }  // namespace

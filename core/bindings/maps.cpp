@@ -23,7 +23,7 @@ void bind_cover(nb::module_& m) {
     return std::pair(owned<Index>(std::move(pieces.corners), {count, cover::MOST_CORNERS, 2}),
                      owned<Index>(std::move(pieces.count), {count}));
   }, "cells"_a, "window"_a, "owner"_a.noconvert(), "first"_a,
-  "Cover the true cells of a window that no piece owns; return corners (P, 8, 2) and sizes (P,) of new pieces.");
+  "Cover the true cells of a window that no piece owns; return corners (P, 8, 2) and sizes (P,).");
 
   m.def("cover_boxes", [](const Cells& cells) {
     const auto all = view(cells);
@@ -57,7 +57,8 @@ void bind_surfaces(nb::module_& m) {
     }
     const std::size_t count = pieces.size();
     return owned<double>(std::move(pieces), {count, 4, 2});
-  }, "points"_a, "tolerance"_a, "depth"_a, "Return rectangles (P, 4, 2) along the surfaces that points show.");
+  }, "points"_a, "tolerance"_a, "depth"_a,
+  "Return rectangles (P, 4, 2) along the surfaces that points show.");
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <hcbf/model_monitor.hpp>
 #include <hcbf/monitor.hpp>
 #include <hcbf/nearness.hpp>
+#include <hcbf/state_check.hpp>
 
 #include "records.hpp"
 
@@ -8,7 +9,6 @@ namespace hcbf {
 
 namespace {
 
-using Plants = Numbers<double, 2>;
 using Mask = Numbers<const bool, 1>;
 using States = Numbers<const double, 2>;
 using Terms = Numbers<const double, 3>;
@@ -36,26 +36,28 @@ model_monitor::Arrival view(const Arrival& arrival) {
 }
 
 void bind_monitor(nb::module_& m) {
-  m.def("monitor_watch", [](const Plants& plants, double radius, double confidence, bool exact, bool observed) {
-    const auto sensed = records<plants::Plant>(plants);
-    for (Index i = 0; i < sensed.size; ++i)
-      monitor::watch(sensed[i], {sensed.tail(i), 2}, radius, confidence, exact, observed);
-  }, "plants"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
-  "Compare valid samples of planar double integrators with those before, and raise their alarms.");
+  m.def("monitor_watch", [](const Words& plant, double radius, double confidence, bool exact, bool observed) {
+    const auto sensed = records<plants::Plant>(plant, 1);
+    const Vector<double> input{sensed.tail(0), 2};
+    const Index why = state_check::believe(sensed[0], input);
+    if (why == 0) monitor::watch(sensed[0], input, radius, confidence, exact, observed);
+    return why;
+  }, "plant"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
+  "Check the state of a planar double integrator, return why it is not valid, and raise its alarms.");
 }
 
 void bind_model_monitor(nb::module_& m) {
-  m.def("model_arrivals", [](const Watched& watched, const Plants& plants, const Mask& believed, const States& x,
+  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed, const States& x,
                              const Terms& g, const Arrival& arrival) {
-    return model_monitor::arrivals(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
+    return model_monitor::arrivals(view(watched), records<plants::Plant>(plants, believed.shape(0)), hcbf::view(believed),
                                    hcbf::view(x), hcbf::view(g), view(arrival));
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "x"_a, "g"_a, "arrival"_a.noconvert(),
   "Write the inputs that seem to have arrived, and return whether any differs from the chosen one.");
-  m.def("model_observe", [](const Watched& watched, const Plants& plants, const Mask& believed,
+  m.def("model_observe", [](const Watched& watched, const Words& plants, const Mask& believed,
                             const Terms& covariance, const std::tuple<Sample, Sample>& samples,
                             const Arrival& arrival, const Numbers<double, 3>& sums) {
     const auto& [now, last] = samples;
-    model_monitor::observe(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
+    model_monitor::observe(view(watched), records<plants::Plant>(plants, believed.shape(0)), hcbf::view(believed),
                            hcbf::view(covariance), {view(now), view(last), view(arrival), hcbf::view(sums)});
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "covariance"_a, "samples"_a, "arrival"_a.noconvert(),
   "sums"_a.noconvert(), "Account for a sample of N plants of any model, and raise their alarms.");

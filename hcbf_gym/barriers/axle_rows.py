@@ -15,80 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.rows import HIGH, LOW, RowSettings
-from hcbf_gym.compilation import kernel
-from hcbf_gym.models.axle import Axle, speeds
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.models.axle import Axle
 
 USED = 0.85
 """Share of the braking along the heading that a single row may ask for."""
 PLACES = 200
 """How many approach speeds are looked at."""
-
-
-@kernel(error_model="numpy")
-def limit_axle(axle: Axle, x: Array, heading: float, settings: Array) -> None:
-    """Write what the axle's acceleration may be at a state of the point into row settings.
-
-    Args:
-        axle: what limits the drive.
-        x: (4,) state of the point.
-        heading: of the axle [rad].
-        settings: (15,) `RowSettings.packed`, written to.
-    """
-    v, _ = speeds(axle, x, heading)
-    along, across = axle.braking, abs(v) * axle.turn
-    cos, sin = abs(np.cos(heading)), abs(np.sin(heading))
-    settings[HIGH], settings[HIGH + 1] = cos * along + sin * across, sin * along + cos * across
-    settings[LOW], settings[LOW + 1] = -settings[HIGH], -settings[HIGH + 1]
-
-
-@kernel(error_model="numpy")
-def of_axle(
-    axle: Axle, x: Array, heading: float, period: float, nx: float, ny: float, b: float
-) -> tuple[float, float, float]:
-    """Return a (2,) and b of a row in the point's acceleration, of one on the axle's mean one.
-
-    Args:
-        axle: what limits the drive.
-        x: (4,) state of the point.
-        heading: of the axle [rad].
-        period: T [s]; 0 where it is not known.
-        nx: of the row's gradient n.
-        ny: likewise.
-        b: of the row ``n·p̈ ≥ b`` [m/s²].
-    """
-    v, turning = speeds(axle, x, heading)
-    cos, sin = np.cos(heading), np.sin(heading)
-    later_cos, later_sin = np.cos(heading + turning * period), np.sin(heading + turning * period)
-    along, across = nx * later_cos + ny * later_sin, ny * later_cos - nx * later_sin
-    turned = period * v / axle.look_ahead * across
-    if period > 0.0:
-        b -= v * (along - nx * cos - ny * sin) / period
-    else:
-        b -= v * turning * across
-    return along * cos - turned * sin, along * sin + turned * cos, b
-
-
-@kernel(error_model="numpy")
-def of_point(
-    axle: Axle, x: Array, heading: float, period: float, nx: float, ny: float, b: float
-) -> tuple[float, float, float]:
-    """Return a (2,) and b of a row on the point: its velocity turns with the heading besides.
-
-    Args: as `of_axle` takes them.
-    """
-    _, turning = speeds(axle, x, heading)
-    turn = turning * period
-    cos, sin = np.cos(turn), np.sin(turn)
-    vx, vy = cos * x[2] - sin * x[3], sin * x[2] + cos * x[3]
-    if period > 0.0:
-        b -= (nx * (vx - x[2]) + ny * (vy - x[3])) / period
-    else:
-        b -= turning * (ny * x[2] - nx * x[3])
-    turned = period / axle.look_ahead * (ny * vx - nx * vy)
-    e_x, e_y = -np.sin(heading), np.cos(heading)
-    return cos * nx + sin * ny + turned * e_x, cos * ny - sin * nx + turned * e_y, b
 
 
 def share(settings: RowSettings, axle: Axle) -> float:

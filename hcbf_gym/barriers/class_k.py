@@ -12,35 +12,10 @@ import numpy as np
 
 from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
 LINEAR, LOG = 0.0, 1.0
 """The first of the four numbers says which function it is; the others are its parameters."""
-
-
-@kernel(error_model="numpy")
-def value(c: Array, h: float) -> float:
-    """Return α(h) of the function with the numbers c (4,)."""
-    if c[0] == LINEAR:
-        return c[1] * h
-    return np.sign(h) * c[1] * np.log1p(c[2] * abs(h) / c[3])
-
-
-@kernel(error_model="numpy")
-def slope(c: Array, h: float) -> float:
-    """Return dα/dh; it is largest at h = 0 and does not grow with |h|."""
-    if c[0] == LINEAR:
-        return c[1]
-    return c[1] * c[2] / (c[2] * abs(h) + c[3])
-
-
-@kernel(error_model="numpy")
-def inverse(c: Array, y: float) -> float:
-    """Return α⁻¹(y)."""
-    if c[0] == LINEAR:
-        return y / c[1]
-    return np.sign(y) * c[3] / c[2] * np.expm1(abs(y) / c[1])
 
 
 @dataclass(frozen=True)

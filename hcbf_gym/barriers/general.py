@@ -31,8 +31,7 @@ from hcbf_gym.barriers.kinks import SMOOTH, Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, B, H
-from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.barriers.rows import ALPHA2_PSI, B, CbfRows, H
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import (

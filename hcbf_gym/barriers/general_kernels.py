@@ -11,7 +11,7 @@ from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Jet
 
 MARGIN, RATE, QUICKENING, LEANING, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
-"""Where a row that is made for any model has its numbers, behind those of `row_kernels`: those of
+"""Where a row that is made for any model has its numbers, behind those of `rows`: those of
 `margins.of_models`, what it reserves besides, how well it is conditioned, and 1 where its barrier
 reads the position. a (n_u,) follows."""
 

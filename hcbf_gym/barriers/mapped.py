@@ -11,20 +11,14 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers, Mask, Record
-from hcbf_gym.barriers import class_k, layout, margins, pieces, zone
+from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.barriers import layout, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.barriers.kernels import is_mapped, of_map
-from hcbf_gym.barriers.layout import MAPPED, ZONE, ZONES
-from hcbf_gym.barriers.margins import Known
+from hcbf_gym.barriers.layout import MAPPED, ZONES
 from hcbf_gym.barriers.pieces import Pieces
-from hcbf_gym.barriers.rows import ALPHA1, HELD, PERIOD, U_MAX
-from hcbf_gym.barriers.shapes import convex_polygon
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
-from hcbf_gym.models.plant import Uncertainty
 
 LONGEST_HOLD = 0.2
 """Within which rows that know no period look ahead [s]: no held row allows a longer one."""
@@ -185,7 +179,7 @@ class MappedZone(OnGrid):
         gradient[:2] = zone.BRAKING / self.limit * normal * (away > 0.0)
         gradient[2:4] = -x[2:4] / self.limit
         hessian[2:4, 2:4] = -np.eye(2) / self.limit
-        h = zone.value(self.limit, away, float(x[2]), float(x[3]))
+        h = _core.zone_value(self.limit, away, float(x[2]), float(x[3]))
         return Jet(h, gradient, hessian, 0.0, np.zeros(n), 0.0)
 
 
@@ -205,119 +199,3 @@ class Scene(NamedTuple):
     priority: Integers
     own_margin: Array
     source: Integers
-
-
-@kernel(error_model="numpy")
-def nearby(
-    settings: Uncertainty | Record,
-    rows: Array,
-    radius: float,
-    scene: Scene,
-    atlas: Array,
-    known: Known | Record,
-) -> Scene:
-    """Return the conditions of a state, classes of a map replaced by their nearby pieces.
-
-    Args:
-        settings: what the rows reserve, as `margins.derive` takes it.
-        rows: (15,) `RowSettings.packed`.
-        radius: the largest norm of an input [m/s²].
-        scene: the conditions; `source` is not read.
-        atlas: where the pieces stand.
-        known: of the plant.
-    """
-    m, x = scene.kind.size, known.x
-    most = margins.most(settings, known)
-    reach = _reaches(settings, rows, radius, scene, known, most)
-    found = np.empty(m + ROOM, dtype=np.int64)
-    ends = np.zeros(m + 1, dtype=np.int64)
-    total = 0
-    for k in range(m):
-        ends[k] = total
-        if not is_mapped(scene.kind[k]):
-            total += 1
-            continue
-        at = int(scene.parameters[k, layout.PIECES])
-        while True:
-            got = pieces.near(atlas, at, x[0], x[1], reach[k], found[total:])
-            if total + got <= found.size:
-                break
-            more = np.empty(2 * (total + got), dtype=np.int64)
-            more[:total] = found[:total]
-            found = more
-        total += got
-    ends[m] = total
-    out = Scene(
-        np.empty(total, dtype=np.int64),
-        np.empty((total, layout.WIDTH)),
-        np.empty(total, dtype=np.int64),
-        np.empty(total),
-        np.empty(total, dtype=np.int64),
-    )
-    for k in range(m):
-        which, c = scene.kind[k], scene.parameters[k]
-        for r in range(ends[k], ends[k + 1]):
-            out.priority[r], out.own_margin[r] = scene.priority[k], scene.own_margin[k]
-            out.source[r] = k
-            block = out.parameters[r]
-            if which == MAPPED:
-                out.kind[r] = convex_polygon.CODE
-                block[:] = atlas[found[r] : found[r] + layout.WIDTH]
-            elif which == ZONES:
-                out.kind[r] = ZONE
-                _see_zone(atlas, found[r], x, c[layout.V_MAX], c[layout.KEPT] + most, block)
-            else:
-                out.kind[r] = which
-                block[:] = c
-    return out
-
-
-@kernel(error_model="numpy")
-def _reaches(
-    settings: Uncertainty | Record,
-    rows: Array,
-    radius: float,
-    scene: Scene,
-    known: Known | Record,
-    most: float,
-) -> Array:
-    """Return (m,) the braking horizon of each class of a map [m]; see `nearby`."""
-    x, lag, covariance = known.x, known.lag, known.covariance
-    fastest = margins.fastest_drift(settings, covariance, known.growth)
-    over = margins.of_speed(settings, lag, covariance)
-    held = rows[HELD] != 0.0
-    period, u_max = (rows[PERIOD], rows[U_MAX]) if held else (LONGEST_HOLD, radius)
-    speed = np.sqrt(x[2] * x[2] + x[3] * x[3])
-    later = speed + u_max * period
-    passed = (speed + fastest) * period + u_max * period * period  # with a corner's rounding
-    stopping = class_k.inverse(rows[ALPHA1 : ALPHA1 + 4], later + fastest)
-    reach = np.full(scene.kind.size, most + passed)
-    for k in range(scene.kind.size):
-        if scene.kind[k] == MAPPED:
-            reach[k] += stopping + scene.own_margin[k]
-        elif scene.kind[k] == ZONES:
-            limit, kept = scene.parameters[k, layout.V_MAX], over + scene.own_margin[k]
-            reach[k] += scene.parameters[k, layout.KEPT] + zone.reach(limit, kept, later)
-    return reach
-
-
-@kernel(error_model="numpy")
-def _see_zone(atlas: Array, piece: int, x: Array, limit: float, kept: float, block: Array) -> None:
-    """Write the block (WIDTH,) of one zone: its limit, the distance to it, and its gradient."""
-    distance, gx, gy, _, _, _ = convex_polygon.jet(atlas[piece : piece + layout.WIDTH], x[0], x[1])
-    block[:] = 0.0
-    block[layout.V_MAX] = limit
-    if distance > kept:
-        block[layout.AWAY] = distance - kept
-        block[layout.AWAY_X], block[layout.AWAY_Y] = gx, gy
-
-
-@kernel(error_model="numpy")
-def least_along(kind: int, c: Array, atlas: Array, path: Array) -> float:
-    """Return the least h of a class of a map over states `path` (k, 4) close to one another."""
-    distance = np.empty(len(path))
-    pieces.along(atlas, int(c[layout.PIECES]), path, distance)
-    least = np.inf
-    for s in range(len(path)):
-        least = min(least, of_map(kind, c, distance[s], path[s, 2], path[s, 3]))
-    return least

@@ -10,8 +10,7 @@ from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.general_kernels import DIP, WIDTH
 from hcbf_gym.barriers.kinks import Kinks
-from hcbf_gym.barriers.row_kernels import ALPHA2_PSI, PSI, B, H
-from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.rows import ALPHA2_PSI, PSI, B, H, RowSettings
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 

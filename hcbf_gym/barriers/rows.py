@@ -13,6 +13,8 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, insta
 ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, LOW, HIGH, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11, 13, 15
 """Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, 1 for held rows, and the least
 and the greatest inputs (2 each)."""
+B, H, ALPHA2_PSI, PSI = range(4)
+"""What is written of rows besides a: the first axis of that array."""
 
 
 class CbfRows(NamedTuple):

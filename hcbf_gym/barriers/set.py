@@ -9,14 +9,14 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import layout, margins, row_kernels, zone
+from hcbf_gym.barriers import layout, margins, zone
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.general_kernels import WIDTH
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.own_rows import write_own_row
-from hcbf_gym.barriers.rows import CbfRows, RowSettings
+from hcbf_gym.barriers.rows import ALPHA2_PSI, B, CbfRows, H, RowSettings
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit, check_leaves_speed
 from hcbf_gym.errors import InvalidInputError, count, instance, shown
@@ -362,13 +362,13 @@ class BarrierSet:
         for (i, k), barrier in self.own.items():
             row = np.zeros(WIDTH + 2)
             write_own_row(barrier, x[i], float(t[i]), settings, kept[:, i, k].tolist(), row)
-            a[i, k], out[:, i, k] = row[WIDTH:], row[:4]  # as `row_kernels.B` …
+            a[i, k], out[:, i, k] = row[WIDTH:], row[:4]  # as `B` …
         return CbfRows(
             a,
-            out[row_kernels.B],
-            out[row_kernels.H],
+            out[B],
+            out[H],
             self.priority,
-            out[row_kernels.ALPHA2_PSI],
+            out[ALPHA2_PSI],
         )
 
     def reserved(

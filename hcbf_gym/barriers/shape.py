@@ -17,7 +17,6 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
@@ -169,16 +168,6 @@ class Shape(PlanarBarrier):
         block = np.zeros(layout.WIDTH)
         self.write(block)
         return block
-
-
-@kernel(error_model="numpy")
-def point_jet(x: float, y: float) -> PlanarJet:
-    """Return ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent."""
-    distance = np.sqrt(x * x + y * y)
-    if distance < TINY:
-        return distance, 1.0, 0.0, np.inf, 0.0, 1.0
-    nx, ny = x / distance, y / distance
-    return distance, nx, ny, distance, -ny, nx
 
 
 def traced_norm(jax: ModuleType, x: Any, y: Any) -> Any:

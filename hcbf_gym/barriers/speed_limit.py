@@ -9,15 +9,8 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.constants import FARTHEST
-
-
-@kernel(error_model="numpy")
-def value(v_max: float, vx: float, vy: float) -> float:
-    """Return h at the velocity (vx, vy); its gradient is −v/v_max, its Hessian −1/v_max."""
-    return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max)
 
 
 def leaves_speed(v_max: float, margin: float) -> bool:

@@ -14,11 +14,11 @@ from hcbf_gym.errors import InvalidInputError, count, floats
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Scenario
 
-CONTROL_DT = 0.02
+CONTROL_DT = _core.CONTROL_DT
 """Time between two actions [s]."""
-PHYSICS_DT = 0.002
+PHYSICS_DT = _core.PHYSICS_DT
 """Time between two looks at the barriers [s], and one physics step of the full model."""
-SUBSTEPS = 10
+SUBSTEPS = _core.SUBSTEPS
 MAX_EPISODE_STEPS = 1000
 
 REWARD_TERMS = {

@@ -47,7 +47,8 @@ class Bound:
         compiled, known = self._filter, self._plants
         if compiled is None or known is None or program is not known[1]:
             self.__init__(self._threads)  # type: ignore[misc]
-            compiled = _core.Filter(constants, program, samples.words, self._threads)
+            count = len(samples.plants)
+            compiled = _core.Filter(constants, program, samples.words, count, self._threads)
             if samples.is_apart:
                 compiled.set_states(*samples.states)
             self._filter, self._plants = compiled, (constants, program, samples.words)

@@ -20,7 +20,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import kernels, layout
+from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.placing import Listed
@@ -109,7 +109,7 @@ def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
     kind = np.where(scenes.is_region, scenes.kind, layout.CUSTOM)
     placed, h = np.zeros((len(x), 4)), np.empty(kind.shape)
     placed[:, :2] = x[:, :2]
-    kernels.values(kind, scenes.parameters, None, placed, t, h)
+    _core.barrier_values(kind, scenes.parameters, None, placed, t, h)
     return h
 
 

@@ -12,7 +12,7 @@ from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.general_kernels import FAST, LEANING, MARGIN, PLACED, WIDTH
 from hcbf_gym.barriers.own_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.row_kernels import B
+from hcbf_gym.barriers.rows import B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, CoverageWarning, InvalidInputError, warn_caller
 from hcbf_gym.filtering.core import FilterCore, SceneArrays

@@ -12,8 +12,7 @@ last rank of all, so that no safety row pays for it.
 from typing import NamedTuple
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Field, Integers, Ranks
-from hcbf_gym.compilation import kernel
+from hcbf_gym.arrays import Array, Field, Ranks
 
 
 class Pull(NamedTuple):
@@ -84,46 +83,3 @@ def ranks_at(
         zone: (N,) of `zones`, to be written.
     """
     _core.guidance_ranks(through, zones, geometry, x, reachable, zone)
-
-
-@kernel(error_model="numpy")
-def insert(priority: Integers, reachable: int, zone: int, through: int, out: Integers) -> None:
-    """Write the ranks (m + 1,) of m rows and, as the last entry, of the guidance row.
-
-    The guidance row comes last of all. Where the goal can be reached only through a rank that the
-    user lets it take, it comes right before the rows of that rank, which then give way to it; so
-    it does where the robot stands in a zone of a map, for the nearest edge may lie behind a wall.
-
-    Args:
-        priority: (m,) of the safety rows, from 1 without a gap.
-        reachable: through which rank the goal can be reached, see `guidance.field`.
-        zone: the rank of the map's zone that the robot stands in, above 1; 0 for none.
-        through: the highest rank that gives way to guidance, above 1; 0 for none.
-        out: (m + 1,) to be written.
-    """
-    m = priority.size
-    lowest = 1
-    for k in range(m):
-        lowest = max(lowest, priority[k])
-    place = lowest + 1
-    if zone > 1:
-        place = zone
-    if through > 1 and reachable >= through:
-        place = min(place, reachable)
-    place = min(place, lowest + 1)
-    out[m] = place
-    for k in range(m):
-        out[k] = priority[k] + 1 if priority[k] >= place else priority[k]
-
-
-@kernel(error_model="numpy")
-def shape(ux: float, uy: float, ax: float, ay: float, b: float) -> tuple[float, float]:
-    """Return the input nearest u* that meets the guidance row.
-
-    What guidance means for programs with weights: they have no last rank, but whatever they
-    guarantee holds for any u*, and so for this one.
-    """
-    lack = b - ax * ux - ay * uy
-    if lack <= 0.0:
-        return ux, uy
-    return ux + lack * ax, uy + lack * ay

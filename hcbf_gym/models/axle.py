@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 
 SPIN_UP = 0.25
@@ -85,29 +85,21 @@ class Axle(NamedTuple):
         return fastest * period**3 / 12.0 + 0.5 * self.jerk(period) * period**2
 
 
-@kernel(error_model="numpy")
 def across(axle: Axle) -> float:
     """Return the greatest acceleration of the point across the heading, A⊥ [m/s²]."""
-    return min(axle.braking, axle.look_ahead * axle.turn / SPIN_UP)
+    return _core.axle_across(axle)
 
 
-@kernel(error_model="numpy")
 def speeds(axle: Axle, x: Array, heading: float) -> tuple[float, float]:
     """Return v [m/s] and ω [rad/s] of the point's state x (4,)."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    return cos * x[2] + sin * x[3], (cos * x[3] - sin * x[2]) / axle.look_ahead
+    return _core.axle_speeds(axle, x, heading)
 
 
-@kernel(error_model="numpy")
 def place(axle: Axle, x: Array, heading: float, out: Array) -> None:
     """Write position and velocity (4,) of the axle whose point has the state x (4,)."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    v = cos * x[2] + sin * x[3]
-    out[0], out[1] = x[0] - axle.look_ahead * cos, x[1] - axle.look_ahead * sin
-    out[2], out[3] = v * cos, v * sin
+    _core.axle_place(axle, x, heading, out)
 
 
-@kernel(error_model="numpy")
 def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> None:
     """Write the corners (4, 2) of U at one state, counter-clockwise [m/s²].
 
@@ -118,22 +110,4 @@ def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> 
         period: T [s]; 0 where it is not known.
         out: (4, 2) written to.
     """
-    v, turning = speeds(axle, x, heading)
-    cos, sin = np.cos(heading), np.sin(heading)
-    back, ahead = _room(axle.braking, v, axle.forward, period)
-    length = axle.look_ahead
-    right, left = _room(across(axle), length * turning, length * axle.turn, period)
-    for k in range(4):
-        along = back if k == 0 or k == 3 else ahead
-        side = right if k < 2 else left
-        out[k, 0], out[k, 1] = cos * along - sin * side, sin * along + cos * side
-
-
-@kernel(error_model="numpy", inline="always")
-def _room(hardest: float, now: float, most: float, period: float) -> tuple[float, float]:
-    """Return the least and the greatest acceleration that retain ±`most` one period later."""
-    low, high = -hardest, hardest
-    if period > 0.0:
-        low, high = max(low, (-most - now) / period), min(high, (most - now) / period)
-    room = LEAST_ROOM * hardest
-    return min(low, hardest - room), max(high, room - hardest)
+    _core.axle_corners(axle, x, heading, period, out)

@@ -12,7 +12,6 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float
 
 
@@ -263,7 +262,6 @@ def _repeated(matrix: Array, count: int) -> Array:
     return np.repeat(matrix[None], count, axis=0)
 
 
-@kernel()
 def double_integrator_step(
     x: Array, u: Array, dt: float, v_max: float
 ) -> tuple[float, float, float, float]:
@@ -280,9 +278,4 @@ def double_integrator_step(
     Returns:
         p_x, p_y [m], v_x, v_y [m/s] after dt.
     """
-    vx, vy = x[2] + u[0] * dt, x[3] + u[1] * dt
-    speed = np.sqrt(vx * vx + vy * vy)
-    if speed > v_max:
-        scale = v_max * (1.0 - 1e-12) / speed  # below the limit whichever way it is rounded
-        vx, vy = scale * vx, scale * vy
-    return x[0] + 0.5 * (x[2] + vx) * dt, x[1] + 0.5 * (x[3] + vy) * dt, vx, vy
+    return _core.double_integrator_step(x, u, dt, v_max)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.barriers.shapes import convex_polygon, disc, ellipse, half_plane
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 
@@ -129,16 +129,16 @@ def write(half_width: float, regions: Array, kind: Integers, parameters: Array) 
         parameters: (m, 19) what it reads; entries beyond the walls and the regions stay.
     """
     for wall in range(2):
-        kind[wall] = half_plane.write(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
+        kind[wall] = _core.half_plane_write(parameters[wall], (0.0, 2.0 * wall - 1.0), -half_width)
     for k in range(regions.shape[0]):
         region = regions[k]
         c = parameters[2 + k]
         center, velocity = (region[X], region[Y]), (region[VX], region[VY])
         shape, radius = region[SHAPE], region[RADIUS]
         if shape == DISC:
-            kind[2 + k] = disc.write(c, velocity, center, radius)
+            kind[2 + k] = _core.disc_write(c, velocity, center, radius)
         elif shape == ELLIPSE:
             semi_axes = (radius, region[ASPECT] * radius)
-            kind[2 + k] = ellipse.write(c, velocity, center, semi_axes, region[ANGLE])
+            kind[2 + k] = _core.ellipse_write(c, velocity, center, semi_axes, region[ANGLE])
         else:
-            kind[2 + k] = convex_polygon.write(c, velocity, corners(region))
+            kind[2 + k] = _core.convex_polygon_write(c, velocity, corners(region))

@@ -20,7 +20,7 @@ from hcbf_gym.barriers import (
     LogClassK,
     RowSettings,
     SpeedLimit,
-    row_kernels,
+    rows,
 )
 from hcbf_gym.errors import InvalidInputError
 
@@ -245,7 +245,7 @@ def test_psi_is_reported_beside_its_alpha2():
     _core.planar_rows(
         barriers.kind, barriers.parameters, np.zeros((3, 1, len(SHAPES))), x, t, how.packed, a, out
     )
-    np.testing.assert_allclose(out[row_kernels.ALPHA2_PSI], 2.0 * out[row_kernels.PSI])
+    np.testing.assert_allclose(out[rows.ALPHA2_PSI], 2.0 * out[rows.PSI])
 
 
 @pytest.mark.parametrize("policy", conflicts.POLICIES)

@@ -31,8 +31,8 @@ inline void limit_axle(const Axle& axle, const double* x, double heading, RowSet
 
 // A row in the point's acceleration, of one on the axle's mean one, (nx, ny)·p̈ ≥ b [m/s²]. x (4,) is the
 // point's state, `period` T [s], 0 where it is not known.
-inline InputRow of_axle(const Axle& axle, const double* x, double heading, double period, double nx, double ny,
-                        double b) {
+inline InputRow of_axle(const Axle& axle, const double* x, double heading, double period, double nx,
+                        double ny, double b) {
   const auto [v, turning] = axle::speeds(axle, x, heading);
   const double cos = std::cos(heading), sin = std::sin(heading);
   const double later = heading + turning * period, later_cos = std::cos(later), later_sin = std::sin(later);
@@ -43,8 +43,8 @@ inline InputRow of_axle(const Axle& axle, const double* x, double heading, doubl
 }
 
 // A row on the point: its velocity turns with the heading besides. Arguments as those of `of_axle`.
-inline InputRow of_point(const Axle& axle, const double* x, double heading, double period, double nx, double ny,
-                         double b) {
+inline InputRow of_point(const Axle& axle, const double* x, double heading, double period, double nx,
+                         double ny, double b) {
   const double turning = axle::speeds(axle, x, heading).turning, turn = turning * period;
   const double cos = std::cos(turn), sin = std::sin(turn);
   const double vx = cos * x[2] - sin * x[3], vy = sin * x[2] + cos * x[3];

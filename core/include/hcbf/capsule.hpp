@@ -49,7 +49,8 @@ inline Core core(const double* c, double x, double y, double h, double, double r
 inline Bounds bounds(const double* c) {
   const double x = c[START_X], y = c[START_Y], radius = c[RADIUS];
   const double ex = x + c[LENGTH] * c[ALONG_X], ey = y + c[LENGTH] * c[ALONG_Y];
-  return {std::min(x, ex) - radius, std::min(y, ey) - radius, std::max(x, ex) + radius, std::max(y, ey) + radius};
+  return {std::min(x, ex) - radius, std::min(y, ey) - radius, std::max(x, ex) + radius,
+          std::max(y, ey) + radius};
 }
 
 }  // namespace hcbf::capsule

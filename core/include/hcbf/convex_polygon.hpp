@@ -11,7 +11,8 @@ namespace hcbf::convex_polygon {
 constexpr Index CODE = 3;
 constexpr int COUNT = 2, FIRST = 3;                        // x and y of each corner from FIRST on [m]
 constexpr int MAX_VERTICES = (layout::WIDTH - FIRST) / 2;  // most corners of a polygon
-constexpr int USED = layout::WIDTH - 1;  // of fewer corners: what of its margin errors of measurement may use [m]
+// Of fewer corners than that: what of its margin errors of measurement may use [m].
+constexpr int USED = layout::WIDTH - 1;
 
 inline Index write(double* c, const double* velocity, Matrix<const double> vertices) {
   begin_block(c, velocity);

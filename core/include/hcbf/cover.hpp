@@ -102,8 +102,8 @@ class Strangers {
   Index size() const { return static_cast<Index>(counted_.size()); }
   // Whether there is one among the columns of a row.
   bool between(Index row, Index first, Index last) const {
-    const Number* counted = counted_.data() + (row - window_.r0) * (window_.columns() + 1) - window_.c0;
-    return counted[last] != counted[first];
+    const Index begin = (row - window_.r0) * (window_.columns() + 1) - window_.c0;
+    return counted_[begin + last] != counted_[begin + first];
   }
 
  private:

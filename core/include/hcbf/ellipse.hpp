@@ -16,10 +16,12 @@ constexpr int CENTER_X = 2, CENTER_Y = 3;  // [m]
 constexpr int COS = 4, SIN = 5;            // the direction of the longer semi-axis
 constexpr int LONGER = 6, SHORTER = 7;     // semi-axes [m]
 
-constexpr double HAIR = 1e-13;  // how far from the longer axis a point is at least, so that its normal has a side [m]
+// How far from the longer axis a point is at least, so that its normal has a side [m].
+constexpr double HAIR = 1e-13;
 constexpr int MOST_STEPS = 20;  // Newton's, to the foot of a point; three to six are taken
 
-inline Index write(double* c, const double* velocity, const double* center, const double* semi_axes, double angle) {
+inline Index write(double* c, const double* velocity, const double* center, const double* semi_axes,
+                   double angle) {
   begin_block(c, velocity);
   c[CENTER_X] = center[0], c[CENTER_Y] = center[1];
   const double first = semi_axes[0], second = semi_axes[1], cos = std::cos(angle), sin = std::sin(angle);

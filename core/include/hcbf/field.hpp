@@ -140,8 +140,8 @@ inline Place lowest_neighbour(Matrix<const float> view, Place at) {
 //
 // Steps are one cell long and follow the gradient; one that would climb, in a valley narrower than two
 // cells, goes to the lowest cell around instead. So T decreases at every step.
-inline Point descent(Matrix<const float> view, const Geometry& geometry, const double* goal, double x, double y,
-                     double length) {
+inline Point descent(Matrix<const float> view, const Geometry& geometry, const double* goal, double x,
+                     double y, double length) {
   Place at = to_cells(x, y, geometry);
   const Place end = to_cells(goal[0], goal[1], geometry);
   Slope here = interpolate(view, at);

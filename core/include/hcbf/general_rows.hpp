@@ -15,11 +15,11 @@ using rows::ALPHA2_PSI, rows::B, rows::H, rows::PSI;
 // Where a row that is made for any model has its numbers, behind those of `rows`: those of `margins`,
 // what it reserves besides, how well it is conditioned, and 1 where its barrier reads the position.
 // a (n_u,) follows.
-constexpr int MARGIN = 4, RATE = 5, QUICKENING = 6, LEANING = 7, REACH = 8, FAST = 9, DIP = 10, CONDITIONING = 11,
-              PLACED = 12, WIDTH = 13;
+constexpr int MARGIN = 4, RATE = 5, QUICKENING = 6, LEANING = 7, REACH = 8, FAST = 9, DIP = 10,
+              CONDITIONING = 11, PLACED = 12, WIDTH = 13;
 
 constexpr Index ELSEWHERE = -1;     // the kind of a barrier whose row is made elsewhere: a function
-constexpr double VANISHED = 1e-9;   // a row that no input changes by more of its size is a constant
+constexpr double VANISHED = 1e-9;   // as in `relative_degree`: a row that no input changes by more of its size is a constant
 
 struct Scene {  // the barriers of N scenes
   Matrix<const Index> kind;       // (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`
@@ -41,8 +41,8 @@ struct Rates {
 };
 
 // Writes ∇h (n,) and ∇²h f + ∂∇h/∂t (n,) of a built-in barrier.
-inline Rates built_in_rates(Index kind, const double* c, Vector<const double> x, double t, Vector<const double> f,
-                            double* gradient, double* turned) {
+inline Rates built_in_rates(Index kind, const double* c, Vector<const double> x, double t,
+                            Vector<const double> f, double* gradient, double* turned) {
   std::fill_n(gradient, x.size, 0.0), std::fill_n(turned, x.size, 0.0);
   if (kind == layout::SPEED_LIMIT) {
     const double v_max = c[layout::V_MAX];
@@ -88,8 +88,9 @@ inline double in_inputs(const double* gradient, Matrix<const double> g, double s
 //
 // jets (N, m, 3 + 2n + n²) of users' own barriers, (N, 0, …) where there are none; x (N, n) and t (N,)
 // [s]; out (N, m, WIDTH + n_u) with m, ṁ and m̈, see `MARGIN`; the rest is written.
-inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const double> x, Vector<const double> t,
-                       const Terms& terms, const ClassK& alpha1, const ClassK& alpha2, Cube<double> out) {
+inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const double> x,
+                       Vector<const double> t, const Terms& terms, const ClassK& alpha1, const ClassK& alpha2,
+                       Cube<double> out) {
   const Index n = x.columns;
   std::vector<double> space(2 * n);
   double *gradient = space.data(), *turned = gradient + n;
@@ -135,7 +136,8 @@ inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const
 //
 // made (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs; degrees (m,) of the functions;
 // out (N, m, WIDTH + n_u) is written.
-inline bool take_rows(Cube<const double> made, Vector<const Index> degrees, const ClassK& alpha2, Cube<double> out) {
+inline bool take_rows(Cube<const double> made, Vector<const Index> degrees, const ClassK& alpha2,
+                      Cube<double> out) {
   bool lags = false;
   const Index n_u = made.columns - 5;
   for (Index i = 0; i < made.layers; ++i)

@@ -28,7 +28,7 @@ constexpr double CLOSED_COST = 100.0;
 constexpr double RANK_COST[] = {1e3, 1e3, 1e2, 1e1};
 constexpr Index RANK_COSTS = 4;
 constexpr double HALO = 0.4;        // up to this distance from an edge a cell costs more than in the open [m]
-constexpr double HALO_COST = 20.0;  // by how much, at the edge; it falls with the fourth power, to avoid slits
+constexpr double HALO_COST = 20.0;  // by how much, at the edge; it falls with the fourth power: no slits
 
 // Cells with a border around them that no path enters.
 struct Ground {
@@ -97,8 +97,8 @@ struct Window {
 
 // Returns (ny, nx) exact distances of the centres of a window's cells from its nearest occupied square.
 //
-// In sides of a cell; infinite beyond `reach` of them along either axis. With n(j, i) the cells to the nearest
-// occupied one of the same column, and e(n) = max(0, n - 1/2),
+// In sides of a cell; infinite beyond `reach` of them along either axis. With n(j, i) the cells to the
+// nearest occupied one of the same column, and e(n) = max(0, n - 1/2),
 //
 //     d^2 = min over |k| <= reach of e(|k|)^2 + e(n(j, i + k))^2.
 inline std::vector<float> distances(Matrix<const bool> cells, const Window& window, Index reach) {
@@ -141,8 +141,10 @@ inline std::vector<float> distances(Matrix<const bool> cells, const Window& wind
 inline void paint_cells(const Ground& ground, const Window& window, Matrix<const bool> cells, double side,
                         Index priority, double clearance, Index opened) {
   const Index reach = static_cast<Index>((clearance + HALO) / side + 0.5) + 1;
-  const Window seen{std::max<Index>(0, window.first_j - reach), std::min(cells.rows, window.end_j + reach),
-                    std::max<Index>(0, window.first_i - reach), std::min(cells.columns, window.end_i + reach)};
+  const Index first_j = std::max<Index>(0, window.first_j - reach);
+  const Index first_i = std::max<Index>(0, window.first_i - reach);
+  const Window seen{first_j, std::min(cells.rows, window.end_j + reach), first_i,
+                    std::min(cells.columns, window.end_i + reach)};
   const auto apart = distances(cells, seen, reach);
   const Index columns = seen.end_i - seen.first_i;
   for (Index j = window.first_j; j < window.end_j; ++j)

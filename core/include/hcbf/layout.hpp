@@ -15,12 +15,12 @@ constexpr Index NONE = 105;    // no condition: it fills up the shorter scenes o
 
 constexpr Index LOWEST_RANK = 64;  // the largest number that a priority may be
 
-constexpr int VELOCITY_X = 0, VELOCITY_Y = 1;       // of the frame of a shape [m/s]
-constexpr int V_MAX = 2;                            // of a speed limit and of zones [m/s]
-constexpr int PIECES = 3;                           // of a class of a map: where its pieces begin in the atlas
-constexpr int KEPT = 4;                             // of zones: what is reserved around their cells [m]
-constexpr int AWAY = 3, AWAY_X = 4, AWAY_Y = 5;     // of one zone: the distance to it [m], and its gradient
-constexpr int WIDTH = 19;                           // the velocity, and what the longest shape needs
+constexpr int VELOCITY_X = 0, VELOCITY_Y = 1;    // of the frame of a shape [m/s]
+constexpr int V_MAX = 2;                         // of a speed limit and of zones [m/s]
+constexpr int PIECES = 3;                        // of a class of a map: where its pieces begin in the atlas
+constexpr int KEPT = 4;                          // of zones: what is reserved around their cells [m]
+constexpr int AWAY = 3, AWAY_X = 4, AWAY_Y = 5;  // of one zone: the distance to it [m], and its gradient
+constexpr int WIDTH = 19;                        // the velocity, and what the longest shape needs
 
 constexpr double FARTHEST = 1e4;  // h where a map has no piece at all [m]
 

@@ -38,13 +38,16 @@ inline double half_step(const RowSettings& s) { return 0.5 * s.u_max * s.period 
 inline double reach_of(double speed, const RowSettings& s) { return speed * s.period + half_step(s); }
 
 // What h keeps so that no held input reaches the core of a region, which reaches `radius` beyond it [m].
-inline double beside_core(double radius, const RowSettings& s) { return std::max(0.0, half_step(s) - radius); }
+inline double beside_core(double radius, const RowSettings& s) {
+  return std::max(0.0, half_step(s) - radius);
+}
 
 // The most that an input of U gives of a·u; −∞ where U is not known. U counts as the intersection of
 // its limits and its radius.
 inline double support(const RowSettings& s, double ax, double ay) {
   if (s.u_max == 0.0) return -INF;
-  const double along_x = std::max(ax * s.low[0], ax * s.high[0]), along_y = std::max(ay * s.low[1], ay * s.high[1]);
+  const double along_x = std::max(ax * s.low[0], ax * s.high[0]);
+  const double along_y = std::max(ay * s.low[1], ay * s.high[1]);
   return std::min(along_x + along_y, s.u_max * std::sqrt(ax * ax + ay * ay));
 }
 
@@ -52,7 +55,8 @@ inline double support(const RowSettings& s, double ax, double ay) {
 inline double turning(double speed, double sideways, double distance, const RowSettings& s) {
   if (distance == INF) return 0.0;
   const double period = s.period, u_max = s.u_max, reach = reach_of(speed, s);
-  const double mean = std::max(0.5 * u_max * period * period, 0.5 * (distance + std::max(distance - reach, 0.0)));
+  const double mean =
+      std::max(0.5 * u_max * period * period, 0.5 * (distance + std::max(distance - reach, 0.0)));
   const double loss = u_max * u_max * (period * (period * period)) / (16.0 * mean);
   const double across = std::max(0.0, sideways - 0.5 * u_max * period), farthest = distance + reach;
   const double gain = distance * across * std::sqrt(period / (farthest * (farthest * farthest)));
@@ -83,7 +87,8 @@ inline PlacedRow held_row(double kept, double rate, double quickening, double sp
   const double nu = turning(speed, sideways, distance, s) + quickening * period;
   const double least = psi - period * alpha2_psi - rate + nu;
   double b = (least - promised) / (period + 0.5 * chord * period * period);
-  if (kept >= 0.0 && end >= 0.0) b = std::max(b, -2.0 * end / (period * period));  // h ≥ 0 meanwhile, whatever α₁
+  // h ≥ 0 meanwhile, whatever α₁
+  if (kept >= 0.0 && end >= 0.0) b = std::max(b, -2.0 * end / (period * period));
   return {b, alpha2_psi, psi, nu / period};
 }
 
@@ -161,7 +166,8 @@ inline Bound row(Index kind, const double* c, const Reserved& reserved, const do
 }
 
 inline void put(Index i, Index k, const Bound& bound, Cube<double> out) {
-  out(B, i, k) = bound.b, out(H, i, k) = bound.h, out(ALPHA2_PSI, i, k) = bound.alpha2_psi, out(PSI, i, k) = bound.psi;
+  out(B, i, k) = bound.b, out(H, i, k) = bound.h;
+  out(ALPHA2_PSI, i, k) = bound.alpha2_psi, out(PSI, i, k) = bound.psi;
 }
 
 // Writes that state i has no row in place k: a (N, M, n_u), and rows (4, N, M) b, h, α₂(ψ) and ψ.
@@ -182,7 +188,8 @@ inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<c
     for (Index k = 0; k < kind.columns; ++k) {
       if (kind(i, k) == layout::CUSTOM) continue;
       const Reserved reserved{margin(0, i, k), margin(1, i, k), margin(2, i, k)};
-      put(i, k, row(kind(i, k), parameters[i][k].data, reserved, x[i].data, t[i], settings, a[i][k].data), out);
+      const double* c = parameters[i][k].data;
+      put(i, k, row(kind(i, k), c, reserved, x[i].data, t[i], settings, a[i][k].data), out);
     }
 }
 

@@ -34,7 +34,9 @@ inline PlanarJet jet(Index kind, const double* c, double x, double y, double t) 
 }
 
 // h of a region at a point of the world; infinity for a user's own barrier.
-inline double height(Index kind, const double* c, double x, double y, double t) { return jet(kind, c, x, y, t).h; }
+inline double height(Index kind, const double* c, double x, double y, double t) {
+  return jet(kind, c, x, y, t).h;
+}
 
 // h of a class of a map at a distance from its nearest piece and a velocity.
 inline double of_map(Index kind, const double* c, double distance, double vx, double vy) {

@@ -8,18 +8,14 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
     Planar,
-    PlanarJet,
     Shape,
-    point_jet,
     set_pairs,
     set_positive,
     shifted,
     traced_norm,
 )
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -27,64 +23,6 @@ CODE = 4
 START_X, START_Y = 2, 3  # [m]
 ALONG_X, ALONG_Y, LENGTH = 4, 5, 6  # the unit vector along the segment, and its length [m]
 RADIUS = 7  # [m]
-
-
-@kernel()
-def write(c: Array, velocity: Pair, start: Pair, end: Pair, radius: float) -> int:
-    """Write the outside of a capsule into the block c (WIDTH,)."""
-    c[:] = 0.0
-    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
-    c[START_X], c[START_Y] = start
-    ex, ey = end[0] - start[0], end[1] - start[1]
-    length = np.sqrt(ex * ex + ey * ey)
-    c[ALONG_X], c[ALONG_Y], c[LENGTH] = ex / length, ey / length, length
-    c[RADIUS] = radius
-    return CODE
-
-
-@kernel(error_model="numpy")
-def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Shape`."""
-    dx = x - c[START_X]
-    dy = y - c[START_Y]
-    ax = c[ALONG_X]
-    ay = c[ALONG_Y]
-    along = ax * dx + ay * dy
-    if 0.0 < along < c[LENGTH]:
-        across = ax * dy - ay * dx
-        side = 1.0 if across >= 0.0 else -1.0
-        return side * across - c[RADIUS], -side * ay, side * ax, np.inf, ax, ay
-    end = min(max(along, 0.0), c[LENGTH])
-    n, nx, ny, distance, tx, ty = point_jet(dx - end * ax, dy - end * ay)
-    return n - c[RADIUS], nx, ny, distance, tx, ty
-
-
-@kernel(error_model="numpy")
-def core(
-    c: Array, x: float, y: float, h: float, distance: float, reach: float
-) -> tuple[float, float, bool]:
-    """Return an end as the core where it stays the nearest, none beside a side, else the segment.
-
-    Beside a side ∇H does not turn: outside, the robot is kept from crossing the segment; inside, it
-    must be too far from the segment to cross it.
-    """
-    along = c[ALONG_X] * (x - c[START_X]) + c[ALONG_Y] * (y - c[START_Y])
-    away = h + c[RADIUS]
-    radius = c[RADIUS]
-    if along <= -reach or along >= c[LENGTH] + reach:
-        return away, radius, True
-    beside = reach <= along <= c[LENGTH] - reach
-    if beside and (h > 0.0 or away >= reach):
-        return np.inf, radius, False
-    return away, radius, False
-
-
-@kernel(error_model="numpy")
-def bounds(c: Array) -> tuple[float, float, float, float]:
-    """Return the corners of the box around the capsule."""
-    x, y, radius = c[START_X], c[START_Y], c[RADIUS]
-    ex, ey = x + c[LENGTH] * c[ALONG_X], y + c[LENGTH] * c[ALONG_Y]
-    return min(x, ex) - radius, min(y, ey) - radius, max(x, ex) + radius, max(y, ey) + radius
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,12 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
-    TINY,
     Planar,
-    PlanarJet,
     Shape,
-    point_jet,
     set_pairs,
     shifted,
     traced_norm,
 )
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -29,107 +25,6 @@ MAX_VERTICES = (layout.WIDTH - FIRST) // 2
 """Most corners of a polygon."""
 USED = layout.WIDTH - 1
 """Of fewer corners than that: what of its margin errors of measurement may use [m]."""
-
-
-@kernel()
-def write(c: Array, velocity: Pair, vertices: Array) -> int:
-    """Write the outside of a polygon with the corners (k, 2) into the block c (WIDTH,)."""
-    c[:] = 0.0
-    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
-    c[COUNT] = vertices.shape[0]
-    for i in range(vertices.shape[0]):
-        c[FIRST + 2 * i], c[FIRST + 1 + 2 * i] = vertices[i, 0], vertices[i, 1]
-    return CODE
-
-
-@kernel()
-def _count(c: Array) -> int:
-    """Return how many corners there are, within what a block can hold."""
-    count = c[COUNT]
-    return int(count) if 1.0 <= count <= MAX_VERTICES else 1
-
-
-@kernel(error_model="numpy")
-def used(c: Array) -> float:
-    """Return what of its margin errors of measurement may use [m]."""
-    return c[USED] if c[COUNT] < MAX_VERTICES else 0.0
-
-
-@kernel(error_model="numpy")
-def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Shape`."""
-    corners = _count(c)
-    nearest2 = np.inf
-    offset_x = 0.0
-    offset_y = 0.0
-    outside, on_edge, edge_x, edge_y = False, False, 0.0, 0.0
-    for i in range(corners):
-        ax, ay, ex, ey = _edge(c, i, corners)
-        ox, oy = x - ax, y - ay
-        outside |= ey * ox - ex * oy > 0.0
-        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-        ox, oy = ox - along * ex, oy - along * ey
-        distance2 = ox * ox + oy * oy
-        if distance2 < nearest2:
-            nearest2, offset_x, offset_y = distance2, ox, oy
-            on_edge = 0.0 < along < 1.0
-            edge_x = ex
-            edge_y = ey
-    nearest = np.sqrt(nearest2)
-    if outside and not on_edge and nearest >= TINY:
-        return point_jet(offset_x, offset_y)
-    length = np.sqrt(edge_x * edge_x + edge_y * edge_y)
-    nx = edge_y / length
-    ny = -edge_x / length
-    return nearest if outside else -nearest, nx, ny, np.inf, -ny, nx
-
-
-@kernel(error_model="numpy")
-def core(
-    c: Array, x: float, y: float, h: float, distance: float, reach: float
-) -> tuple[float, float, bool]:
-    """Return nothing as the core where one edge stays the nearest, else a corner, else all.
-
-    Inside, the nearest edge is taken for the region: no bound is known where it changes.
-    """
-    if h <= 0.0:
-        return np.inf, 0.0, False
-    corners = _count(c)
-    ax, ay, ex, ey = _edge(c, corners - 1, corners)
-    length = np.sqrt(ex * ex + ey * ey)
-    beyond = ((x - ax) * ex + (y - ay) * ey) / length - length  # past the end of the edge before
-    for i in range(corners):
-        ax, ay, ex, ey = _edge(c, i, corners)
-        length = np.sqrt(ex * ex + ey * ey)
-        along = ((x - ax) * ex + (y - ay) * ey) / length
-        above = (ey * (x - ax) - ex * (y - ay)) / length
-        if above > 0.0 and along >= reach and along <= length - reach:
-            return np.inf, 0.0, False
-        if beyond >= reach and along <= -reach:
-            return h, 0.0, True
-        beyond = along - length
-    return h, 0.0, False
-
-
-@kernel(error_model="numpy")
-def _edge(c: Array, i: int, corners: int) -> tuple[float, float, float, float]:
-    """Return the start (x, y) and the vector (x, y) of edge i [m]."""
-    j = i + 1 if i + 1 < corners else 0
-    ax, ay = c[FIRST + 2 * i], c[FIRST + 1 + 2 * i]
-    return ax, ay, c[FIRST + 2 * j] - ax, c[FIRST + 1 + 2 * j] - ay
-
-
-@kernel(error_model="numpy")
-def bounds(c: Array) -> tuple[float, float, float, float]:
-    """Return the corners of the box around the polygon."""
-    low_x = np.inf
-    low_y = np.inf
-    high_x = -np.inf
-    high_y = -np.inf
-    for i in range(_count(c)):
-        x, y = c[FIRST + 2 * i], c[FIRST + 1 + 2 * i]
-        low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
-    return low_x, low_y, high_x, high_y
 
 
 @dataclass(frozen=True)

@@ -13,52 +13,17 @@ from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
     Oval,
     Planar,
-    PlanarJet,
     Shape,
-    point_jet,
     set_pairs,
     set_positive,
     shifted,
     traced_norm,
 )
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 1
 CENTER_X, CENTER_Y, RADIUS = 2, 3, 4  # [m]
-
-
-@kernel()
-def write(c: Array, velocity: Pair, center: Pair, radius: float) -> int:
-    """Write the outside of a disc into the block c (WIDTH,)."""
-    c[:] = 0.0
-    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
-    c[CENTER_X], c[CENTER_Y] = center
-    c[RADIUS] = radius
-    return CODE
-
-
-@kernel(error_model="numpy")
-def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Shape`."""
-    n, nx, ny, distance, tx, ty = point_jet(x - c[CENTER_X], y - c[CENTER_Y])
-    return n - c[RADIUS], nx, ny, distance, tx, ty
-
-
-@kernel(error_model="numpy")
-def core(
-    c: Array, x: float, y: float, h: float, distance: float, reach: float
-) -> tuple[float, float, bool]:
-    """Return the centre as the core."""
-    return distance, c[RADIUS], True
-
-
-@kernel(error_model="numpy")
-def bounds(c: Array) -> tuple[float, float, float, float]:
-    """Return the corners of the square around the disc."""
-    x, y, radius = c[CENTER_X], c[CENTER_Y], c[RADIUS]
-    return x - radius, y - radius, x + radius, y + radius
 
 
 @dataclass(frozen=True)

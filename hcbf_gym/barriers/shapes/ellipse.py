@@ -8,17 +8,13 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shape import (
-    TINY,
     Oval,
     Planar,
-    PlanarJet,
     Shape,
     set_pairs,
     shifted,
 )
-from hcbf_gym.compilation import kernel
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
@@ -33,72 +29,6 @@ MOST_STEPS = 20
 """Newton's steps to the foot of a point; three to six are taken."""
 SURE_STEPS, DIFFERENTIATED = 8, 3
 """What JAX takes of them, without derivatives and with."""
-
-
-@kernel()
-def write(c: Array, velocity: Pair, center: Pair, semi_axes: Pair, angle: float) -> int:
-    """Write the outside of an ellipse into the block c (WIDTH,)."""
-    c[:] = 0.0
-    c[layout.VELOCITY_X], c[layout.VELOCITY_Y] = velocity
-    c[CENTER_X], c[CENTER_Y] = center
-    first, second = semi_axes
-    c[COS], c[SIN] = np.cos(angle), np.sin(angle)
-    if second > first:
-        c[COS], c[SIN] = -c[SIN], c[COS]
-    c[LONGER], c[SHORTER] = max(first, second), min(first, second)
-    return CODE
-
-
-@kernel(error_model="numpy")
-def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Shape`.
-
-    With u along the longer and v along the shorter axis, the normal at the foot of (u, v) is along
-    ``w = (u / (s + a² - b²), v / s)``, where s > 0 solves ``(a w_u)² + (b w_v)² = 1``; then
-    ``H = (s - b²) ‖w‖``. The reciprocal root of the left side is nearly linear and concave in s, so
-    that Newton's steps come from below and are few.
-    """
-    dx = x - c[CENTER_X]
-    dy = y - c[CENTER_Y]
-    a, b, cos, sin = c[LONGER], c[SHORTER], c[COS], c[SIN]
-    along = cos * dx + sin * dy
-    across = cos * dy - sin * dx
-    u, v = abs(along), abs(across) + HAIR
-    apart = a * a - b * b
-    s = max(b * v, a * u - apart)
-    for _ in range(MOST_STEPS):
-        wu, wv = u / (s + apart), v / s
-        first, second = a * a * wu * wu, b * b * wv * wv
-        size = first + second
-        step = size * (np.sqrt(size) - 1.0) / (first / (s + apart) + second / s)
-        s += step
-        if not step > 1e-15 * s:
-            break
-    wu, wv = u / (s + apart), v / s
-    norm = np.sqrt(wu * wu + wv * wv)
-    h = (s - b * b) * norm
-    distance = a * a * b * b * norm * norm * norm + h  # the radius of curvature at the foot, and h
-    nu, nv = np.copysign(wu / norm, along), np.copysign(wv / norm, across)
-    nx, ny = cos * nu - sin * nv, sin * nu + cos * nv
-    if distance < TINY:
-        distance = np.inf
-    return h, nx, ny, distance, -ny, nx
-
-
-@kernel(error_model="numpy")
-def core(
-    c: Array, x: float, y: float, h: float, distance: float, reach: float
-) -> tuple[float, float, bool]:
-    """Return as the core what a disc of the smallest radius of curvature, b²/a, leaves inside."""
-    radius = c[SHORTER] * c[SHORTER] / c[LONGER]
-    return h + radius, radius, False
-
-
-@kernel(error_model="numpy")
-def bounds(c: Array) -> tuple[float, float, float, float]:
-    """Return the corners of the square around the circle around the ellipse."""
-    x, y, longer = c[CENTER_X], c[CENTER_Y], c[LONGER]
-    return x - longer, y - longer, x + longer, y + longer
 
 
 @dataclass(frozen=True)

@@ -9,43 +9,12 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.shape import Planar, PlanarJet, Shape, Wall
-from hcbf_gym.compilation import kernel
+from hcbf_gym.barriers.shape import Planar, Shape, Wall
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
 CODE = 0
 NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
-
-
-@kernel()
-def write(c: Array, normal: Pair, offset: float) -> int:
-    """Write ``h = n·p − offset`` into the block c (WIDTH,)."""
-    c[:] = 0.0
-    c[NORMAL_X], c[NORMAL_Y] = normal
-    c[OFFSET] = offset
-    return CODE
-
-
-@kernel(error_model="numpy")
-def jet(c: Array, x: float, y: float) -> PlanarJet:
-    """Return H and its derivatives; see `Shape`."""
-    nx, ny = c[NORMAL_X], c[NORMAL_Y]
-    return nx * x + ny * y - c[OFFSET], nx, ny, np.inf, -ny, nx
-
-
-@kernel(error_model="numpy")
-def core(
-    c: Array, x: float, y: float, h: float, distance: float, reach: float
-) -> tuple[float, float, bool]:
-    """Return a core infinitely far away: ∇H never turns."""
-    return np.inf, np.inf, False
-
-
-@kernel(error_model="numpy")
-def bounds(c: Array) -> tuple[float, float, float, float]:
-    """Return none."""
-    return np.inf, np.inf, -np.inf, -np.inf
 
 
 @dataclass(frozen=True)
