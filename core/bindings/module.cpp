@@ -9,6 +9,7 @@ NB_MODULE(_core, m) {
   hcbf::bind_barriers(m);
   hcbf::bind_margins(m);
   hcbf::bind_filter(m);
+  hcbf::bind_layouts(m);
   hcbf::bind_monitors(m);
   hcbf::bind_guidance(m);
   hcbf::bind_maps(m);
