@@ -3,6 +3,7 @@
 #include "hash.hpp"
 
 NB_MODULE(_core, m) {
+  nanobind::set_leak_warnings(false);  // what lives until the interpreter ends is no leak
   m.attr("HASH") = HCBF_HASH;
   hcbf::bind_models(m);
   hcbf::bind_programs(m);
