@@ -11,8 +11,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers import Disc
-from hcbf_gym.filtering import step
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -55,28 +55,27 @@ def shares() -> list[dict[str, Any]]:
     whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
     core: Any = env._core
     samples, buffer = core._samples, core._buffer
+    whole_report = buffer.words
     refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
-    refused = refused.view(np.float64)
+    compiled = core._filter_of
 
     def sense() -> Any:
         return env._readers(env._inner, env._observation, env._info)
 
     barriers, estimate, _ = sense()
 
-    def call(told: Any) -> None:
+    def call() -> None:
         samples.time[0] += PERIOD
-        scene = core._scene
-        step.filter_plants(
-            core._words,
-            core._program,
-            core._drives,
-            *(scene.kind, scene.parameters, scene.priority, scene.own_margin, scene.atlas.numbers),
-            samples.words,
-            core._no_rows,
-            told,
-            buffer.words[1],
-        )
+        compiled.filter()
+
+    def refuse() -> Callable[[], None]:
+        compiled.set_report(numbers_of(refused), whole_report[1])
+        return call
+
+    def accept() -> Callable[[], None]:
+        compiled.set_report(*whole_report)
+        return call
 
     def later() -> None:
         samples.time[0] += PERIOD
@@ -86,9 +85,8 @@ def shares() -> list[dict[str, Any]]:
         "the plant's readers": _time(sense),
         "taking the estimate": _time(lambda: samples.take(estimate, None)),
         "taking the barriers": _time(lambda: core._note_news(core._read_barriers(barriers))),
-        "crossing into compiled code": _time(lambda: call(refused)) - _time(later),
-        "margins, rows, program, monitor": _time(lambda: call(buffer.words[0]))
-        - _time(lambda: call(refused)),
+        "crossing into compiled code": (crossing := _time(refuse())) - _time(later),
+        "margins, rows, program, monitor": _time(accept()) - crossing,
         "the report": _time(buffer.report),
     }
     times |= {"the calls between these": whole - sum(times.values()), "all": whole}

@@ -12,6 +12,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include "bindings.hpp"
 #include "records.hpp"
 
 namespace hcbf {
@@ -25,11 +26,11 @@ constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread s
 // allocated in a step of a scene that it has seen.
 class Filter {
  public:
-  Filter(Words constants, Numbers<const double, 1> program, Words sensed, Index count, Index threads)
+  Filter(Numbers<double, 1> constants, Numbers<const double, 1> program, Words sensed, Index threads)
       : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
-    plants_.sensed = records<plants::Plant>(sensed_, count);
+    plants_.sensed = records<plants::Plant>(sensed_);
     plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
-    rooms_.resize(std::max<Index>(1, std::min(threads, count / LEAST_PLANTS)));
+    rooms_.resize(std::max<Index>(1, std::min(threads, plants_.sensed.size / LEAST_PLANTS)));
   }
 
   Filter(const Filter&) = delete;
@@ -46,10 +47,10 @@ class Filter {
   }
 
   void set_report(Words reports, Words rows) {
-    const Index count = plants_.sensed.size;
-    plants_.reports = records<report::Plant>(reports, count);
-    const auto size = static_cast<Index>(rows.size() * sizeof(double) / sizeof(report::Row));
-    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), count, count > 0 ? size / count : 0};
+    constexpr Index WIDTH = sizeof(report::Row) / sizeof(double);
+    plants_.reports = records<report::Plant>(reports);
+    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), static_cast<Index>(rows.shape(0)),
+                    static_cast<Index>(rows.shape(1)) / WIDTH};
     report_ = {std::move(reports), std::move(rows)};
   }
 
@@ -172,7 +173,7 @@ class Filter {
                     nb::rv_policy::reference);
   }
 
-  Words constants_;
+  Numbers<double, 1> constants_;
   Numbers<const double, 1> program_;
   Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>, Numbers<const double, 2>,
@@ -186,6 +187,32 @@ class Filter {
   Vector<const double> atlas_{nullptr, 0};
   program_records::Settings posed_{};
   std::vector<step::Room> rooms_;
+};
+
+// Arrays of a scene, and what they held.
+class Compared {
+ public:
+  using Codes = Numbers<const Index, 2>;
+  using Blocks = Numbers<const double, 3>;
+
+  Compared(Codes kind, Blocks parameters, Codes priority, Codes kind_before, Blocks parameters_before,
+           Codes priority_before)
+      : codes_{{std::move(kind), std::move(kind_before)}, {std::move(priority), std::move(priority_before)}},
+        blocks_{std::move(parameters), std::move(parameters_before)} {}
+
+  bool differ() const {
+    return are_unequal(codes_[0].first, codes_[0].second) || are_unequal(codes_[1].first, codes_[1].second) ||
+           are_unequal(blocks_.first, blocks_.second);
+  }
+
+ private:
+  template <class Array>
+  static bool are_unequal(const Array& now, const Array& before) {
+    return !std::equal(now.data(), now.data() + now.size(), before.data());
+  }
+
+  std::pair<Codes, Codes> codes_[2];
+  std::pair<Blocks, Blocks> blocks_;
 };
 
 using Offsets = std::vector<std::pair<const char*, std::size_t>>;
@@ -247,8 +274,8 @@ Offsets report_row_offsets() {
 
 void bind_filter(nb::module_& m) {
   nb::class_<Filter>(m, "Filter", "The filter of N plants, bound to the arrays that it reads and writes.")
-      .def(nb::init<Words, Numbers<const double, 1>, Words, Index, Index>(), "constants"_a.noconvert(),
-           "program"_a.noconvert(), "sensed"_a.noconvert(), "count"_a, "threads"_a)
+      .def(nb::init<Numbers<double, 1>, Numbers<const double, 1>, Words, Index>(), "constants"_a.noconvert(),
+           "program"_a.noconvert(), "sensed"_a.noconvert(), "threads"_a)
       .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
            "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
            "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
@@ -273,8 +300,23 @@ void bind_filter(nb::module_& m) {
            "Conclude what `pose` began, and return what is to be done.");
   m.def("is_covariance", [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
         "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
+  nb::class_<Compared>(m, "Compared", "Arrays of a scene, and copies of what they held.")
+      .def(nb::init<Compared::Codes, Compared::Blocks, Compared::Codes, Compared::Codes, Compared::Blocks,
+                    Compared::Codes>(),
+           "kind"_a.noconvert(), "parameters"_a.noconvert(), "priority"_a.noconvert(),
+           "kind_before"_a.noconvert(), "parameters_before"_a.noconvert(), "priority_before"_a.noconvert())
+      .def("differ", &Compared::differ, "Return whether any number is another than before.");
+  m.attr("ASIDE") = axle_step::ASIDE;
+  m.def("is_edge", axle_step::is_edge, "kind"_a, "Return whether a condition is on the place, by a unit normal.");
+  m.def("check_states", [](const Words& sensed) {
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+    Index worst = 0;
+    for (Index i = 0; i < plants.size; ++i)
+      worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+    return worst;
+  }, "sensed"_a.noconvert(), "Check the states of planar double integrators, and return the highest reason.");
   m.def("face", [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
-    const Records<plants::Plant> plants = records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
+    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
     for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
   }, "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
   "Let guidance turn differential drives that face away from their path.");

@@ -1,8 +1,8 @@
 """What stands between u* and u, without Gymnasium: one core for N plants of any model.
 
-In the order of a step: `samples` takes what is handed over, `belief` says which state is believed,
-the rows of `barriers` are made, a program of `programs` answers, `verdict` says what the answer may
-be called, `report` says it to the user. `monitor` compares what a plant does with what was chosen.
-`step` runs all of it in one compiled call for planar double integrators; of other models
-`model_core` makes rows, alarms and braking inputs first. `core` is what both share.
+In the order of a step: `samples` takes what is given, and `report` returns what was found. Between
+them stands one call of the compiled core (`core/include/hcbf/`): `state_check` decides which state
+is valid, `posing` makes rows, `monitor` compares what a plant does with what was chosen, a program
+answers, `conclusion` and `status` judge the answer. Of models other than the planar double
+integrator `model_core` makes rows, alarms and braking inputs first. `core` is what both share.
 """

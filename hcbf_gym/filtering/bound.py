@@ -1,11 +1,12 @@
 """The compiled filter of N plants, bound to the arrays that it reads and writes."""
 
-from operator import is_
-
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
+
+SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
+"""Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a step returns: nothing is to be done, u* is not finite, the scene is not of these plants,
@@ -21,13 +22,10 @@ class Bound:
 
     def __init__(self, threads: int):
         self._threads = threads
-        self._forget()
-
-    def _forget(self) -> None:
         self._filter: _core.Filter | None = None
-        self._plants: tuple[object, ...] = (None, None, None)
+        self._plants: tuple[Array, Array, Array] | None = None
         self._report: object = None
-        self._scene: tuple[object, ...] = ()
+        self._scene: tuple[Integers | Array | None, ...] = (None,) * 6
 
     def __getstate__(self) -> int:
         return self._threads
@@ -46,25 +44,23 @@ class Bound:
             samples: of the plants.
             report: of them.
         """
-        known, words = self._plants, samples.words
-        if constants is not known[0] or program is not known[1] or words is not known[2]:
-            self._forget()
-            count = len(samples.plants)
-            self._filter = _core.Filter(constants, program, words, count, self._threads)
-            self._plants = constants, program, words
+        compiled, known = self._filter, self._plants
+        if compiled is None or known is None or program is not known[1]:
+            self.__init__(self._threads)  # type: ignore[misc]
+            compiled = _core.Filter(constants, program, samples.words, self._threads)
             if samples.is_apart:
-                self._filter.set_states(*samples.states)
+                compiled.set_states(*samples.states)
+            self._filter, self._plants = compiled, (constants, program, samples.words)
         if report.words is not self._report:
             self._report = report.words
-            self._filter.set_report(*report.words)
-        return self._filter
+            compiled.set_report(*report.words)
+        return compiled
 
-    def see(self, *scene: Array | None) -> None:
-        """Filter these scenes from now on: kind, parameters, priority, own margin, atlas, rows.
-
-        The last two may be None: no map, and no rows that were made beforehand.
-        """
-        if len(self._scene) == len(scene) and all(map(is_, scene, self._scene)):
-            return
-        self._filter.set_scene(*scene)
-        self._scene = scene
+    def see(self, compiled: _core.Filter, scene: SceneArrays, own: Array) -> None:
+        """Let the filter read these scenes, and rows that were made beforehand."""
+        kind, parameters, priority, own_margin, atlas = scene
+        a, b, c, d, e, f = self._scene
+        same = kind is a and parameters is b and priority is c and own_margin is d
+        if not (same and atlas is e and own is f):
+            compiled.set_scene(*scene, own)
+            self._scene = *scene, own

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Info, Integers, Mask
+from hcbf_gym.arrays import Array, Info, Mask, numbers_of
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
@@ -37,6 +37,7 @@ from hcbf_gym.errors import (
 from hcbf_gym.filtering import bound, causes, solvers
 from hcbf_gym.filtering.alarms import ReasonWarnings
 from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.bound import SceneArrays
 from hcbf_gym.filtering.configured import Configured
 from hcbf_gym.filtering.conflict import conflict_of
 from hcbf_gym.filtering.covering import Covering
@@ -50,9 +51,6 @@ from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.programs import ConflictReport, FilterStatus
-
-SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
-"""Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
 
 
 class FilterCore(Configured, ABC):
@@ -89,6 +87,7 @@ class FilterCore(Configured, ABC):
         self._version, self._edits = self._scene.version.copy(), -1
         self._placing, self._nearness = Placing(self.count), Nearness(self.count)
         self._rebased = False  # whether positions count from elsewhere since this step
+        self._moves_undeclared = True  # whether a record may say so
         self._moving = ""  # the name of a region that moves undeclared
         self._refused, self._needs_time = False, False
         self._refusal: Exception | None = None
@@ -255,9 +254,7 @@ class FilterCore(Configured, ABC):
         sensed = self._samples.plants.copy()
         sensed["known"] = 0  # or the time of the same sample would not advance
         told, rows = (words.copy() for words in self._buffer.words)
-        asked = _core.Filter(
-            self._words.copy(), self._program, sensed.view(np.float64), self.count, 1
-        )
+        asked = _core.Filter(self._words.copy(), self._program, numbers_of(sensed), 1)
         asked.set_scene(*scene, own)
         asked.set_report(told, rows)
         turns = self.plant.axle is not None
@@ -298,16 +295,17 @@ class FilterCore(Configured, ABC):
     def _restore(self, remembered: Any) -> None:
         """Know what was known before."""
         self._samples.restore(remembered)
+        self._moves_undeclared = True
 
     @property
-    def _filter_of(self) -> Any:
+    def _filter_of(self) -> _core.Filter:
         """The compiled filter of the plants, bound to their records and reports."""
         return self._bound.of(self._words, self._program, self._samples, self._buffer)
 
     def _filter(self, scene: SceneArrays, own: Array) -> int:
         """Filter the plants; return what is to be done, as `bound` has it."""
         compiled = self._filter_of
-        self._bound.see(*scene, own)
+        self._bound.see(compiled, scene, own)
         if self._solver is None:
             return compiled.filter()
         return solvers.answer(self._solver, compiled, self.count)
@@ -374,15 +372,15 @@ class FilterCore(Configured, ABC):
         differs = barriers is not given or given.edits != self._edits or given.may_change
         if differs or self._placing.is_due or self._placing.is_edited(given):
             self._take_barriers(barriers, since)
-        wrong = self._age_scans()
-        if wrong:
-            samples.doubt(Reason.AGE, wrong)
+        if self._scans or self._first:
+            wrong = self._age_scans()
+            if wrong:
+                samples.doubt(Reason.AGE, wrong)
         if self._refused:
             samples.doubt(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.doubt(Reason.CLOCK)
-        samples.plants["moves"] = 0
-        if self._nearness.is_some:
+        if self._moves_undeclared or self._nearness.is_some:
             self._note_moves()
 
     def _age_scans(self) -> str:
@@ -415,13 +413,14 @@ class FilterCore(Configured, ABC):
     def _note_news(self, given: BarrierSet, since: float | None = None) -> None:
         """Take barriers for the present ones; what is news in them is looked at."""
         in_place, placing = given is self._given, self._placing
-        news = given.version != self._version
         if not in_place:
             news = self._differs(given)
         elif placing.is_edited(given):
-            news |= placing.edited(given).any(axis=1)
+            news = (given.version != self._version) | placing.edited(given).any(axis=1)
         elif given.edits == self._edits and not placing.is_due:
             return
+        else:
+            news = given.version != self._version
         plants, before = self._samples.plants, self._scene
         scene = placing.place(given, self._now(), since)
         if scene is before and given.edits == self._edits:
@@ -478,12 +477,16 @@ class FilterCore(Configured, ABC):
         """Note at which plants a region moves undeclared."""
         samples = self._samples
         plants, covariance = samples.plants, samples.states.covariance
+        plants["moves"], self._moves_undeclared = 0, False
+        if not self._nearness.is_some:
+            return
         variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.told else 0.0
         error = self.uncertainty.distance + self.uncertainty.confidence * np.sqrt(variance)
         error = np.broadcast_to(error, self.count)
         moving = self._nearness.moves(plants["elapsed"], error)
         plants["moves"] = moving.any(axis=1)
         if moving.any():
+            self._moves_undeclared = True
             i, k = np.argwhere(moving)[0].tolist()
             self._moving = self._scene.conditions(i)[k].name
 

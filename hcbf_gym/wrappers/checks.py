@@ -17,6 +17,7 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 
+_FLOATS = np.dtype(np.float64), np.dtype(np.float32)
 TRANSFORM = (
     gym.ObservationWrapper,
     gym.vector.VectorObservationWrapper,
@@ -32,6 +33,8 @@ def real_input(action: object, shape: tuple[int, ...]) -> Array:
     Raises:
         InvalidInputError: if it is not an array of 32 or 64 bits of that shape.
     """
+    if type(action) is np.ndarray and action.dtype in _FLOATS and action.shape == shape:
+        return action.astype(np.float64)
     return floats("action", action, shape).astype(np.float64)
 
 

@@ -49,7 +49,9 @@ class Readers:
             first: whether nothing has been filtered yet: what a reader raises is raised.
         """
         plant, seen = self._plant, (env, observation, info)
-        barriers = self._read("barriers", plant.barriers, seen, first)
+        barriers = plant.barriers
+        if callable(barriers):
+            barriers = self._read("barriers", barriers, seen, first)
         state = self._read("state", plant.state, seen, first)
         world = None
         if self._guides:

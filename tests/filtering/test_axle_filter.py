@@ -5,10 +5,10 @@ import sys
 import numpy as np
 import pytest
 
+from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.zone import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.filtering import axle_step
 from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.maps import Grid, MapClass, RankedMap
@@ -379,6 +379,6 @@ def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_
 def test_a_guided_cart_keeps_off_edges_and_not_off_speeds_or_conditions_of_ones_own():
     """An own gradient has any length, and may be of the velocity."""
     scene = BarrierSet([[*ROOM, Disc("disc", 1, (2.0, 0.3), 0.3), SpeedLimit("limit", 1, 0.8)]])
-    assert [axle_step._is_edge(kind) for kind in scene.kind[0]] == [True] * 5 + [False]
-    assert not axle_step._is_edge(layout.CUSTOM)
-    assert not axle_step._is_edge(layout.ZONE)
+    assert [_core.is_edge(kind) for kind in scene.kind[0].tolist()] == [True] * 5 + [False]
+    assert not _core.is_edge(layout.CUSTOM)
+    assert not _core.is_edge(layout.ZONE)

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.ros import faults
 from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, Drive
+from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filtering.axle_step import ASIDE
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.maps.scan import FINE
@@ -372,7 +372,7 @@ def test_a_plan_that_is_taken_goes_on_from_what_the_robot_was_told():
             d.core.take(d.core.planned((4.0, 0.0)))
         d.run(0.05)
         told.append(np.linalg.norm(d.velocity * (1.0, 0.25)))
-    besides = ASIDE * HELD * d.core.settings.period  # guidance keeps off the zone's edge
+    besides = _core.ASIDE * HELD * d.core.settings.period  # guidance keeps off the zone's edge
     assert told[0] > 0.1
     assert told[1] <= told[0] + besides + 0.01
 
