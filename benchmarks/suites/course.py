@@ -1,4 +1,4 @@
-"""The paper's course on the A1, as `hcbf evaluate` walks it without arguments."""
+"""The paper's course on the A1, as `hcbf evaluate --scenario paper-simulation` walks it."""
 
 from typing import Any
 

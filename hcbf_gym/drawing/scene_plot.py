@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 from scipy.ndimage import distance_transform_edt
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.maps import RankedMap
@@ -205,7 +205,7 @@ def name_regions(axes: Axes, barriers: Sequence[Barrier], taken: Array) -> bool:
     return True
 
 
-def _covers(patch: Patch | None, places: Array) -> Array:
+def _covers(patch: Patch | None, places: Array) -> Mask:
     """Return (n, n) whether a patch that is on no axes covers each of the places (n, n, 2)."""
     if patch is None:
         return np.zeros(places.shape[:2], dtype=bool)
