@@ -15,7 +15,7 @@ import numpy as np
 import hcbf_gym
 from hcbf_gym.barriers import Disc
 
-SHOWN = ("numpy", "numba", "scipy", "gymnasium", "mujoco", "pin")
+SHOWN = ("numpy", "scipy", "gymnasium", "mujoco", "pin")
 STEPS = 25
 
 

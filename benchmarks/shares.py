@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
@@ -69,7 +70,7 @@ def shares() -> list[dict[str, Any]]:
         compiled.filter()
 
     def refuse() -> Callable[[], None]:
-        compiled.set_report(refused.view(np.float64), whole_report[1])
+        compiled.set_report(numbers_of(refused), whole_report[1])
         return call
 
     def accept() -> Callable[[], None]:

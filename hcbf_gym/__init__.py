@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import gymnasium as gym
 from gymnasium.envs.registration import WrapperSpec
 
-from hcbf_gym import compilation, lazily, sources, version
+from hcbf_gym import lazily, sources, version
 from hcbf_gym.drawing.headless import prefer_egl
 
 sources.check()  # before anything calls the core
-compilation.prepare()  # before anything compiles
 prefer_egl()  # before anything imports MuJoCo
 
 from hcbf_gym.errors import HcbfError  # noqa: E402

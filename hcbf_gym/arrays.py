@@ -25,3 +25,8 @@ Info = dict[str, Any]
 """What an environment reports: numbers and arrays by their names, nested."""
 
 Pair = tuple[float, float]
+
+
+def numbers_of(records: Records) -> Array:
+    """Return N records as the rows (N, …) of numbers that the core takes; one memory."""
+    return records.view(np.float64).reshape(len(records), -1)

@@ -21,7 +21,7 @@ def test_imports_go_one_way(capsys):
 def test_nothing_stands_loose_at_the_root():
     loose = {path.stem for path in Path(hcbf_gym.__file__).parent.glob("*.py")}
     assert loose == {
-        "__init__", "arguments", "arrays", "cli", "compilation", "errors", "lazily", "loading",
+        "__init__", "arguments", "arrays", "cli", "errors", "lazily", "loading",
         "opened", "records", "sources", "version",
     }  # fmt: skip
 

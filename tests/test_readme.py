@@ -83,7 +83,7 @@ def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
     assert said[0] == "arrived: True"
     assert len(said) == 1 + len(names["env"].conditions)
     assert re.fullmatch(r"left wall, rank 1: least h \d\.\d+ m", said[1])
-    (shown,) = re.findall(r"prints `(.*?)`", read(ROOT / "README.md"))
+    (shown,) = re.findall(r"reads `(.*?)`", read(ROOT / "README.md"))
     assert shown in said
 
 

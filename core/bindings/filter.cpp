@@ -11,6 +11,7 @@
 
 #include <nanobind/stl/optional.h>
 
+#include "bindings.hpp"
 #include "records.hpp"
 
 namespace hcbf {
@@ -19,16 +20,15 @@ namespace {
 
 constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread starts
 
-
 // The filter of N plants, bound to the arrays that it reads and writes, which it keeps alive. Nothing is
 // allocated in a step of a scene that it has seen.
 class Filter {
  public:
-  Filter(Words constants, Numbers<const double, 1> program, Words sensed, Index count, Index threads)
+  Filter(Numbers<double, 1> constants, Numbers<const double, 1> program, Words sensed, Index threads)
       : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
-    plants_.sensed = records<plants::Plant>(sensed_, count);
+    plants_.sensed = records<plants::Plant>(sensed_);
     plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
-    rooms_.resize(std::max<Index>(1, std::min(threads, count / LEAST_PLANTS)));
+    rooms_.resize(std::max<Index>(1, std::min(threads, plants_.sensed.size / LEAST_PLANTS)));
   }
 
   Filter(const Filter&) = delete;
@@ -46,10 +46,10 @@ class Filter {
   }
 
   void set_report(Words reports, Words rows) {
-    const Index count = plants_.sensed.size;
-    plants_.reports = records<report::Plant>(reports, count);
-    const auto size = static_cast<Index>(rows.size() * sizeof(double) / sizeof(report::Row));
-    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), count, count > 0 ? size / count : 0};
+    constexpr Index WIDTH = sizeof(report::Row) / sizeof(double);
+    plants_.reports = records<report::Plant>(reports);
+    plants_.rows = {reinterpret_cast<report::Row*>(rows.data()), static_cast<Index>(rows.shape(0)),
+                    static_cast<Index>(rows.shape(1)) / WIDTH};
     report_ = {std::move(reports), std::move(rows)};
   }
 
@@ -179,7 +179,7 @@ class Filter {
                     nb::rv_policy::reference);
   }
 
-  Words constants_;
+  Numbers<double, 1> constants_;
   Numbers<const double, 1> program_;
   Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>,
@@ -227,8 +227,8 @@ class Compared {
 
 void bind_filter(nb::module_& m) {
   nb::class_<Filter>(m, "Filter", "The filter of N plants, bound to the arrays that it reads and writes.")
-      .def(nb::init<Words, Numbers<const double, 1>, Words, Index, Index>(), "constants"_a.noconvert(),
-           "program"_a.noconvert(), "sensed"_a.noconvert(), "count"_a, "threads"_a)
+      .def(nb::init<Numbers<double, 1>, Numbers<const double, 1>, Words, Index>(), "constants"_a.noconvert(),
+           "program"_a.noconvert(), "sensed"_a.noconvert(), "threads"_a)
       .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
            "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
            "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
@@ -267,10 +267,20 @@ void bind_filter(nb::module_& m) {
   m.def("is_edge", axle_step::is_edge, "kind"_a,
         "Return whether a condition is on the place, by a unit normal.");
   m.def(
+      "check_states",
+      [](const Words& sensed) {
+        const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+        Index worst = 0;
+        for (Index i = 0; i < plants.size; ++i)
+          worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+        return worst;
+      },
+      "sensed"_a.noconvert(),
+      "Check the states of planar double integrators, and return the highest reason.");
+  m.def(
       "face",
       [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
-        const Records<plants::Plant> plants =
-            records<plants::Plant>(sensed, static_cast<Index>(u_nominal.shape(0)));
+        const Records<plants::Plant> plants = records<plants::Plant>(sensed);
         for (Index i = 0; i < plants.size; ++i)
           axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
       },

@@ -37,7 +37,7 @@ model_monitor::Arrival view(const Arrival& arrival) {
 
 void bind_monitor(nb::module_& m) {
   m.def("monitor_watch", [](const Words& plant, double radius, double confidence, bool exact, bool observed) {
-    const auto sensed = records<plants::Plant>(plant, 1);
+    const auto sensed = records<plants::Plant>(plant);
     const Vector<double> input{sensed.tail(0), 2};
     const Index why = state_check::believe(sensed[0], input);
     if (why == 0) monitor::watch(sensed[0], input, radius, confidence, exact, observed);
@@ -49,7 +49,7 @@ void bind_monitor(nb::module_& m) {
 void bind_model_monitor(nb::module_& m) {
   m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed, const States& x,
                              const Terms& g, const Arrival& arrival) {
-    return model_monitor::arrivals(view(watched), records<plants::Plant>(plants, believed.shape(0)), hcbf::view(believed),
+    return model_monitor::arrivals(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
                                    hcbf::view(x), hcbf::view(g), view(arrival));
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "x"_a, "g"_a, "arrival"_a.noconvert(),
   "Write the inputs that seem to have arrived, and return whether any differs from the chosen one.");
@@ -57,7 +57,7 @@ void bind_model_monitor(nb::module_& m) {
                             const Terms& covariance, const std::tuple<Sample, Sample>& samples,
                             const Arrival& arrival, const Numbers<double, 3>& sums) {
     const auto& [now, last] = samples;
-    model_monitor::observe(view(watched), records<plants::Plant>(plants, believed.shape(0)), hcbf::view(believed),
+    model_monitor::observe(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
                            hcbf::view(covariance), {view(now), view(last), view(arrival), hcbf::view(sums)});
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "covariance"_a, "samples"_a, "arrival"_a.noconvert(),
   "sums"_a.noconvert(), "Account for a sample of N plants of any model, and raise their alarms.");

@@ -4,19 +4,18 @@
 
 namespace hcbf {
 
-using Words = Numbers<double, 1>;  // `.view(np.float64)` of a structured array
+using Words = Numbers<double, 2>;  // N records as rows of numbers: `arrays.numbers_of`
+using Word = Numbers<double, 1>;   // a single record: its `.view(np.float64)`
 
-// N of them; what differs in length stands behind the fields of each.
 template <class T>
-Records<T> records(const Words& words, Index count) {
-  const auto bytes = static_cast<Index>(words.size() * sizeof(double));
-  return {reinterpret_cast<char*>(words.data()), count, count > 0 ? bytes / count : Index{sizeof(T)}};
+Records<T> records(const Words& words) {
+  return {reinterpret_cast<char*>(words.data()), static_cast<Index>(words.shape(0)),
+          static_cast<Index>(words.shape(1) * sizeof(double))};
 }
 
-// A single one.
 template <class T>
-T& words_as(const Words& words) {
-  return *reinterpret_cast<T*>(words.data());
+T& record(const Word& word) {
+  return *reinterpret_cast<T*>(word.data());
 }
 
 }  // namespace hcbf

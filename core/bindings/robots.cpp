@@ -17,30 +17,30 @@ using response_monitor::Law;
 using response_monitor::Notes;
 
 void bind_response_monitor(nb::module_& m) {
-  m.def("response_tell", [](const Words& notes, const std::tuple<double, double, double>& moves, double time,
+  m.def("response_tell", [](const Word& notes, const std::tuple<double, double, double>& moves, double time,
                             bool ends) {
     const auto [ahead, aside, turning] = moves;
     const double all[3] = {ahead, aside, turning};
-    command_history::tell(words_as<Notes>(notes), all, time, ends);
+    command_history::tell(record<Notes>(notes), all, time, ends);
   }, "notes"_a.noconvert(), "moves"_a, "time"_a, "ends"_a,
   "Note what a robot is commanded from a time on, or that a command ends then.");
-  m.def("response_observe", [](const Words& notes, const Words& law, const Line& pose, const Line& velocity,
+  m.def("response_observe", [](const Word& notes, const Word& law, const Line& pose, const Line& velocity,
                                double time, double noise) {
-    return response_monitor::observe(words_as<Notes>(notes), words_as<Law>(law), pose.data(), velocity.data(), time,
+    return response_monitor::observe(record<Notes>(notes), record<Law>(law), pose.data(), velocity.data(), time,
                                      noise);
   }, "notes"_a.noconvert(), "law"_a.noconvert(), "pose"_a, "velocity"_a, "time"_a, "noise"_a,
   "Compare odometry with what the robot was commanded, and return whether that alarms.");
-  m.def("response_carry", [](const Words& notes, const Words& law, double ahead, const Numbers<double, 1>& pose,
+  m.def("response_carry", [](const Word& notes, const Word& law, double ahead, const Numbers<double, 1>& pose,
                              const Numbers<double, 1>& twist, double since, double now) {
-    return response_monitor::carry(words_as<Notes>(notes), words_as<Law>(law), ahead, pose.data(), twist.data(),
+    return response_monitor::carry(record<Notes>(notes), record<Law>(law), ahead, pose.data(), twist.data(),
                                    since, now);
   }, "notes"_a.noconvert(), "law"_a.noconvert(), "ahead"_a, "pose"_a.noconvert(), "twist"_a.noconvert(), "since"_a,
   "now"_a, "Write where the commands have brought a robot, and return what that may be off [m].");
 }
 
 void bind_motion_monitor(nb::module_& m) {
-  m.def("motion_observe", [](const Words& notes, const Line& body, double time, double longest, double hardest) {
-    return motion_monitor::observe(words_as<motion_monitor::Notes>(notes), body.data(), time, longest, hardest);
+  m.def("motion_observe", [](const Word& notes, const Line& body, double time, double longest, double hardest) {
+    return motion_monitor::observe(record<motion_monitor::Notes>(notes), body.data(), time, longest, hardest);
   }, "notes"_a.noconvert(), "body"_a, "time"_a, "longest"_a, "hardest"_a,
   "Compare a sample of pose and twist with the one before, and return whether that alarms.");
 }

@@ -36,8 +36,8 @@ def of_another_version(certificate: Certificate | None = None) -> str:
     here = version.VERSION
     if ".dev" in here:
         return (
-            f"hcbf-gym {here} is a development version, for which no certificate is earned: "
-            "covered is 0 (VERSION); install a release"
+            f"hcbf-gym {here} is a development version: the filter works as in a release, but no "
+            "certificate was earned for it, so that covered is 0 (VERSION)"
         )
     if certificate is None or certificate.version == here:
         return ""

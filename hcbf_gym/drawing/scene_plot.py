@@ -10,8 +10,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse as EllipsePatch
 from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
+from scipy.ndimage import distance_transform_edt
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing import palette
 from hcbf_gym.maps import RankedMap
@@ -20,6 +22,17 @@ from hcbf_gym.scenarios import Scenario
 
 _FAR = 100.0
 _NAMED = 4  # regions of a rank that a legend names
+_CHARACTERS = 15  # of a legend in an inch
+_IN_PLACE = 8  # regions of a scene that are named where they are
+NAMED_AT: dict[str, Any] = {
+    "fontsize": 7,
+    "ha": "center",
+    "va": "center",
+    "annotation_clip": True,
+    "path_effects": [withStroke(linewidth=2.0, foreground="w", alpha=0.7)],
+    "zorder": 9,
+}
+"""How a text within a scene is written."""
 _CELLS = 100  # along a side of the grid on which a condition without an outline is drawn
 
 
@@ -81,7 +94,7 @@ def draw_barriers(
             outline, such as a `Function`, are drawn, too, at its other entries.
     """
     drawn: list[Artist] = []
-    for barrier in sorted(barriers, key=lambda b: -b.priority):
+    for barrier in _as_drawn(barriers):
         patch = outline(barrier, t)
         color = palette.priority_color(barrier.priority)
         if patch is not None:
@@ -90,6 +103,11 @@ def draw_barriers(
         elif x is not None and isinstance(barrier, Barrier) and barrier.reads_position:
             drawn.extend(_draw_level(axes, barrier, t, x, color))
     return drawn
+
+
+def _as_drawn(barriers: Iterable[Any]) -> list[Any]:
+    """Return barriers in the order in which they are drawn: the first rank last, and so on top."""
+    return sorted(barriers, key=lambda barrier: -barrier.priority)
 
 
 def _draw_level(axes: Axes, barrier: Barrier, t: float, x: Array, color: str) -> list[Artist]:
@@ -132,18 +150,67 @@ def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
         axes.add_collection(PolyCollection(shapes, **(style | edge)))
 
 
-def rank_patches(barriers: Iterable[Barrier | Shapes]) -> list[Patch]:
-    """Return a patch for each rank, labelled for a legend: "rank 1: trolley, wall"."""
+def rank_patches(barriers: Iterable[Barrier | Shapes], named_in_place: bool) -> list[Patch]:
+    """Return a patch for each rank, labelled for a legend: "rank 1: trolley, wall".
+
+    Args:
+        barriers: of these ranks.
+        named_in_place: whether the picture has their names; then the label is the rank alone.
+    """
     named: dict[int, list[str]] = {}
     for barrier in barriers:
         named.setdefault(barrier.priority, []).append(barrier.name)
     patches = []
     for rank, names in sorted(named.items()):
         color = palette.priority_color(rank)
-        label = f"rank {rank}" + (f": {', '.join(names)}" if len(names) <= _NAMED else "")
+        listed = not named_in_place and len(names) <= _NAMED
+        label = f"rank {rank}" + (f": {', '.join(names)}" if listed else "")
         face = palette.paler(color, 0.6)
         patches.append(Patch(facecolor=face, edgecolor=color, lw=1.2, label=label))
     return patches
+
+
+def name_regions(axes: Axes, barriers: Sequence[Barrier], taken: Array) -> bool:
+    """Write their names into the regions of a scene that has few; return whether it has.
+
+    A name is where its region is seen, as far as may be from its edges and from `taken`; a moving
+    region's has the time at which it is drawn.
+
+    Args:
+        axes: whose limits are set.
+        barriers: as they are at the start.
+        taken: (k, 2) places that names should not cover [m].
+    """
+    shapes = [barrier for barrier in _as_drawn(barriers) if isinstance(barrier, Shape)]
+    if not 0 < len(shapes) <= _IN_PLACE:
+        return False
+    side = [np.linspace(*ends, _CELLS) for ends in (axes.get_xlim(), axes.get_ylim())]
+    places = np.stack(np.meshgrid(*side, indexing="ij"), axis=-1)
+    step = np.array([side[0][1] - side[0][0], side[1][1] - side[1][0]])
+    covers = [_covers(outline(shape), places) for shape in shapes]
+    free = np.ones((_CELLS, _CELLS), dtype=bool)
+    cells = np.rint((taken - places[0, 0]) / step).astype(int)
+    free[tuple(cells[((cells >= 0) & (cells < _CELLS)).all(axis=1)].T)] = False
+    for k, shape in enumerate(shapes):
+        seen = np.logical_and(covers[k], free)
+        for above in covers[k + 1 :]:
+            seen &= ~above
+        if not seen.any():
+            continue
+        room = np.asarray(distance_transform_edt(np.pad(seen, 1), sampling=step))[1:-1, 1:-1]
+        far = np.linalg.norm(places - places[seen].mean(axis=0), axis=-1)
+        x, y = places[np.unravel_index((room - 0.05 * far).argmax(), room.shape)].tolist()
+        moves = shape.frame_velocity.any()
+        axes.annotate(f"{shape.name},\nt = 0" if moves else shape.name, (x, y), **NAMED_AT)
+    return True
+
+
+def _covers(patch: Patch | None, places: Array) -> Mask:
+    """Return (n, n) whether a patch that is on no axes covers each of the places (n, n, 2)."""
+    if patch is None:
+        return np.zeros(places.shape[:2], dtype=bool)
+    path = patch.get_transform().transform_path(patch.get_path())
+    return path.contains_points(places.reshape(-1, 2)).reshape(places.shape[:2])
 
 
 def legend_below(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> None:
@@ -156,7 +223,16 @@ def legend_below(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> N
     """
     handles = [*others, *axes.get_legend_handles_labels()[0]]
     columns = min(len(handles), 4)
+    while columns > 1 and _legend_width(handles, columns) > _CHARACTERS * figure.get_figwidth():
+        columns -= 1
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8)
+
+
+def _legend_width(handles: Sequence[Artist], columns: int) -> int:
+    """Return how wide a legend of so many columns is, in characters, its handles included."""
+    widths = [len(str(handle.get_label())) + 6 for handle in handles]
+    rows = -(-len(widths) // columns)
+    return sum(max(widths[k : k + rows]) for k in range(0, len(widths), rows))
 
 
 def limits(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

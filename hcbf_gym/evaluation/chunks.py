@@ -40,7 +40,7 @@ from hcbf_gym.sources import PACKAGE, read_by_name, sources_hash
 
 SAID_EVERY = 15.0
 """Where no terminal shows the progress, it is printed [s]."""
-COMPUTING = ("numpy", "scipy", "numba", "mujoco", "gymnasium")
+COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")
 """Whose versions decide the bits of an episode."""
 ATTEMPTS = 5
 """How often a chunk runs whose worker dies, before it is given up."""

@@ -51,8 +51,9 @@ from hcbf_gym.evaluation.rollouts import (
     Case,
     aggregate,
     evaluate,
+    shown_program,
 )
-from hcbf_gym.evaluation.sentences import sentences
+from hcbf_gym.evaluation.sentences import sentences, unit_of
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
@@ -66,6 +67,8 @@ GOES_ON = "the same command goes on where this one stopped"
 OUTPUT = Path("results/evaluate")
 ROBOTS = {"HCBF-A1Regions-v0": "Unitree A1", "HCBF-Regions-v0": "reduced-order model"}
 """What walks in an environment whose robot is no argument."""
+FEW = 10
+"""Of fewer episodes the table gives no bound on entering: it would be near 1 anyway."""
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
 OWN_STEPS = 500
@@ -97,7 +100,7 @@ class Args:
     """pd, pd-ff (the reference's acceleration fed forward), a name of hcbf train's, or policies of
     your own: file.py:function, module:function, model.zip, policy.onnx, policy.pt, policy.npz."""
     program: tuple[str, ...] = (UNFILTERED, "lex-cbf-qp")
-    """none, or names from hcbf_gym.programs.names()."""
+    """none, which is no filter, or names from hcbf_gym.programs.names()."""
     guidance: Literal["geodesic", "local"] | None = None
     """Lead around the regions: to the goal, or where none is known."""
     gamma0: Amount | None = None
@@ -381,9 +384,10 @@ def _own_barriers(args: Args) -> Sequence[Barrier | Shapes]:
 
 def column_names(rows: list[dict[str, Any]]) -> list[str]:
     """Return what columns are called: policy and program, or the program where policies are one."""
+    programs = [shown_program(row["program"]) for row in rows]
     if len({row["policy"] for row in rows}) == 1:
-        return [row["program"] for row in rows]
-    return [f"{row['policy']}\n{row['program']}" for row in rows]
+        return programs
+    return [f"{row['policy']}\n{program}" for row, program in zip(rows, programs, strict=True)]
 
 
 def comparison(
@@ -398,32 +402,40 @@ def comparison(
     """
     cells: list[tuple[str, ...]] = []
     for k, (name, rank) in enumerate(conditions):
-        title = f"{name} (rank {rank}): min h [m]"
+        title = f"{name} (rank {rank}): min h [{unit_of(name)}]"
         cells.append((title, *(f"{row['min_h'][k]:+.3f}" for row in rows)))
         cells.append(("time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)))
+    track = rows[0].get("task") == "track"
     for title, key, form in (
         ("tracking error, RMS [m]", "tracking_rms", ".3f"),
         ("final error [m]", "final_error", ".3f"),
         ("‖u − u*‖, RMS [m/s²]", "intervention_rms", ".2f"),
-        ("return", "return", ".2f"),
+        ("return (rewards tracking alone)" if track else "return", "return", ".2f"),
         ("episodes that fell", "fell", ".0%"),
         ("episodes that reached the goal", "reached", ".0%"),
         ("time to the goal [s]", "seconds_to_goal", ".2f"),
         ("time standing though u* wants to move", "deadlock_share", ".0%"),
-        ("steps in a strict region", "outside_steps", "d"),
     ):
         if key in rows[0]:
             cells.append((title, *(_cell(row, key, form) for row in rows)))
     n = rows[0]["episodes"]
-    if n > 1:  # one episode bounds nothing
-        entered = (counted(row["entered"], n) for row in rows)
-        cells.append((f"episodes that entered a strict region ({BOUNDED})", *entered))
-    for status in ("VIOLATED", "UNSAFE", "BACKUP"):
-        counts = (str(row["status_counts"][status]) for row in rows)
-        cells.append((f"steps with status {status}", *counts))
+    if n > 1:
+        title = "episodes that entered a strict region"
+        bounded = n >= FEW
+        entered = [counted(row["entered"], n) if bounded else str(row["entered"]) for row in rows]
+        cells.append((f"{title} ({BOUNDED})" if bounded else title, *entered))
+    cells += [
+        (f"steps with status {status}", *(_counts(row, status) for row in rows))
+        for status in ("VIOLATED", "UNSAFE", "BACKUP")
+    ]
     policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode{'s' * (n > 1)} each"
     return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
+
+
+def _counts(row: Mapping[str, Any], status: str) -> str:
+    """Return in how many steps a filter had a status; a dash without a filter."""
+    return "–" if row["program"] == UNFILTERED else str(row["status_counts"][status])
 
 
 def _cell(row: Mapping[str, Any], key: str, form: str) -> str:

@@ -8,23 +8,31 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
 from hcbf_gym.drawing.scene_plot import (
+    NAMED_AT,
     draw_barriers,
     draw_scene,
     legend_below,
     limits,
+    name_regions,
+    outline,
     rank_patches,
     window,
 )
 from hcbf_gym.evaluation.recorded import Episode
+from hcbf_gym.evaluation.rollouts import UNFILTERED, shown_program
+from hcbf_gym.evaluation.sentences import unit_of
 from hcbf_gym.scenarios import Scenario
 
 _STYLES = ("-", "--", ":", "-.")
 _ARROW = {"arrowstyle": "->", "color": "k", "lw": 1.2}
+_LATER = 5.0  # [s] between the later outlines of regions that move
+_MOST = 3  # of these
 
 Shown = Mapping[tuple[str, str], Episode]
 """(policy, program) → an episode; either may be any label."""
@@ -49,6 +57,9 @@ def new_figure(width: float, height: float) -> Figure:
 def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
     """Return the paths in the scene, seen from above.
 
+    Regions that move are filled where they are at the start, and outlined where they are later; a
+    dot on each path is where the robot is then.
+
     Args:
         scenario: the scene that all episodes share.
         episodes: programs differ in colour, policies in style.
@@ -59,50 +70,93 @@ def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
     seen = [*limits(scenario), *(place for e in episodes.values() for place in e.position)]
     low, high = window(seen, ())
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    for (_, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
-        axes.plot(*episode.position.T, lw=1.8, zorder=4, **style)
-    _draw_motion(axes, scenario.barriers)
-    legend_below(figure, axes, rank_patches(scenario.conditions))
+    end = max(float(episode.time[-1]) for episode in episodes.values())
+    times = _draw_motion(axes, scenario.barriers, end)
+    for (key, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
+        unfiltered = key[1] == UNFILTERED  # wide and below, as it often follows the reference
+        width, above = (4.0, 3) if unfiltered else (1.8, 4)
+        axes.plot(*episode.position.T, lw=width, zorder=above, **style)
+        for t in times:
+            here = episode.position[np.abs(episode.time - t).argmin()]
+            axes.plot(*here, "o", color=style["color"], mec="k", mew=0.6, ms=5, zorder=8)
+    taken = np.concatenate([e.position for e in episodes.values()])
+    named = name_regions(axes, scenario.barriers, taken) and scenario.map is None
+    others = rank_patches(scenario.conditions, named)
+    if times:
+        said = ", ".join(f"{t:g}" for t in times)
+        dot = {"marker": "o", "color": "w", "mec": "k", "mew": 0.6, "ms": 5, "ls": ""}
+        others += [Line2D([], [], label=f"robot at t = {said} s", **dot)]
+    legend_below(figure, axes, others)
     axes.set_title(scenario.name, fontsize=10)
     return figure
 
 
-def _draw_motion(axes: Axes, barriers: Sequence[Barrier]) -> None:
-    """Draw by an arrow how far each region moves in 2 s; it is drawn where it is at the start."""
-    for barrier in barriers:
-        if not isinstance(barrier, Shape) or not barrier.frame_velocity.any():
-            continue
+def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[float]:
+    """Draw where regions move: an arrow for 2 s, and later outlines; return their times [s].
+
+    Args:
+        axes: where to draw.
+        barriers: that are drawn where they are at the start.
+        end: of the last episode [s].
+    """
+    times: set[float] = set()
+    shapes = [barrier for barrier in barriers if isinstance(barrier, Shape)]
+    moving = [shape for shape in shapes if shape.frame_velocity.any()]
+    for barrier in moving:
         drawn = barrier.outline()
         if isinstance(drawn, Wall):
             continue
         center = drawn.center if isinstance(drawn, Oval) else drawn.mean(axis=0)
         tip_x, tip_y = np.add(center, 2.0 * barrier.frame_velocity).tolist()
         axes.annotate("", (tip_x, tip_y), (float(center[0]), float(center[1])), arrowprops=_ARROW)
+        color = priority_color(barrier.priority)
+        for k in range(1, _MOST + 1):
+            t = k * _LATER
+            x, y = np.add(center, t * barrier.frame_velocity).tolist()
+            later = outline(barrier, t)
+            if later is None or t > end or not axes.viewLim.contains(x, y):
+                break
+            later.set(facecolor="none", edgecolor=color, lw=1.0, ls=":", zorder=2)
+            axes.add_patch(later)
+            if len(moving) == 1:
+                axes.annotate(f"t = {t:g} s", (x, y), **NAMED_AT)
+            times.add(t)
+    return sorted(times)
 
 
 def plot_series(episodes: Shown) -> Figure:
-    """Return h_k, the summed slack and the tracking error over time.
+    """Return h_k, the slack of each rank that had some, and the tracking error over time.
 
     Args:
         episodes: of one scene.
     """
     first = next(iter(episodes.values()))
-    rows = len(first.names) + 2
+    ranks = sorted({rank for episode in episodes.values() for rank in _relaxed(episode)})
+    rows = len(first.names) + len(ranks) + 1
     figure = new_figure(7.2, 1.5 * rows)
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     for (_, episode), style in zip(episodes.items(), _styles(episodes), strict=True):
         for k in range(len(first.names)):
             panels[k].plot(episode.time, episode.h[:, k], lw=1.3, **style)
-        panels[-2].plot(episode.time[1:], episode.slack.sum(axis=1), lw=1.3, **style)
+        for panel, rank in zip(panels[len(first.names) :], ranks, strict=False):
+            slack = episode.slack[:, episode.priority == rank].sum(axis=1)
+            panel.plot(episode.time[1:], slack, lw=1.3, **style)
         panels[-1].plot(episode.time, episode.tracking_error, lw=1.3, **style)
     for panel, name, rank in zip(panels, first.names, first.priority.tolist(), strict=False):
         panel.axhline(0.0, color=priority_color(rank), lw=0.8)
-        panel.set_ylabel(f"h of\n{name}", fontsize=8)
-    panels[-2].set_ylabel("slack of rows\n[m/s²]", fontsize=8)
+        panel.set_ylabel(f"h of {name}\n(rank {rank}) [{unit_of(name)}]", fontsize=8)
+    for panel, rank in zip(panels[len(first.names) :], ranks, strict=False):
+        panel.axhline(0.0, color=priority_color(rank), lw=0.8)
+        panel.set_ylabel(f"slack of\nrank {rank} [m/s²]", fontsize=8)
     panels[-1].set_ylabel("tracking error\n[m]", fontsize=8)
     panels[-1].set_xlabel("t [s]")
     legend_below(figure, panels[0])
     return figure
+
+
+def _relaxed(episode: Episode) -> list[int]:
+    """Return the ranks of which a row was violated."""
+    return np.unique(episode.priority[(episode.slack > 0.0).any(axis=0)]).tolist()
 
 
 def plot_episode(
@@ -195,7 +249,7 @@ def _styles(episodes: Shown) -> list[dict[str, Any]]:
         {
             "color": program_color(program, programs.index(program)),
             "ls": _STYLES[policies.index(policy) % len(_STYLES)],
-            "label": program if len(policies) == 1 else f"{policy}, {program}",
+            "label": ("" if len(policies) == 1 else f"{policy}, ") + shown_program(program),
         }
         for policy, program in episodes
     ]

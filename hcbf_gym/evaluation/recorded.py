@@ -52,6 +52,7 @@ class Episode:
         fell: whether the robot fell.
         reached: whether the goal was reached: for "track", within the scenario's goal radius at
             its own end; None where the environment says nothing of it.
+        task: of the scene, "track" or "reach"; None of an environment of your own.
     """
 
     time: Array
@@ -73,6 +74,7 @@ class Episode:
     priority: Integers
     fell: bool
     reached: bool | None
+    task: str | None = None
 
     @property
     def intervention(self) -> Array:
@@ -108,6 +110,7 @@ class Episode:
             "seconds": float(time[-1] - time[0]),
             "fell": self.fell,
             "reached": self.reached,
+            "task": self.task,
             "intervention_rms": float(np.sqrt(np.mean(self.intervention**2))),
             "status_counts": {
                 status.name: int((self.status == status).sum()) for status in FilterStatus
@@ -211,6 +214,7 @@ def rollout(
         priority=np.array([condition.rank for condition in looks[0].conditions], dtype=np.int64),
         fell=fell,
         reached=reached,
+        task=None if own else inner.scenario.task,
     )
 
 

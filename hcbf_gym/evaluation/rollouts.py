@@ -18,6 +18,7 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.programs import FilterStatus
 
 UNFILTERED = "none"
+"""What stands in a program's place where there is no filter."""
 
 SHOWN_OPTIONS: dict[str, dict[str, Any]] = {
     "r-cbf-qp": {"gamma0": 0.05},
@@ -127,6 +128,11 @@ class Case:
         return scene if isinstance(scene, str) else scenarios.make(scene).name
 
 
+def shown_program(program: str) -> str:
+    """Return a program as tables and figures name it."""
+    return f"{program} (no filter)" if program == UNFILTERED else program
+
+
 ENVIRONMENTS = ("HCBF-A1Regions-v0", "HCBF-Regions-v0", "HCBF-WalkerRegions-v0")
 
 
@@ -199,7 +205,9 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         }
         for key in MEANS:
             row[key] = mean([member[key] for member in members])
-        arrived = [member["seconds"] for member in members if member["reached"]]
+        row["task"] = members[0]["task"]
+        ends = row["task"] != "track"  # which lasts as long as its reference, wherever the robot is
+        arrived = [member["seconds"] for member in members if ends and member["reached"]]
         row["seconds_to_goal"] = mean(arrived)
         row["entered"] = sum(member["outside_steps"] > 0 for member in members)
         row["outside_steps"] = sum(member["outside_steps"] for member in members)

@@ -9,8 +9,16 @@ SPEED = "speed limit"
 """The condition that the environments add for a cap on the speed; its h is in m/s."""
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of the h of a condition, by the condition's name."""
+    return "m/s" if name == SPEED else "m"
+
+
 def sentences(row: Mapping[str, Any], conditions: Sequence[tuple[str, int]]) -> list[str]:
     """Return a sentence for each rank, the first rank first.
+
+    A rank is relaxed while a row of it is violated, and entered while its h is negative: the row
+    is violated before, where h falls too fast, and met again before the robot has left.
 
     Args:
         row: of a policy under a program, as `rollouts.aggregate` returns it.
@@ -22,19 +30,18 @@ def sentences(row: Mapping[str, Any], conditions: Sequence[tuple[str, int]]) -> 
         members = [k for k, (_, of) in enumerate(conditions) if of == rank]
         worst = min(members, key=lambda k: float(least[k]))
         name = conditions[worst][0]
-        unit = "m/s" if name == SPEED else "m"
-        seen = f"(least h {least[worst]:.2f} {unit}, {name})"
-        count = int(row["episodes"])
-        entered = round(count * max(float(row["share_entered"][k]) for k in members))
+        seen = f"(least h {least[worst]:.2f} {unit_of(name)}, {name})"
+        each = " an episode" if int(row["episodes"]) > 1 else ""
+        entered = max(float(row["share_entered"][k]) for k in members) > 0.0
+        inside = f"{row['violation_seconds'][worst]:.1f} s{each}"
         seconds = float(row["relaxed_seconds"].get(str(rank), 0.0))
-        each = " an episode" if count > 1 else ""
+        did = "exceeded" if name == SPEED else "entered"
         if rank == 1:
-            held = "held in all episodes" if entered == 0 else "was violated"
-            found.append(f"Rank 1 {held} {seen}.")
+            held = f"was violated for {inside}" if entered else "held in all episodes"
         elif seconds > 0.0:
-            found.append(f"Rank {rank} was relaxed for {seconds:.1f} s{each} {seen}.")
-        elif entered:
-            found.append(f"Rank {rank} was violated {seen}.")
+            relaxed = f"was relaxed for {seconds:.1f} s"
+            held = f"{relaxed} and {did} for {inside}" if entered else f"{relaxed}{each}, not {did}"
         else:
-            found.append(f"Rank {rank} held {seen}.")
+            held = f"was {did} for {inside}" if entered else "held"
+        found.append(f"Rank {rank} {held} {seen}.")
     return found

@@ -52,8 +52,7 @@ class Bound:
         compiled, known = self._filter, self._plants
         if compiled is None or known is None or program is not known[1]:
             self._forget()
-            count = len(samples.plants)
-            compiled = _core.Filter(constants, program, samples.words, count, self._threads)
+            compiled = _core.Filter(constants, program, samples.words, self._threads)
             if samples.is_apart:
                 compiled.set_states(*samples.states)
             self._filter, self._plants = compiled, (constants, program, samples.words)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.arrays import Array, Info, Mask, numbers_of
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
@@ -254,8 +254,7 @@ class FilterCore(Configured, ABC):
         sensed = self._samples.plants.copy()
         sensed["known"] = 0  # or the time of the same sample would not advance
         told, rows = (words.copy() for words in self._buffer.words)
-        words = sensed.view(np.float64)
-        asked = _core.Filter(self._words.copy(), self._program, words, self.count, 1)
+        asked = _core.Filter(self._words.copy(), self._program, numbers_of(sensed), 1)
         asked.set_scene(*scene, own)
         asked.set_report(told, rows)
         turns = self.plant.axle is not None

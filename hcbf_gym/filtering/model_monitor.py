@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.arrays import Array, Mask, Records, numbers_of
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filtering.belief import State
@@ -149,7 +149,7 @@ class ModelMonitor:
             believed: (N,) whether this sample is.
             alone: whether model and body are one.
         """
-        records, now = plants.view(np.float64), self._sample(states, terms, alone)
+        records, now = numbers_of(plants), self._sample(states, terms, alone)
         last, watched, arrival = self._last, self._watched, self._arrival
         arrival.chosen[:] = inputs
         if watched.period > 0.0:

@@ -72,7 +72,7 @@ class ReportBuffer:
         plants: (N,) `PLANT`.
         rows: (N, M) `ROW`; M is m, and one more with guidance.
         u_nominal: (N, n_u) of `plants`.
-        words: the numbers that `plants` and `rows` are made of.
+        words: (N, …) the numbers that `plants` and `rows` are made of.
     """
 
     def __init__(self, count: int | None, n_u: int = 2):
@@ -102,7 +102,10 @@ class ReportBuffer:
         self._numbers = memory
         self._codes = memory.view(np.int64)
         plants, rows = memory[:words], memory[words:]
-        self.words = plants, rows
+        self.words = (
+            plants.reshape(self._count, -1),
+            rows.reshape(self._count, self._total * ROW_WORDS),
+        )
         self.plants = plants.view(self._dtype)
         self.u_nominal: Array = self.plants["u_nominal"]
         self.rows: Records = rows.view(ROW).reshape(self._count, self._total)

@@ -9,6 +9,7 @@ from types import EllipsisType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hcbf_gym import arrays
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.filtering.belief import KNOWN_FAULTS, State, numbers_of
 from hcbf_gym.filtering.origin import Origin
@@ -31,7 +32,7 @@ class Samples:
 
     Attributes:
         plants: (N,) `plants.PLANT`.
-        words: the numbers that `plants` is made of.
+        words: (N, …) the numbers that `plants` is made of.
         states: of them.
         input: (N, n_u) that was applied last.
         time: (N,) of the states [s].
@@ -57,7 +58,7 @@ class Samples:
     def _name_parts(self, plants: Records, own: State | None) -> None:
         """Name parts of the records, which look into their memory, and of states of their own."""
         self.plants, self._own = plants, own
-        self.words = plants.view(np.float64)
+        self.words = arrays.numbers_of(plants)
         self.states = State(*(plants[name] for name in State._fields)) if own is None else own
         self.input: Array = plants["input"]
         self.time: Array = plants["time"]

@@ -20,7 +20,8 @@ class Robot:
         command: what it may be told.
         response: how it follows; None assumes a slow robot that sways, see
             `walker_response.assumed`.
-        reach: radius of the circle around its centre, or a cart's axle, that holds it [m].
+        reach: radius of the circle around its centre, or a cart's axle, that holds it [m]; with 0,
+            and no footprint, the robot is a point.
         footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
             no less than holds it.
         known_as: what certificates call it; "" for a robot of which there is none.

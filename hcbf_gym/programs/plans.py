@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from hcbf_gym.errors import InvalidInputError, check_options, choose, shown
+from hcbf_gym.errors import InvalidInputError, UnknownNameError, check_options, choose, shown
 
 STRICT = ("first", "all")
 LOWER = ("nothing", "relaxed", "drawn")
@@ -190,6 +190,11 @@ def plan_of(program: Named) -> Plan:
         if "strict" not in program:
             raise InvalidInputError(f"plan: got {dict(program)}, expected 'strict' among its keys")
         return Plan(**program)
+    if program == "none":
+        raise UnknownNameError(
+            f"unknown program: got 'none', expected one of {sorted(_PLANS)}; for no filter, leave "
+            "the environment without SafetyFilter"
+        )
     return choose("program", program, _PLANS)
 
 
