@@ -47,8 +47,8 @@ void bind_monitor(nb::module_& m) {
 }
 
 void bind_model_monitor(nb::module_& m) {
-  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed, const States& x,
-                             const Terms& g, const Arrival& arrival) {
+  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed,
+                             const States& x, const Terms& g, const Arrival& arrival) {
     return model_monitor::arrivals(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
                                    hcbf::view(x), hcbf::view(g), view(arrival));
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "x"_a, "g"_a, "arrival"_a.noconvert(),
@@ -65,7 +65,8 @@ void bind_model_monitor(nb::module_& m) {
 
 void bind_nearness(nb::module_& m) {
   using Scenes = std::pair<Numbers<const Index, 2>, Numbers<const double, 3>>;
-  m.def("nearness_find_beside", [](const Scenes& before, const Scenes& now, const Numbers<const double, 2>& earlier,
+  m.def("nearness_find_beside", [](const Scenes& before, const Scenes& now,
+                                   const Numbers<const double, 2>& earlier,
                                    const Numbers<const double, 1>& t, const Numbers<Index, 2>& found) {
     nearness::find_beside({hcbf::view(before.first), hcbf::view(before.second)},
                           {hcbf::view(now.first), hcbf::view(now.second)}, hcbf::view(earlier), hcbf::view(t),
