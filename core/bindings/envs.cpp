@@ -80,7 +80,8 @@ void bind_tally(nb::module_& m) {
     tally::look({view(kind)[0], view(parameters)[0], view(priority)[0]}, view_of(atlas), view(path),
                 view(times), x.data(), time, reference.data(), view_of(step), view(memory));
   }, "kind"_a, "parameters"_a, "priority"_a, "atlas"_a.none(), "path"_a, "times"_a, "x"_a, "time"_a,
-  "reference"_a, "step"_a, "memory"_a.noconvert(), "Look at barriers that are all built in, and write what a step came to.");
+  "reference"_a, "step"_a, "memory"_a.noconvert(),
+  "Look at barriers that are all built in, and write what a step came to.");
 }
 
 void bind_regions_batch(nb::module_& m) {
