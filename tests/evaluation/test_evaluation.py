@@ -56,7 +56,7 @@ def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
     assert re.search(relaxed, run.stdout)
     assert re.search(r"none \(no filter\): Rank 1 was violated for .* \(least h -", run.stdout)
     assert "[m/s]" in run.stdout  # the speed limit's unit
-    assert "≤" not in run.stdout  # of two episodes a bound says nothing
+    assert "≤" not in run.stdout  # two episodes give no bound
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["environment"], summary["robot"]) == (ROM, "reduced-order model")
     assert "robot" not in summary["settings"]
