@@ -267,6 +267,17 @@ void bind_filter(nb::module_& m) {
   m.def("is_edge", axle_step::is_edge, "kind"_a,
         "Return whether a condition is on the place, by a unit normal.");
   m.def(
+      "check_states",
+      [](const Words& sensed) {
+        const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+        Index worst = 0;
+        for (Index i = 0; i < plants.size; ++i)
+          worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+        return worst;
+      },
+      "sensed"_a.noconvert(),
+      "Check the states of planar double integrators, and return the highest reason.");
+  m.def(
       "face",
       [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
         const Records<plants::Plant> plants = records<plants::Plant>(sensed);

@@ -21,8 +21,8 @@ def alarmed(inputs, applied):
     plant["elapsed"] = PERIOD
     for u, really in zip(inputs, applied, strict=True):
         plant.time += PERIOD
-        words = numbers_of(records)
-        assert _core.monitor_watch(words, RADIUS, 3.0, exact=True, observed=True) == 0
+        assert _core.check_states(numbers_of(records)) == 0
+        _core.monitor_watch(numbers_of(records), RADIUS, 3.0, exact=True, observed=True)
         plant.input[:] = u
         plant.x[:2] += PERIOD * plant.x[2:] + 0.5 * PERIOD**2 * really
         plant.x[2:] += PERIOD * really
