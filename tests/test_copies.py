@@ -1,4 +1,4 @@
-"""What goes on in mid-episode elsewhere gives the same answers: copies, processes, threads."""
+"""In mid-episode, copies, other processes and threads continue identically."""
 
 import copy
 import multiprocessing
@@ -94,12 +94,7 @@ def local():
 
 def native():
     env = VectorSafetyFilter(
-        gym.make_vec(
-            "HCBF-Regions-v0",
-            num_envs=3,
-            scenario="random",
-            vectorization_mode="vector_entry_point",
-        )
+        gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
     )
     env.reset(seed=3)
     return Env(env, np.full((3, 2), 1.5, np.float32))
