@@ -27,7 +27,7 @@ SCENE = (
 class Env(NamedTuple):
     """An environment, stepped by one input."""
 
-    env: gym.Env
+    env: gym.Env | gym.vector.VectorEnv
     u: np.ndarray
 
     def go(self, steps):
@@ -93,9 +93,7 @@ def local():
 
 
 def native():
-    env = VectorSafetyFilter(
-        gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
-    )
+    env = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random"))
     env.reset(seed=3)
     return Env(env, np.full((3, 2), 1.5, np.float32))
 
