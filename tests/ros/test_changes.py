@@ -15,7 +15,7 @@ from hcbf_gym.ros import messages, parameters
 from hcbf_gym.ros.decisions import Level
 from hcbf_gym.ros.sources import Beams, grid_of
 from hcbf_gym.ros.watches import Now
-from tests.ros.test_core import ZONE, show
+from tests.ros.test_node_core import ZONE, show
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
 
