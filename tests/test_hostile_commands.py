@@ -37,7 +37,7 @@ WORK = {
     "reproduce": [("studies.reproduction.command", "reproduce")],
     "tune": [("studies.tuning.command", "TuningStudy")],
     "train": [("studies.training.train", "make_model")],
-    "play": [("play.command", "compile_all")],
+    "play": [("play.command", "Page")],
     "ros-sim": [("ros.sim_node", "spin")],
 }
 """Where a command's work begins."""

@@ -286,7 +286,7 @@ class _Walk:
     def _opaque(self, thing: Any) -> None:
         """Hash an object of C as it is pickled, and one that is compiled by its function."""
         inner = getattr(thing, "py_func", getattr(thing, "__wrapped__", None))
-        if callable(inner):  # of Numba, of JAX, of functools
+        if callable(inner):  # of JAX, of functools
             self._parts("compiled", type(thing), inner, getattr(thing, "targetoptions", None))
             return
         registered = copyreg.dispatch_table.get(type(thing))

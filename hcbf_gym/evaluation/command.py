@@ -11,13 +11,11 @@ The same command goes on where it was interrupted.
 """
 
 import itertools
-import logging
 import shutil
 import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import wait
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -57,7 +55,7 @@ from hcbf_gym.evaluation.sentences import sentences, unit_of
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
-from hcbf_gym.evaluation.workers import Backend, open_pool
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.programs.general.qp import check_solver
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.sources import sources_hash
@@ -161,38 +159,11 @@ def main(args: Args) -> None:
 
 
 def _try(args: Args, cases: Sequence[Case]) -> None:
-    """Let bad names, options and policies fail, and compile what every worker will need.
-
-    A worker compiles the environment's part meanwhile, and this process the filters'.
-    """
-    compiles = args.workers != 1 and not args.own  # whose errors are told with their episode
-    pool = open_pool("processes", None if compiles else 1)
-    try:
-        beside = None
-        if pool.workers > 1:
-            alone = replace(cases[0], policy="pd", program=UNFILTERED, options=None, steps=1)
-            beside = pool.submit(_walk_in_silence, alone, args.seed)
-        for case in cases:
-            env = case.make(seed=args.seed)
-            action = policies.try_out(case.policy, env, args.seed)
-            if case is cases[-1] and beside is not None:
-                wait([beside])
-                pool.died(beside)  # whatever it raised, the next line raises
-            if case is cases[-1] and compiles:
-                env.step(action)
-            env.close()
-    finally:
-        pool.close()
-
-
-def _walk_in_silence(case: Case, seed: int) -> None:
-    """Run an episode in a worker, whose count of kernels nobody needs beside the caller's."""
-    logger = logging.getLogger("hcbf_gym")
-    logger.disabled = True
-    try:
-        case.run(seed)
-    finally:
-        logger.disabled = False
+    """Let bad names, options and policies fail before work begins."""
+    for case in cases:
+        env = case.make(seed=args.seed)
+        policies.try_out(case.policy, env, args.seed)
+        env.close()
 
 
 def _run(args: Args, cases: Sequence[Case]) -> None:

@@ -129,11 +129,3 @@ class Odometry:
             return None
         deviation = self._missed_by / max(confidence, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])
-
-    def compile(self) -> None:
-        """Call what is compiled once, and forget it."""
-        place, motion = np.zeros(3), np.zeros(3)
-        self.tell(self.told, 0.0)
-        self.watch(Sample(0.0, place, motion))
-        self._response.carry(place, motion, 0.0, 0.1)
-        self.forget()

@@ -1,9 +1,7 @@
 """The filter for a loop of the user's own: a robot that takes velocities, without Gymnasium."""
 
-import contextlib
 import math
 import operator
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -98,7 +96,6 @@ class VelocityFilter:
 
     One thread at a time may call a filter: where odometry and commands come in threads of their
     own, keep the newest odometry and call `step` in the thread of the commands, or under a lock.
-    The constructor compiles what steps need.
 
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
@@ -204,7 +201,6 @@ class VelocityFilter:
         self._core.check_scene(BarrierSet([self._listed(barriers)]))
         self.goal = goal
         self.reset()
-        self._compile()
 
     @property
     def barriers(self) -> Any:
@@ -355,19 +351,6 @@ class VelocityFilter:
         core.leave_monitor()
         core.follow_maps(self._looks)
         return core
-
-    def _compile(self) -> None:
-        """Let a filter that nobody sees make two steps, far from everything."""
-        core = self._core_of(self._settings)
-        core.restart(np.ones(1, dtype=np.bool_))
-        x, still = np.zeros(4), np.zeros(2)
-        with warnings.catch_warnings(), contextlib.suppress(InvalidInputError):
-            warnings.simplefilter("ignore")
-            core.begin(self._scene(), Estimate(x, 0.0, None, x, x, 0.0), self._goal, None)
-            for covariance in (None, np.zeros((4, 4))):
-                seen = Estimate(x, self._period, covariance, x, x, 0.0, elapsed=self._period)
-                core.step(still, self._scene(), seen)
-        self._odometry.compile()
 
     def reset(self) -> None:
         """Forget the past: the robot stands anywhere, and time begins anew."""

@@ -79,7 +79,6 @@ def main(args: Args) -> None:
     if settings.policy != HUMAN:
         policies.try_out(settings.policy, session.environment)
         session.restart()
-    compile_all(session)
     page = Page(session, args.port)
     stop = threading.Event()
     simulation = threading.Thread(target=session.run, args=(stop,), daemon=True)
@@ -106,13 +105,3 @@ def scene(args: Args) -> str | dict[str, object]:
         InvalidInputError: if there are masks and no map.
     """
     return scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
-
-
-def compile_all(session: Session) -> None:
-    """Compile what is not in the cache yet, before anybody watches: the robot would stand still.
-
-    Args:
-        session: takes its first step.
-    """
-    session.tick()
-    Session(Settings(model="reduced", guidance=True), IN_CONFLICT).tick()

@@ -34,7 +34,7 @@ ZERO = 1e-9
 
 
 class NodeCore:
-    """Decides what the robot is told. All compiled code is compiled when the constructor returns.
+    """Decides what the robot is told.
 
     `of_scan`, `of_grid`, `planned` and what else prepares may run in another thread than the rest;
     what they return is handed over by `hear_source` and `take`.

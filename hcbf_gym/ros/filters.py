@@ -1,20 +1,15 @@
-"""The velocity filter that parameters ask for, with all compiled that it will need."""
+"""The velocity filter that parameters describe."""
 
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.online import Command, Response, Robot, VelocityFilter
 from hcbf_gym.online.robot import known_of
-from hcbf_gym.ros import sources
 from hcbf_gym.ros.parameter import naming
-from hcbf_gym.ros.parameters import GRIDS, Settings
-from hcbf_gym.ros.sources import Beams
+from hcbf_gym.ros.parameters import Settings
 
 HELD = 1.3
 """Periods of the node for which the filter's rows hold: timers and messages jitter."""
@@ -65,36 +60,6 @@ def made(robot: Robot, settings: Settings, scene: Any, goal: ArrayLike | None) -
     return found
 
 
-def warmed(settings: Settings) -> VelocityFilter:
-    """Return a filter with all compiled that its sources will need."""
-    cells = np.zeros((40, 40), dtype=np.int16)
-    cells[0] = 40
-    again = cells.copy()
-    cells[0, 0] = again[5, 5] = 100
-    grid = sources.grid_of(0.1, (-2.0, -2.0, 0.0), 40, 40)
-    scene: list[Any] = []
-    for one in settings.sources:
-        if one.type in GRIDS:
-            before = sources.of_grid(one, Raster(grid, cells), 100.0)
-            shown = sources.of_grid(one, Raster(grid, again), 100.0, before)
-        elif one.type == "scan":
-            beams = Beams([1.5, math.inf], 0.0, 0.1, 0.0, 10.0)
-            shown = sources.of_scan(one, beams, (0.0, 0.0, 0.0), 1.0)
-        elif one.type == "circle":
-            shown = sources.of_circle(one, (1.5, 1.5), 0.1)
-        else:
-            shown = sources.of_polygon(one, [[1.4, 1.4], [1.6, 1.4], [1.5, 1.6]])
-        sources.inside(shown, np.zeros(4), 0.0)
-        scene += shown
-    robot = robot_of(settings)
-    plain = made(robot, settings, scene, None)
-    if settings.guidance:
-        guided = made(robot, settings, scene, (0.5, 0.0))
-        guided.step(guided.command_at(0.0), np.zeros(3), np.zeros(3), 0.0)
-    plain.barriers = []
-    return plain
-
-
 class Led:
     """The filter at hand, and the goal to which it leads.
 
@@ -109,7 +74,12 @@ class Led:
     """
 
     def __init__(self, settings: Settings):
-        self.filter = self._plain = warmed(settings)
+        robot = robot_of(settings)
+        self.filter = self._plain = made(robot, settings, [], None)
+        if settings.guidance:
+            made(
+                robot, settings, [], (0.5, 0.0)
+            )  # what is wrong with it is found before a goal comes
         self._lost: Array | None = None  # the goal of a field that is no more
         self._asks = False  # whether it has to be computed again
 

@@ -125,7 +125,7 @@ class FilterNode(LifecycleNode):
     # -- lifecycle --------------------------------------------------------------------------------
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
-        """Read the parameters and compile; a value or a file that does not fit is FAILURE."""
+        """Read the parameters; a value or a file that does not fit is FAILURE."""
         shown = _Shown(self.get_logger())
         self._undo.append((_MAPS.removeHandler, shown))
         _MAPS.setLevel(logging.INFO)
@@ -143,7 +143,7 @@ class FilterNode(LifecycleNode):
             self._clean()
             return REFUSED
         gc.collect()
-        gc.freeze()  # compiled code's objects stay: no collection shall look at them all again
+        gc.freeze()  # what was imported stays: no collection shall look at it all again
         return super().on_configure(state)
 
     def _connect(self, core: NodeCore, settings: Settings) -> None:

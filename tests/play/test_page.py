@@ -145,17 +145,3 @@ def test_the_stick_goes_back_when_the_browser_that_steers_leaves(session):
             session.tick()
         assert (abs(moving) > 0.0).any()
         assert session.latest.velocity == pytest.approx([0.0, 0.0], abs=0.02)
-
-
-def test_what_a_page_can_ask_for_is_compiled_before_it_opens(session, monkeypatch):
-    steps = []
-    monkeypatch.setattr(
-        Session, "tick", lambda self, tick=Session.tick: steps.append(self) or tick(self)
-    )
-    command.compile_all(session)
-    said = steps[-1].latest
-    assert steps[0] is session
-    assert said.settings.guidance
-    assert said.status == "RELAXED"
-    assert "strict" in said.conflict
-    assert "soft" in said.conflict
