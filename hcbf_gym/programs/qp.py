@@ -1,9 +1,8 @@
-"""The only door to a solver: every stage of every program is a projection on a polyhedron.
+"""QP solvers by name, in the place of the core: every stage is a projection on a polyhedron.
 
 After scaling, all read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norm near 1.
-DAQP answers by default, Clarabel is the second opinion, and any solver that qpsolvers knows can
-take DAQP's place. No solver is believed: its status is read and its point is checked. Each is
-imported when it is first asked: with two inputs none is.
+DAQP, Clarabel and any solver that qpsolvers finds can answer. A solver's status is read and its
+point is checked. Each is imported when it is first called: without a name none is.
 """
 
 import functools
@@ -19,14 +18,14 @@ from numpy.typing import NDArray
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SolverError, choose
-from hcbf_gym.programs.general import rational
-from hcbf_gym.programs.tolerances import PRIMAL
+
+PRIMAL = 1e-7
+"""The distance by which a solver's point may miss a row, relative to 1 + max|x|, before it is not
+accepted."""
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
 # of 1e5 leave no digits for its usual tolerance.
 LOOSE_DAQP = "daqp, loosely"
-# The last resort: slacks of millions leave no solver the digits that tell it from infeasible.
-RATIONAL = "rational arithmetic"
 
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -116,7 +115,6 @@ def _backend(name: str) -> Backend:
         "daqp": _daqp,
         LOOSE_DAQP: functools.partial(_daqp, tolerance=1e-7),
         "clarabel": _clarabel,
-        RATIONAL: _in_rationals,
     }
     return direct.get(name) or functools.partial(_through_qpsolvers, name)
 
@@ -166,12 +164,6 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
 
 
-def _in_rationals(problem: QpProblem) -> tuple[Array | None, QpStatus]:
-    centre, a, lower = (rational.to_rational(part) for part in problem)
-    x = rational.project(centre, rational.to_rational(np.ones(len(centre))), a, lower)
-    return rational.to_doubles(x), QpStatus.OPTIMAL
-
-
 def _qpsolvers() -> Any:
     """Return the module, imported at need: it imports all that it finds, JAX and others for 1 s."""
     return importlib.import_module("qpsolvers")
@@ -213,13 +205,12 @@ class Solver:
         """Return the minimiser (n,) of a problem that has one by construction.
 
         Raises:
-            SolverError: if neither solver finds it, nor rational arithmetic.
+            SolverError: if neither solver finds it.
         """
         x = solve(problem, self.name).x
         if x is None and self.name == "daqp":
             x = solve(problem, LOOSE_DAQP).x
         x = self._second_opinion(problem) if x is None else x
-        x = solve(problem, RATIONAL).x if x is None else x
         if x is None:
             raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
         return x
