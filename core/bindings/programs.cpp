@@ -175,9 +175,6 @@ void bind_general(nb::module_& m) {
 }
 
 void bind_rows(nb::module_& m) {
-  m.attr("TOLERANCE_NOMINAL") = tolerances::NOMINAL;
-  m.attr("TOLERANCE_ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
-  m.attr("TOLERANCE_MET") = tolerances::MET;
   m.def("well_formed", [](const Numbers2& a, const Numbers1& b, const Numbers1& h, const Integers& priority) {
     return cbf_rows::well_formed({view(a), view(b), view(h), view(priority), {}});
   }, "a"_a, "b"_a, "h"_a, "priority"_a,

@@ -5,8 +5,8 @@ from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError, SolverError, UnknownNameError
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus
-from hcbf_gym.programs.general import qp
-from hcbf_gym.programs.general.qp import QpProblem, QpStatus
+from hcbf_gym.programs import qp
+from hcbf_gym.programs.qp import QpProblem, QpStatus
 
 NAMES = programs.names()
 BOX = Box.symmetric(5.0)

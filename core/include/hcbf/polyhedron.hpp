@@ -138,19 +138,6 @@ class Inputs {
   }
 
  private:
-  // A unit row whose part along the free directions is smaller does not bind them.
-  static constexpr double DEPENDENT = 1e-9;
-  // Rows of one stage that differ more in steepness, or are farther from what they pay for, relative to the
-  // steepest, take twice a double's digits.
-  static constexpr double GRADED = 1e3, FAR = 1e3;
-  // How much dearer than a distance a violation is in a proximal problem: for a solver by name, in
-  // doubles, and with twice the digits.
-  static constexpr double PULL_BY_NAME = 1e4, PULL = 1e8, PULL_WIDE = 1e22;
-  // Proximal points that move by less, relative to 1 + max|u|, have converged.
-  static constexpr double SETTLED = 1e-11;
-  // The distance by which a point may miss a row, relative to 1 + max|x|, before it is not accepted.
-  static constexpr double PRIMAL = 1e-7;
-
   Index n_;
   double radius_, lambda_u_;
   Doubles u_nominal_;
@@ -209,7 +196,7 @@ class Inputs {
     };
     for (Index k = 0; k < static_cast<Index>(set.b.size()); ++k) {
       const Number bound = reduce(set, row_of(set, k), set.b[k], Number(1.0), row.data());
-      add(bound, DEPENDENT);
+      add(bound, tolerances::DEPENDENT);
     }
     for (Index k = 0; k < count; ++k)
       for (Index side = 0; side < sides; ++side) {
@@ -250,7 +237,7 @@ class Inputs {
     }
     const Outcome outcome = narrow_.solve(nonempty);
     if (outcome == Outcome::EMPTY) return false;
-    if (outcome == Outcome::FOUND && narrow_.misses_little(PRIMAL)) {
+    if (outcome == Outcome::FOUND && narrow_.misses_little(tolerances::PRIMAL)) {
       u = input(set, narrow_.x);
       return true;
     }
@@ -322,7 +309,7 @@ class Inputs {
         slope += along * along;
       }
       slope = std::sqrt(slope);
-      if (!(slope > std::max(DEPENDENT * paid.norm, tolerances::ZERO_GRADIENT))) continue;
+      if (!(slope > std::max(tolerances::DEPENDENT * paid.norm, tolerances::ZERO_GRADIENT))) continue;
       if (cost == Cost::ONE_SIDED && !(paid.target - paid.least > -paid.norm * radius_)) continue;  // never paid
       const double root = std::sqrt(paid.weight);
       steepest = std::max(steepest, root * slope), flattest = std::min(flattest, root * slope);
@@ -331,15 +318,16 @@ class Inputs {
     }
     Doubles u = nearest(set);
     if (!paid_.empty()) {
-      const bool doubles = steepest <= GRADED * flattest && farthest <= FAR * steepest;
+      const bool doubles = steepest <= tolerances::GRADED_FOR_SOLVERS * flattest &&
+                           farthest <= tolerances::GRADED_FOR_SOLVERS * steepest;
       const double unit = 1.0 / (steepest * steepest);
       Doubles found = u;
       if (!doubles || !settle(found, [&](const Doubles& from, Doubles& to) {
-            project(set, from, cost, unit * (solver_ ? PULL_BY_NAME : PULL), true, to);
+            project(set, from, cost, unit * (solver_ ? tolerances::PULL_BY_NAME : tolerances::PULL), true, to);
           })) {
         found = u;
         settle(found, [&](const Doubles& from, Doubles& to) {
-          project_widely(set, from, cost, unit * PULL_WIDE, true, to);
+          project_widely(set, from, cost, unit * tolerances::PULL_WIDE, true, to);
         });
       }
       u = found;
@@ -357,7 +345,7 @@ class Inputs {
       double moved = 0.0, largest = 0.0;
       for (std::size_t i = 0; i < u.size(); ++i)
         moved = std::max(moved, std::abs(u[i] - previous[i])), largest = std::max(largest, std::abs(u[i]));
-      if (moved <= SETTLED * (1.0 + largest)) return true;
+      if (moved <= tolerances::SETTLED * (1.0 + largest)) return true;
     }
     return false;
   }
@@ -394,14 +382,14 @@ class Inputs {
       const double norm = std::sqrt(dot(a, {a.begin(), a.end()}));
       const Doubles z = coordinates(set, {a.begin(), a.end()});
       const double length = std::sqrt(dot({z.data(), set.free}, z));
-      if (!(length > DEPENDENT * norm)) continue;
+      if (!(length > tolerances::DEPENDENT * norm)) continue;
       Doubles part(n_, 0.0);
       for (Index j = 0; j < set.free; ++j)
         for (Index i = 0; i < n_; ++i) part[i] += z[j] / length * direction(set, j)[i];
       within.push_back(part);
     }
     while (set.free > 0) {  // the row that is pinned next is the one with most freedom left
-      double most = DEPENDENT;
+      double most = tolerances::DEPENDENT;
       Doubles longest;
       for (const Doubles& part : within) {
         Doubles z = coordinates(set, part);

@@ -10,6 +10,7 @@
 
 #include <hcbf/arrays.hpp>
 #include <hcbf/double_double.hpp>
+#include <hcbf/tolerances.hpp>
 
 namespace hcbf::projection {
 
@@ -27,10 +28,6 @@ template <>
 struct Rounding<Double2> {
   static constexpr double VALUE = 1e-28, SPANNED = 1e-24;
 };
-
-// A row that misses its bound by more, relative to 1 + max|x|, beside rows that leave it no way is the
-// proof that there is no point.
-constexpr double MISSED = 1e-9;
 
 // Returns whether x (n,) misses no row by more than tolerance (1 + max|x|); NaN fails.
 inline bool meets(Matrix<const double> a, Vector<const double> lower, Vector<const double> x, double tolerance) {
@@ -122,7 +119,7 @@ class Projection {
       }
       polished = false;
       if (add(p)) continue;
-      if (!nonempty && most > Number(MISSED * scale())) {
+      if (!nonempty && most > Number(tolerances::MISSED * scale())) {
         outcome = Outcome::EMPTY;
         return true;
       }
