@@ -1,5 +1,8 @@
 #include <array>
+#include <optional>
 #include <vector>
+
+#include <nanobind/stl/optional.h>
 
 #include <hcbf/cascade.hpp>
 #include <hcbf/general_cascade.hpp>
@@ -97,10 +100,10 @@ void bind_planar(nb::module_& m) {
   "Return the point of a polygon that minimises |a u - t|²; of several, the nearest to u*.");
 }
 
-// A solver of Python's: `solve(centre, a, lower, nonempty)` returns the point, or None.
+// A solver of Python's: `project(centre, a, lower, nonempty)` returns the point, or None.
 polyhedron::Solver solver_of(nb::object solve) {
   if (solve.is_none()) return {};
-  return [solve](const projection::Projection<double>& problem, bool nonempty, std::vector<double>& x) {
+  return [solve = std::move(solve)](const projection::Projection<double>& problem, bool nonempty, std::vector<double>& x) {
     const std::size_t n = problem.centre.size(), count = problem.b.size();
     const nb::object found = solve(array_of<1>(problem.centre, {n}), array_of<2>(problem.a, {count, n}),
                                    array_of<1>(problem.b, {count}), nonempty);
@@ -127,24 +130,23 @@ class GeneralProgram {
   GeneralProgram(const GeneralProgram&) = delete;
 
   // Filters one state into `answer`, u, slack, delta and status one after the other; returns how many
-  // problems took more than doubles or the solver. `project` takes what rounding leaves outside U into it.
+  // projections took twice a double's digits. `project` takes what rounding leaves outside U into it.
   Index filter(const Numbers1& u_nominal, const Numbers2& a, const Numbers1& b, const Numbers1& h,
                const Integers& priority, const Numbers1& alpha2_psi, nb::object solver, nb::object project,
                const Numbers<double, 1>& answer) const {
-    const cbf_rows::StateRows rows{view(a), view(b), view(h), view(priority), view(alpha2_psi)};
-    const Index n = u_nominal.size(), m = b.size();
-    const Vector<const double> desired = view(u_nominal);
-    const auto decision = general_cascade::decide(program_, desired, rows, solver_of(std::move(solver)));
-    std::vector<double> u(desired.begin(), desired.end());
-    if (!decision.u.empty()) {
-      const std::size_t size = n;
-      const auto inside = nb::cast<Numbers1>(project(array_of<1>(decision.u, {size})));
-      u.assign(inside.data(), inside.data() + n);
-    }
-    double *slack = answer.data() + n, *delta = slack + m;
+    const Index m = b.size();
+    std::vector<double> u(u_nominal.data(), u_nominal.data() + u_nominal.size());
+    double *slack = answer.data() + u.size(), *delta = slack + m;
+    const auto inside = [&](std::vector<double>& point) {
+      const auto found = nb::cast<Numbers1>(project(array_of<1>(point, {point.size()})));
+      point.assign(found.data(), found.data() + found.size());
+    };
+    const auto [status, fallbacks] = general_cascade::filter_state(
+        program_, {view(a), view(b), view(h), view(priority), view(alpha2_psi)}, solver_of(std::move(solver)),
+        inside, u, {slack, m}, {delta, m});
     std::copy(u.begin(), u.end(), answer.data());
-    delta[m] = general_cascade::account(program_, desired, rows, decision, u, {slack, m}, {delta, m});
-    return decision.fallbacks;
+    delta[m] = status;
+    return fallbacks;
   }
 
  private:
@@ -161,20 +163,15 @@ void bind_general(nb::module_& m) {
       .def("filter", &GeneralProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a,
            "alpha2_psi"_a, "solver"_a.none(), "project"_a, "answer"_a.noconvert(),
            "Write u, slack, delta and the status of a state; return how many problems were hard.");
-  m.def("can_meet", [](const Numbers2& a, const Numbers1& b, const Numbers2& set_a, const Numbers1& set_b,
-                       double radius) {
-    const std::vector<double> nothing(view(a).columns, 0.0);
-    polyhedron::Inputs inputs(view(set_a), view(set_b), radius, {nothing.data(), view(a).columns}, 0.0, {});
-    return inputs.can_meet(view(a), view(b));
-  }, "a"_a, "b"_a, "set_a"_a, "set_b"_a, "radius"_a,
-  "Return whether an input with set_a u >= set_b meets a u >= b.");
-  m.def("meets", [](const Numbers2& a, const Numbers1& lower, const Numbers1& x, double tolerance) {
-    return projection::meets(view(a), view(lower), view(x), tolerance);
-  }, "a"_a, "lower"_a, "x"_a, "tolerance"_a,
-  "Return whether x misses no row by more than tolerance (1 + max|x|); NaN fails.");
+  m.def("nearest_point", [](const Numbers2& a, const Numbers1& b, const Numbers1& centre) {
+    std::vector<double> x(centre.data(), centre.data() + centre.size());
+    const bool found = projection::nearest_point(view(a), view(b), x);
+    return found ? std::optional(array_of<1>(x, {x.size()})) : std::nullopt;
+  }, "a"_a, "b"_a, "centre"_a, "Return the x with a x >= b that is nearest to a centre; None if there is none.");
 }
 
 void bind_rows(nb::module_& m) {
+  m.attr("ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
   m.def("well_formed", [](const Numbers2& a, const Numbers1& b, const Numbers1& h, const Integers& priority) {
     return cbf_rows::well_formed({view(a), view(b), view(h), view(priority), {}});
   }, "a"_a, "b"_a, "h"_a, "priority"_a,

@@ -66,7 +66,7 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
         slack: (m,) what a program violates them by.
         limits: U, by its n_u, radius and halfspaces().
     """
-    admissible = (*limits.halfspaces(), limits.radius)
+    admissible = limits.halfspaces()
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None
@@ -74,7 +74,7 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
         rest = kept[kept != row]
         if not _feasible(rows, rest, admissible):
             kept = rest
-    unbounded = (admissible[0][:0], admissible[1][:0], limits.radius)
+    unbounded = (admissible[0][:0], admissible[1][:0])
     paid = {
         int(priority): float(slack[rows.priority == priority].max())
         for priority in np.unique(rows.priority[slack > 0.0])
@@ -84,9 +84,13 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
     )
 
 
-def _feasible(rows: CbfRows, kept: Integers, limits: tuple[Array, Array, float]) -> bool:
-    a, b = (np.ascontiguousarray(part[kept], np.float64) for part in (rows.a, rows.b))
-    return _core.can_meet(a, b, *limits)
+def _feasible(rows: CbfRows, kept: Integers, limits: tuple[Array, Array]) -> bool:
+    a, b = rows.a[kept], rows.b[kept]
+    constant = np.einsum("ij,ij->i", a, a) <= _core.ZERO_GRADIENT**2
+    if (b[constant] > 0.0).any():
+        return False
+    a, b = np.concatenate((limits[0], a)), np.concatenate((limits[1], b))
+    return _core.nearest_point(a, b, np.zeros(a.shape[1])) is not None
 
 
 def equivalent_offset(alpha2: ClassK, psi: float, delta: float) -> float:

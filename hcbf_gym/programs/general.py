@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError, finite_array, floats
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.plans import LOCK, LOWER, Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_rows
-from hcbf_gym.programs.qp import QpProblem, Solver, check_solver
+from hcbf_gym.programs.qp import Solver, check_solver
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
 
@@ -71,14 +70,16 @@ class GeneralProgram(Program):
         try:
             hard = self._core.filter(
                 np.ascontiguousarray(desired),
-                *(np.ascontiguousarray(part, np.float64) for part in (rows.a, rows.b, rows.h)),
+                np.ascontiguousarray(rows.a, np.float64),
+                np.ascontiguousarray(rows.b, np.float64),
+                np.ascontiguousarray(rows.h, np.float64),
                 np.ascontiguousarray(rows.priority, np.int64),
                 np.ascontiguousarray(rows.alpha2_psi, np.float64),
-                None if solver is None else functools.partial(_project, solver),
+                None if solver is None else solver.project,
                 self.input_set.project,
                 answer,
             )
-            solved = bool(np.isfinite(answer).all())
+            solved = bool(np.isfinite(answer).all())  # squares beyond 1e300 leave no numbers
         except SolverError:
             hard, solved = 0, False
         fallbacks = hard + (0 if solver is None else solver.fallbacks)
@@ -88,10 +89,3 @@ class GeneralProgram(Program):
             return FilterResult(braking, slack, slack.copy(), FilterStatus.BACKUP, fallbacks)
         u, slack, delta = np.split(answer[:-1], (n_u, n_u + m))
         return FilterResult(u, slack, delta, FilterStatus(int(answer[-1])), fallbacks)
-
-
-def _project(
-    solver: Solver, centre: Array, a: Array, lower: Array, nonempty: bool
-) -> Array | None:
-    problem = QpProblem(centre, a, lower)
-    return solver.must(problem) if nonempty else solver.attempt(problem)

@@ -1,8 +1,8 @@
-"""QP solvers by name, in the place of the core: every stage is a projection on a polyhedron.
+"""QP solvers by name, as second opinions: each answers the core's projections on polyhedra.
 
-After scaling, all read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norm near 1.
-DAQP, Clarabel and any solver that qpsolvers finds can answer. A solver's status is read and its
-point is checked. Each is imported when it is first called: without a name none is.
+All read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norms from 1/2 to 1. A solver's
+status is read and its point is checked. Each is imported when it is first called: without a name
+none is.
 """
 
 import functools
@@ -13,19 +13,19 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SolverError, choose
 
 PRIMAL = 1e-7
-"""The distance by which a solver's point may miss a row, relative to 1 + max|x|, before it is not
-accepted."""
+"""The distance by which a solver's point may miss a row, relative to 1 + max|x|."""
 
 # DAQP once more, where it denies that a problem has a solution which it has by construction: slacks
 # of 1e5 leave no digits for its usual tolerance.
 LOOSE_DAQP = "daqp, loosely"
+# The last resort: slacks of millions leave no solver the digits that tell it from infeasible.
+CORE = "the core"
 
 # Where a solver's own default is too loose to pass that check.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -37,13 +37,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 
 class QpProblem(NamedTuple):
-    """``minimise ½‖x − centre‖²  subject to  a x ≥ lower``.
-
-    Attributes:
-        centre: (n,) the point to stay near.
-        a: (k, n) rows, of norms from 1/2 to 1.
-        lower: (k,) lower bounds.
-    """
+    """``minimise ½‖x − centre‖²  subject to  a x ≥ lower``: (n,), (k, n) and (k,)."""
 
     centre: Array
     a: Array
@@ -58,21 +52,8 @@ class QpStatus(Enum):
     FAILED = "failed"
 
 
-class QpSolution(NamedTuple):
-    """The outcome of one attempt.
-
-    Attributes:
-        x: (n,) the minimiser; only for status OPTIMAL, else None.
-        status: the outcome.
-        solver: who answered.
-    """
-
-    x: Array | None
-    status: QpStatus
-    solver: str
-
-
-Backend = Callable[[QpProblem], tuple[Array | None, QpStatus]]
+Answer = tuple[Array | None, QpStatus]
+"""The minimiser (n,), None unless the status is OPTIMAL; and the status."""
 
 
 def solver_names() -> list[str]:
@@ -91,58 +72,47 @@ def check_solver(name: str) -> str:
     return choose("solver", name, {known: known for known in solver_names()})
 
 
-def solve(problem: QpProblem, solver: str = "daqp") -> QpSolution:
-    """Solve one problem with one solver, and check what it returns.
-
-    Args:
-        problem: the projection to compute.
-        solver: one of :func:`solver_names`.
-
-    Returns:
-        The solution. A point that misses a row by more than `PRIMAL` has status FAILED.
-    """
+def solve(problem: QpProblem, solver: str) -> Answer:
+    """Solve one problem with one of :func:`solver_names`; a point that misses a row is FAILED."""
     x, status = _backend(solver)(problem)
     if x is None or status is not QpStatus.OPTIMAL:
-        return QpSolution(None, status, solver)
-    if not _core.meets(problem.a, problem.lower, x, PRIMAL):
-        return QpSolution(None, QpStatus.FAILED, solver)
-    return QpSolution(x, status, solver)
+        return None, status
+    missed = (problem.lower - problem.a @ x).max(initial=0.0)
+    if not missed <= PRIMAL * (1.0 + np.abs(x).max()):  # NaN fails
+        return None, QpStatus.FAILED
+    return x, status
 
 
 @functools.cache
-def _backend(name: str) -> Backend:
-    direct: dict[str, Backend] = {
+def _backend(name: str) -> Callable[[QpProblem], Answer]:
+    direct: dict[str, Callable[[QpProblem], Answer]] = {
         "daqp": _daqp,
         LOOSE_DAQP: functools.partial(_daqp, tolerance=1e-7),
         "clarabel": _clarabel,
+        CORE: lambda problem: _answer(
+            _core.nearest_point(problem.a, problem.lower, problem.centre)
+        ),
     }
     return direct.get(name) or functools.partial(_through_qpsolvers, name)
 
 
-@functools.cache
-def _identity(n: int) -> Array:
-    return np.eye(n)
+def _answer(x: Array | None, infeasible: bool = False) -> Answer:
+    if x is not None:
+        return np.ascontiguousarray(x, np.float64), QpStatus.OPTIMAL
+    return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
 
 
-@functools.cache
-def _no_upper_bounds(count: int) -> tuple[Array, NDArray[np.intc]]:
-    return np.full(count, np.inf), np.zeros(count, dtype=np.intc)
-
-
-def _daqp(problem: QpProblem, tolerance: float = 1e-9) -> tuple[Array | None, QpStatus]:
+def _daqp(problem: QpProblem, tolerance: float = 1e-9) -> Answer:
     import daqp
 
     centre, a, lower = problem
-    upper, sense = _no_upper_bounds(lower.size)
-    x, _, flag, _ = daqp.solve(
-        _identity(centre.size), -centre, a, upper, lower, sense, primal_tol=tolerance
-    )
-    if flag == 1:
-        return x, QpStatus.OPTIMAL
-    return None, QpStatus.INFEASIBLE if flag == -1 else QpStatus.FAILED
+    upper, sense = np.full(lower.size, np.inf), np.zeros(lower.size, dtype=np.intc)
+    identity = np.eye(centre.size)
+    x, _, flag, _ = daqp.solve(identity, -centre, a, upper, lower, sense, primal_tol=tolerance)
+    return _answer(x if flag == 1 else None, infeasible=flag == -1)
 
 
-def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
+def _clarabel(problem: QpProblem) -> Answer:
     import scipy.sparse
     from clarabel import (
         clarabel,  # pyright: ignore[reportAttributeAccessIssue]  # compiled, comes without stubs
@@ -152,16 +122,16 @@ def _clarabel(problem: QpProblem) -> tuple[Array | None, QpStatus]:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
-    identity = scipy.sparse.csc_matrix(_identity(centre.size))
+    identity = scipy.sparse.csc_matrix(np.eye(centre.size))
     rows = scipy.sparse.csc_matrix(-a)
     cones = [clarabel.NonnegativeConeT(lower.size)]
     answer = clarabel.DefaultSolver(identity, -centre, rows, -lower, cones, settings).solve()
     status = clarabel.SolverStatus
-    if answer.status in (status.Solved, status.AlmostSolved, status.InsufficientProgress):
-        # the last two missed 1e-12; the check in `solve` decides
-        return np.array(answer.x), QpStatus.OPTIMAL
-    infeasible = answer.status in (status.PrimalInfeasible, status.AlmostPrimalInfeasible)
-    return None, QpStatus.INFEASIBLE if infeasible else QpStatus.FAILED
+    # the last two of those that found a point missed 1e-12; the check in `solve` decides
+    found = (status.Solved, status.AlmostSolved, status.InsufficientProgress)
+    infeasible = (status.PrimalInfeasible, status.AlmostPrimalInfeasible)
+    x = np.array(answer.x) if answer.status in found else None
+    return _answer(x, answer.status in infeasible)
 
 
 def _qpsolvers() -> Any:
@@ -169,20 +139,18 @@ def _qpsolvers() -> Any:
     return importlib.import_module("qpsolvers")
 
 
-def _through_qpsolvers(name: str, problem: QpProblem) -> tuple[Array | None, QpStatus]:
+def _through_qpsolvers(name: str, problem: QpProblem) -> Answer:
     import scipy.sparse
 
     qpsolvers = _qpsolvers()
     centre, a, lower = problem
     matrix = np.asarray if name in qpsolvers.dense_solvers else scipy.sparse.csc_matrix
-    quadratic = qpsolvers.Problem(matrix(_identity(centre.size)), -centre, matrix(-a), -lower)
+    quadratic = qpsolvers.Problem(matrix(np.eye(centre.size)), -centre, matrix(-a), -lower)
     with warnings.catch_warnings():  # backends warn of their own deprecations and of accuracy
         warnings.simplefilter("ignore")
         answer = qpsolvers.solve_problem(quadratic, solver=name, **SETTINGS.get(name, {}))
-    # qpsolvers does not tell an infeasible problem from a failed attempt
-    if not answer.found or answer.x is None:
-        return None, QpStatus.FAILED
-    return answer.x, QpStatus.OPTIMAL
+    # qpsolvers does not distinguish an infeasible problem from a failed attempt
+    return _answer(answer.x if answer.found else None)
 
 
 class Solver:
@@ -193,28 +161,32 @@ class Solver:
     """
 
     def __init__(self, name: str) -> None:
-        self.name = name
-        self.fallbacks = 0
+        self.name, self.fallbacks = name, 0
+        self.second = "daqp" if name == "clarabel" else "clarabel"
 
-    def attempt(self, problem: QpProblem) -> Array | None:
-        """Return the minimiser (n,), or None if the problem is infeasible or nobody solved it."""
-        first = solve(problem, self.name)
-        return self._second_opinion(problem) if first.status is QpStatus.FAILED else first.x
+    def project(self, centre: Array, a: Array, lower: Array, nonempty: bool) -> Array | None:
+        """Return the minimiser (n,), or None if the problem is infeasible or remains unsolved.
 
-    def must(self, problem: QpProblem) -> Array:
-        """Return the minimiser (n,) of a problem that has one by construction.
+        Args:
+            centre: (n,) the point to stay near.
+            a: (k, n) rows.
+            lower: (k,) their bounds.
+            nonempty: whether it has a solution by construction: then None is not returned.
 
         Raises:
-            SolverError: if neither solver finds it.
+            SolverError: if it has one, and neither solver finds it, nor the core.
         """
-        x = solve(problem, self.name).x
-        if x is None and self.name == "daqp":
-            x = solve(problem, LOOSE_DAQP).x
-        x = self._second_opinion(problem) if x is None else x
+        problem = QpProblem(centre, a, lower)
+        x, status = solve(problem, self.name)
+        if x is not None or (status is QpStatus.INFEASIBLE and not nonempty):
+            return x
+        if nonempty and self.name == "daqp":
+            x, _ = solve(problem, LOOSE_DAQP)
         if x is None:
-            raise SolverError(f"neither {self.name} nor its second opinion solved {problem}")
+            self.fallbacks += 1
+            x, _ = solve(problem, self.second)
+        if x is None and nonempty:
+            x, _ = solve(problem, CORE)
+            if x is None:
+                raise SolverError(f"neither {self.name} nor {self.second} solved {problem}")
         return x
-
-    def _second_opinion(self, problem: QpProblem) -> Array | None:
-        self.fallbacks += 1
-        return solve(problem, "daqp" if self.name == "clarabel" else "clarabel").x

@@ -64,7 +64,8 @@ inline void load(const Settings& settings, Vector<const double> weights, const S
 // Runs the stages on rows sorted by them, from U on; returns u. `inputs` are those that the stages so far
 // leave, with what a stage does to them.
 template <class Inputs, class Row>
-auto decide(const Settings& settings, Vector<Row> rows, const Index* start, Index stage_count, Inputs& inputs) {
+auto decide(const Settings& settings, Vector<Row> rows, const Index* start, Index stage_count,
+            Inputs& inputs) {
   if (settings.lower == Lower::DRAWN) inputs.set_targets(rows);
   decltype(inputs.nearest()) u{};
   bool found = false;

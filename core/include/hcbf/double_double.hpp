@@ -41,9 +41,11 @@ inline Double2 operator/(Double2 a, Double2 b) {
 inline Double2& operator+=(Double2& a, Double2 b) { return a = a + b; }
 inline Double2& operator-=(Double2& a, Double2 b) { return a = a - b; }
 
-inline bool operator<(Double2 a, Double2 b) { return a.high < b.high || (a.high == b.high && a.low < b.low); }
+inline bool operator<(Double2 a, Double2 b) {
+  return a.high < b.high || (a.high == b.high && a.low < b.low);
+}
 inline bool operator>(Double2 a, Double2 b) { return b < a; }
-inline bool operator<=(Double2 a, Double2 b) { return a.high < b.high || (a.high == b.high && a.low <= b.low); }
+inline bool operator<=(Double2 a, Double2 b) { return a < b || (a.high == b.high && a.low == b.low); }
 
 inline Double2 sqrt(Double2 a) {
   if (!(a.high > 0.0)) return 0.0;

@@ -29,17 +29,11 @@ struct Rounding<Double2> {
   static constexpr double VALUE = 1e-28, SPANNED = 1e-24;
 };
 
-// Returns whether x (n,) misses no row by more than tolerance (1 + max|x|); NaN fails.
-inline bool meets(Matrix<const double> a, Vector<const double> lower, Vector<const double> x, double tolerance) {
-  double largest = 0.0;
-  for (const double value : x) largest = std::isnan(value) ? value : std::max(largest, std::abs(value));
-  const double allowed = tolerance * (1.0 + largest);
-  for (Index k = 0; k < lower.size; ++k) {
-    double sum = 0.0;
-    for (Index i = 0; i < x.size; ++i) sum += a(k, i) * x[i];
-    if (!(lower[k] - sum <= allowed)) return false;
-  }
-  return allowed < INFINITY;
+// Returns the power of two next above a norm: rows divided by it lose no digit, and stay parallel.
+inline double power_above(double norm) {
+  int power;
+  std::frexp(norm, &power);
+  return std::ldexp(1.0, power);
 }
 
 enum class Outcome { FOUND, EMPTY, FAILED };
@@ -57,20 +51,31 @@ class Projection {
     a.clear(), b.clear();
   }
 
+  // Adds a row a x >= b, scaled to a norm from 1/2 to 1; one of norm `least` or below is a constant.
+  void add(const std::vector<Number>& row, const Number& bound, double least) {
+    double square = 0.0;
+    for (const Number& value : row) square += static_cast<double>(value) * static_cast<double>(value);
+    if (!(std::sqrt(square) > least)) return;
+    const Number factor(1.0 / power_above(std::sqrt(square)));
+    for (const Number& value : row) a.push_back(value * factor);
+    b.push_back(bound * factor);
+  }
+
   // Writes x. `nonempty`: whether the set has a point by construction, so that a row that cannot be met
   // is left out, as rounding alone makes such.
   Outcome solve(bool nonempty) {
     left_out.assign(b.size(), false);
     Outcome outcome;
     while (!attempt(nonempty, outcome)) {}
-    return outcome;
+    return outcome == Outcome::FOUND && !misses_little() ? Outcome::FAILED : outcome;
   }
 
-  // Whether x misses no row by more than tolerance (1 + max|x|).
-  bool misses_little(double tolerance) const {
+  // Whether x is finite, and misses no row by more than rounding.
+  bool misses_little() const {
+    const double allowed = tolerances::PRIMAL * scale();
     for (Size k = 0; k < b.size(); ++k)
-      if (lack(k) > Number(tolerance * scale())) return false;
-    return true;
+      if (!(lack(k) <= Number(allowed))) return false;
+    return allowed < INFINITY;
   }
 
  private:
@@ -104,12 +109,12 @@ class Projection {
       Number most(Rounding<Number>::VALUE * scale());
       bool missed = false;
       for (Size k = 0; k < b.size(); ++k) {
-        if (left_out[k]) continue;
+        if (left_out[k] || std::find(active.begin(), active.end(), k) != active.end()) continue;
         const Number by = lack(k);
-        if (by > most && std::find(active.begin(), active.end(), k) == active.end()) most = by, p = k, missed = true;
+        if (by > most) most = by, p = k, missed = true;
       }
       if (!missed && polished) {
-        outcome = std::isfinite(scale()) ? Outcome::FOUND : Outcome::FAILED;
+        outcome = Outcome::FOUND;
         return true;
       }
       if (!missed) {
@@ -118,7 +123,7 @@ class Projection {
         continue;
       }
       polished = false;
-      if (add(p)) continue;
+      if (meet(p)) continue;
       if (!nonempty && most > Number(tolerances::MISSED * scale())) {
         outcome = Outcome::EMPTY;
         return true;
@@ -131,7 +136,8 @@ class Projection {
   }
 
   // Meets row p as well; false where the active rows leave it no way.
-  bool add(Size p) {
+  bool meet(Size p) {
+    using std::abs;
     const Number* row = &a[p * size];
     const Number norm2 = dot(row, row);
     Number push(0.0);
@@ -142,7 +148,7 @@ class Projection {
       const bool spanned =
           count == size || gain <= Number(Rounding<Number>::SPANNED * Rounding<Number>::SPANNED) * norm2;
       Number largest(1.0);
-      for (Size j = 0; j < count; ++j) largest = std::max(largest, abs_of(effort[j]));
+      for (Size j = 0; j < count; ++j) largest = std::max(largest, abs(effort[j]));
       Size leaving = count;
       Number first(0.0);
       for (Size j = 0; j < count; ++j) {
@@ -166,8 +172,6 @@ class Projection {
     }
     return false;
   }
-
-  static Number abs_of(const Number& v) { return v < Number(0.0) ? -v : v; }
 
   // Splits a row into its part that the active rows span, R effort, and the rest, `along`.
   void split(const Number* row) {
@@ -228,5 +232,23 @@ class Projection {
       for (Size i = 0; i < size; ++i) x[i] += share[j] * q[j * size + i];
   }
 };
+
+// Writes the x with a x >= b, rows of any length, that is nearest to x; returns whether there is one.
+inline bool nearest_point(Matrix<const double> a, Vector<const double> b, std::vector<double>& x) {
+  const auto solve = [&](auto& problem) {
+    problem.begin(x.size());
+    std::copy(x.begin(), x.end(), problem.centre.begin());
+    for (Index k = 0; k < b.size; ++k) problem.add({a[k].begin(), a[k].end()}, b[k], tolerances::ZERO_GRADIENT);
+    return problem.solve(false);
+  };
+  Projection<double> narrow;
+  const Outcome outcome = solve(narrow);
+  if (outcome == Outcome::FOUND) x = narrow.x;
+  if (outcome != Outcome::FAILED) return outcome == Outcome::FOUND;
+  Projection<Double2> wide;
+  if (solve(wide) != Outcome::FOUND) return false;
+  for (Size i = 0; i < x.size(); ++i) x[i] = static_cast<double>(wide.x[i]);
+  return true;
+}
 
 }  // namespace hcbf::projection

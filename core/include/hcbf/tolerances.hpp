@@ -50,9 +50,10 @@ constexpr double PRIMAL = 1e-7;
 // Rows of one stage that differ more in steepness, or whose bounds are farther, relative to the
 // steepest, take twice a double's digits.
 constexpr double GRADED_FOR_SOLVERS = 1e3;
-// How much dearer than a distance a violation is in a proximal problem: for a solver by name, in
-// doubles, and with twice the digits. More would leave too few of them.
-constexpr double PULL_BY_NAME = 1e4, PULL = 1e8, PULL_WIDE = 1e22;
+// How much dearer than a distance a violation of the steepest row is in a proximal problem, for a solver
+// by name and in doubles; and of the flattest, with twice the digits, up to a limit for the steepest.
+// More would leave too few digits.
+constexpr double PULL_BY_NAME = 1e4, PULL = 1e8, PULL_OF_FLATTEST = 1e6, LARGEST_PULL = 1e26;
 // Proximal points that move by less, relative to 1 + max|u|, have converged.
 constexpr double SETTLED = 1e-11;
 
