@@ -57,7 +57,7 @@ env = gym.make("HCBF-Regions-v0", scenario="random")
 env = hcbf_gym.wrappers.SafetyFilter(env, guidance="geodesic")
 env.reset(seed=0)
 print(env.step(np.zeros(2))[4]["safety_filter"]["status"] < 4)
-import hcbf_gym.programs.general.qp
+import hcbf_gym.programs.qp
 """
     assert run(code, *HEAVY) == ["True"]
 

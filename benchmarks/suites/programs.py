@@ -17,7 +17,7 @@ from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import CbfRows
-from hcbf_gym.programs.general.qp import solver_names
+from hcbf_gym.programs.qp import solver_names
 
 BATCH, QUICK_BATCH = 4096, 256
 COMPARED_SOLVERS = ("daqp", "clarabel", "piqp", "osqp", "proxqp", "quadprog")

@@ -21,7 +21,8 @@ TOLERANCE = 1e-6
 GROUP = 100
 """Problems that share a program with its options."""
 INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "7 inputs": 7}
-"""The forms that are compared, and their numbers of inputs: `make_batch`, `make`, DAQP's."""
+"""The forms that are compared, and their numbers of inputs: `make_batch` and `make`; "2 inputs" are
+those by DAQP."""
 FORMS = tuple(INPUTS)
 
 INPUT_SETS: tuple[InputSet, ...] = (
@@ -40,7 +41,7 @@ class Tally:
         largest_difference: the largest |Δu| among those that are not wrong.
         wrong: how many differ by more than `TOLERANCE`.
         backups: answers with status BACKUP.
-        fallbacks: problems with a stage that the second solver or rational arithmetic answered.
+        fallbacks: problems with a stage that took twice the digits, or DAQP's second opinion.
     """
 
     problems: int = 0
@@ -212,7 +213,7 @@ def _answers(
     if form == "batch":
         together = programs.make_batch(name, input_set=input_set, **options)(u_nominal, rows)
         return [FilterResult(*(field[i] for field in together)) for i in range(len(u_nominal))]
-    solver = None if form == "single" else "daqp"
+    solver = "daqp" if form == "2 inputs" else None
     program = programs.make(name, input_set=input_set, solver=solver, **options)
     return [program(u, _one(rows, i)) for i, u in enumerate(u_nominal)]
 

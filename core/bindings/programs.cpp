@@ -1,10 +1,11 @@
 #include <array>
+#include <optional>
 #include <vector>
 
+#include <nanobind/stl/optional.h>
+
 #include <hcbf/cascade.hpp>
-#include <hcbf/dense.hpp>
-#include <hcbf/least_cost.hpp>
-#include <hcbf/stage_rows.hpp>
+#include <hcbf/general_cascade.hpp>
 
 #include "bindings.hpp"
 
@@ -27,11 +28,6 @@ auto array_of(std::vector<double> numbers, std::array<std::size_t, N> shape) {
   auto* kept = new std::vector<double>(std::move(numbers));
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
   return nb::ndarray<nb::numpy, double, nb::ndim<N>>(kept->data(), N, shape.data(), owner);
-}
-
-auto arrays_of(dense::Rows rows) {
-  const std::size_t count = rows.b.size(), columns = rows.columns;
-  return std::pair(array_of<2>(std::move(rows.a), {count, columns}), array_of<1>(std::move(rows.b), {count}));
 }
 
 // A program of two inputs with its prices and U; its arrays are copies.
@@ -84,12 +80,6 @@ void bind_planar(nb::module_& m) {
       .def("filter", &PlanarProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a, "alpha2_psi"_a,
            "answer"_a.noconvert(), Unlocked(),
            "Write u, slack, delta and statuses of N states; False where u* or a row is malformed.");
-  m.def("least_cost", [](const Numbers2& soft, bool one_sided, const Numbers2& rows, const Numbers1& lower,
-                         double radius) {
-    const Point z = least_cost::least_cost(view(soft), one_sided, view(rows), view(lower), radius);
-    return std::pair(z.x, z.y);
-  }, "soft"_a, "one_sided"_a, "rows"_a, "lower"_a, "radius"_a,
-  "Return a minimiser z of the cost of rows `soft` (s, 5) a, t, w, least over rows z >= lower.");
   m.def("polygon_cut", [](const Numbers2& corners, std::pair<double, double> n, double d, double radius) {
     const auto points = polygon::points(view(corners));
     Polygon polygon{{points.begin(), points.end()}, {}};
@@ -110,10 +100,78 @@ void bind_planar(nb::module_& m) {
   "Return the point of a polygon that minimises |a u - t|²; of several, the nearest to u*.");
 }
 
+// A solver of Python's: `project(centre, a, lower, nonempty)` returns the point, or None.
+polyhedron::Solver solver_of(nb::object solve) {
+  if (solve.is_none()) return {};
+  return [solve = std::move(solve)](const projection::Projection<double>& problem, bool nonempty, std::vector<double>& x) {
+    const std::size_t n = problem.centre.size(), count = problem.b.size();
+    const nb::object found = solve(array_of<1>(problem.centre, {n}), array_of<2>(problem.a, {count, n}),
+                                   array_of<1>(problem.b, {count}), nonempty);
+    if (found.is_none()) return false;
+    const auto point = nb::cast<Numbers1>(found);
+    x.assign(point.data(), point.data() + point.size());
+    return true;
+  };
+}
+
+// A program of any number of inputs with its prices and U; its arrays are copies.
+class GeneralProgram {
+ public:
+  GeneralProgram(Index lower, bool by_level, Index lock, bool ranks, double radius, double lambda_u,
+                 bool known_offset, const Numbers2& weights, const Numbers2& a, const Numbers1& b)
+      : weights_(weights.data(), weights.data() + weights.size()),
+        a_(a.data(), a.data() + a.size()),
+        b_(b.data(), b.data() + b.size()),
+        program_{{static_cast<Lower>(lower), by_level, static_cast<Lock>(lock), ranks, false, radius,
+                  lambda_u, known_offset, {}, view(weights)}, view(a), view(b)} {
+    program_.settings.weights.data = weights_.data();
+    program_.a.data = a_.data(), program_.b.data = b_.data();
+  }
+  GeneralProgram(const GeneralProgram&) = delete;
+
+  // Filters one state into `answer`, u, slack, delta and status one after the other; returns how many
+  // projections took twice a double's digits. `project` takes what rounding leaves outside U into it.
+  Index filter(const Numbers1& u_nominal, const Numbers2& a, const Numbers1& b, const Numbers1& h,
+               const Integers& priority, const Numbers1& alpha2_psi, nb::object solver, nb::object project,
+               const Numbers<double, 1>& answer) const {
+    const Index m = b.size();
+    std::vector<double> u(u_nominal.data(), u_nominal.data() + u_nominal.size());
+    double *slack = answer.data() + u.size(), *delta = slack + m;
+    const auto inside = [&](std::vector<double>& point) {
+      const auto found = nb::cast<Numbers1>(project(array_of<1>(point, {point.size()})));
+      point.assign(found.data(), found.data() + found.size());
+    };
+    const auto [status, fallbacks] = general_cascade::filter_state(
+        program_, {view(a), view(b), view(h), view(priority), view(alpha2_psi)}, solver_of(std::move(solver)),
+        inside, u, {slack, m}, {delta, m});
+    std::copy(u.begin(), u.end(), answer.data());
+    delta[m] = status;
+    return fallbacks;
+  }
+
+ private:
+  std::vector<double> weights_, a_, b_;
+  general_cascade::Program program_;
+};
+
+void bind_general(nb::module_& m) {
+  nb::class_<GeneralProgram>(m, "GeneralProgram", "A program of any number of inputs with its prices and U.")
+      .def(nb::init<Index, bool, Index, bool, double, double, bool, const Numbers2&, const Numbers2&,
+                    const Numbers1&>(),
+           "lower"_a, "by_level"_a, "lock"_a, "ranks"_a, "radius"_a, "lambda_u"_a, "known_offset"_a,
+           "weights"_a, "a"_a, "b"_a, "Copy a plan, its prices and U, the inputs with a u >= b.")
+      .def("filter", &GeneralProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a,
+           "alpha2_psi"_a, "solver"_a.none(), "project"_a, "answer"_a.noconvert(),
+           "Write u, slack, delta and the status of a state; return how many problems were hard.");
+  m.def("nearest_point", [](const Numbers2& a, const Numbers1& b, const Numbers1& centre) {
+    std::vector<double> x(centre.data(), centre.data() + centre.size());
+    const bool found = projection::nearest_point(view(a), view(b), x);
+    return found ? std::optional(array_of<1>(x, {x.size()})) : std::nullopt;
+  }, "a"_a, "b"_a, "centre"_a, "Return the x with a x >= b that is nearest to a centre; None if there is none.");
+}
+
 void bind_rows(nb::module_& m) {
-  m.attr("TOLERANCE_NOMINAL") = tolerances::NOMINAL;
-  m.attr("TOLERANCE_ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
-  m.attr("TOLERANCE_MET") = tolerances::MET;
+  m.attr("ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
   m.def("well_formed", [](const Numbers2& a, const Numbers1& b, const Numbers1& h, const Integers& priority) {
     return cbf_rows::well_formed({view(a), view(b), view(h), view(priority), {}});
   }, "a"_a, "b"_a, "h"_a, "priority"_a,
@@ -129,61 +187,6 @@ void bind_rows(nb::module_& m) {
     return array_of<1>(std::move(slack), {b.size()});
   }, "a"_a, "b"_a, "u"_a, "radius"_a,
   "Return each row's violation at u, with what rounding leaves set to 0.");
-  m.def("stage_rows", [](const Numbers1& table, bool by_level, const Integers& priority, const Numbers1& h,
-                         const Numbers<Index, 1>& stage, const Numbers<bool, 1>& strict,
-                         const Numbers<double, 1>& weight) {
-    stage_rows::staged(view(table), by_level, view(priority), view(h), view(stage), view(strict),
-                       view(weight));
-  }, "table"_a, "by_level"_a, "priority"_a, "h"_a, "stage"_a.noconvert(), "strict"_a.noconvert(),
-  "weight"_a.noconvert(), "Write each row's stage, whether the stage meets it, and its weight.");
-}
-
-void bind_dense(nb::module_& m) {
-  using dense::Scale;
-  m.def("unit_rows", [](const Numbers2& a, const Numbers1& b, double least) {
-    return arrays_of(dense::scaled_rows(view(a), view(b), least, Scale::UNIT));
-  }, "a"_a, "b"_a, "least"_a,
-  "Return the rows a x >= b scaled to unit norm, without those of norm `least` or below.");
-  m.def("level_rows", [](const Numbers2& a, const Numbers1& b, double least) {
-    return arrays_of(dense::scaled_rows(view(a), view(b), least, Scale::BY_POWER));
-  }, "a"_a, "b"_a, "least"_a,
-  "Return the rows a x >= b scaled by powers of two to norms from 1/2 to 1, without constants.");
-  m.def("whiten", [](const Numbers2& a, const Numbers1& target, const Numbers1& centre) {
-    const std::size_t n = centre.size();
-    std::vector<double> factor(n * n), y(n);
-    const Index size = view(centre).size;
-    dense::whiten(view(a), view(target), view(centre), {factor.data(), size, size}, {y.data(), size});
-    return std::pair(array_of<2>(std::move(factor), {n, n}), array_of<1>(std::move(y), {n}));
-  }, "a"_a, "target"_a, "centre"_a, "Return R and y: |z - c|² + |a z - t|² is |R z - y|² and a constant.");
-  m.def("image_of_rows", [](const Numbers2& rows, const Numbers2& factor) {
-    std::vector<double> image(rows.data(), rows.data() + rows.size());
-    dense::image_of_rows({image.data(), view(rows).rows, view(rows).columns}, view(factor));
-    return array_of<2>(std::move(image), {rows.shape(0), rows.shape(1)});
-  }, "rows"_a, "factor"_a, "Return rows R⁻¹ (k, n): the rows as they act on y = R z.");
-  m.def("back_substitute", [](const Numbers2& factor, const Numbers1& y) {
-    std::vector<double> z(y.data(), y.data() + y.size());
-    dense::back_substitute(view(factor), {z.data(), view(y).size});
-    return array_of<1>(std::move(z), {y.size()});
-  }, "factor"_a, "y"_a, "Return z (n,) with R z = y.");
-  m.def("meets", [](const Numbers2& a, const Numbers1& lower, const Numbers1& x, double tolerance) {
-    return dense::meets(view(a), view(lower), view(x), tolerance);
-  }, "a"_a, "lower"_a, "x"_a, "tolerance"_a,
-  "Return whether x misses no row by more than tolerance (1 + max|x|); NaN fails.");
-  m.def("with_slack", [](const Numbers2& rows, const Numbers1& lower, const Numbers2& a,
-                         const Numbers1& target, const Numbers1& least) {
-    return arrays_of(dense::with_slack(view(rows), view(lower), view(a), view(target), view(least)));
-  }, "rows"_a, "lower"_a, "a"_a, "target"_a, "least"_a,
-  "Return the rows on (z, s) of rows z >= lower, a z + s >= target and s >= least.");
-  m.def("steepness", [](const Numbers2& a, const Numbers2& basis) {
-    const std::size_t count = a.shape(0);
-    std::vector<double> whole(count), within(count);
-    dense::steepness(view(a), view(basis), {whole.data(), view(a).rows}, {within.data(), view(a).rows});
-    return std::pair(array_of<1>(std::move(whole), {count}), array_of<1>(std::move(within), {count}));
-  }, "a"_a, "basis"_a, "Return how steep the rows are (k,), and how steep in the directions of a basis.");
-  m.def("violated", [](const Numbers2& a, const Numbers1& b, const Numbers1& u,
-                       const Numbers<bool, 1>& violates) {
-    dense::violated(view(a), view(b), view(u), view(violates));
-  }, "a"_a, "b"_a, "u"_a, "violates"_a.noconvert(), "Write which rows a u >= b u violates, rounding aside.");
 }
 
 }  // namespace
@@ -191,7 +194,7 @@ void bind_dense(nb::module_& m) {
 void bind_programs(nb::module_& m) {
   bind_planar(m);
   bind_rows(m);
-  bind_dense(m);
+  bind_general(m);
 }
 
 }  // namespace hcbf

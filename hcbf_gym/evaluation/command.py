@@ -56,7 +56,7 @@ from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
-from hcbf_gym.programs.general.qp import check_solver
+from hcbf_gym.programs.qp import check_solver
 from hcbf_gym.robots.walker import Walker
 from hcbf_gym.sources import sources_hash
 

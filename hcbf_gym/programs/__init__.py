@@ -7,7 +7,7 @@ from hcbf_gym.errors import check_options
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
-from hcbf_gym.programs.general.program import GeneralProgram
+from hcbf_gym.programs.general import GeneralProgram
 from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
 from hcbf_gym.programs.plans import Named, Plan, names, plain, plan_of, register
 from hcbf_gym.programs.prices import Prices
@@ -57,8 +57,8 @@ def make(
     Args:
         program: one of :func:`names`, or a plan of your own.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
-        solver: "daqp", "clarabel", or any solver that qpsolvers finds installed. Without a name,
-            two inputs need none (`planar`); any other number of inputs takes DAQP.
+        solver: "daqp", "clarabel", or any solver that qpsolvers finds installed, as a second
+            opinion. Without a name the core answers.
         program_options: among :func:`options`; see `Prices.read`.
 
     Raises:
@@ -68,7 +68,7 @@ def make(
     plan, prices, inputs = _read(program, program_options, input_set)
     if solver is None and inputs.n_u == 2:
         return PlanarProgram(plan, prices, inputs)
-    return GeneralProgram(plan, prices, inputs, "daqp" if solver is None else solver)
+    return GeneralProgram(plan, prices, inputs, solver)
 
 
 def make_batch(

@@ -4,17 +4,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_float, instance
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.general.qp import Solver
-from hcbf_gym.programs.general.remaining import Remaining
 from hcbf_gym.programs.program import check_rows
 from hcbf_gym.programs.result import FilterResult
-from hcbf_gym.programs.tolerances import ZERO_GRADIENT
 
 
 class ConflictReport(NamedTuple):
@@ -68,7 +66,7 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
         slack: (m,) what a program violates them by.
         limits: U, by its n_u, radius and halfspaces().
     """
-    admissible = Remaining.of(limits, np.zeros(limits.n_u), Solver("daqp"))
+    admissible = limits.halfspaces()
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None
@@ -76,7 +74,7 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
         rest = kept[kept != row]
         if not _feasible(rows, rest, admissible):
             kept = rest
-    unbounded = admissible._replace(a=admissible.a[:0], b=admissible.b[:0])
+    unbounded = (admissible[0][:0], admissible[1][:0])
     paid = {
         int(priority): float(slack[rows.priority == priority].max())
         for priority in np.unique(rows.priority[slack > 0.0])
@@ -86,13 +84,13 @@ def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport |
     )
 
 
-def _feasible(rows: CbfRows, kept: Integers, admissible: Remaining) -> bool:
-    a = rows.a[kept]
-    b = rows.b[kept]
-    constant = np.einsum("ij,ij->i", a, a) <= ZERO_GRADIENT**2
+def _feasible(rows: CbfRows, kept: Integers, limits: tuple[Array, Array]) -> bool:
+    a, b = rows.a[kept], rows.b[kept]
+    constant = np.einsum("ij,ij->i", a, a) <= _core.ZERO_GRADIENT**2
     if (b[constant] > 0.0).any():
         return False
-    return admissible.intersect(a, b).attempt() is not None
+    a, b = np.concatenate((limits[0], a)), np.concatenate((limits[1], b))
+    return _core.nearest_point(a, b, np.zeros(a.shape[1])) is not None
 
 
 def equivalent_offset(alpha2: ClassK, psi: float, delta: float) -> float:

@@ -3,12 +3,7 @@
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.programs.tolerances import NOMINAL
+from hcbf_gym.arrays import Array
 
 
 class FilterStatus(IntEnum):
@@ -42,8 +37,8 @@ class FilterResult(NamedTuple):
             hierarchical programs' signed ``a_k·(û_k − u)``; elsewhere, and for rows of priority
             1, the slack.
         status: a :class:`FilterStatus`; (N,) integers for a batch.
-        fallbacks: how many quadratic programs of this call the second solver or rational
-            arithmetic had to answer; 0 where two inputs need no solver.
+        fallbacks: how many projections of this call took twice a double's digits or, with a solver
+            by name, its second opinion; 0 for the compiled programs of two inputs.
     """
 
     u: Array
@@ -51,36 +46,3 @@ class FilterResult(NamedTuple):
     delta: Array
     status: Any
     fallbacks: Any
-
-
-def violation(rows: CbfRows, u: Array, radius: float) -> Array:
-    """Return ``max(0, b_k − a_k·u)`` (m,), with what rounding leaves set to 0.
-
-    Args:
-        rows: the rows of one state.
-        u: (n_u,) the input.
-        radius: the largest norm of an input, which sets the scale of rounding.
-    """
-    return _core.violation(rows.a, rows.b, u, radius)
-
-
-def classify(
-    u: Array,
-    u_nominal: Array,
-    slack: Array,
-    strict: Mask,
-    radius: float,
-) -> FilterStatus:
-    """Return the status of an input that a program found.
-
-    Args:
-        u: (n_u,) the input.
-        u_nominal: (n_u,) the nominal input.
-        slack: (m,) each row's violation at u.
-        strict: (m,) which rows may not be relaxed.
-        radius: the largest norm of an input.
-    """
-    if slack.any():
-        return FilterStatus.VIOLATED if slack[strict].any() else FilterStatus.RELAXED
-    moved = np.abs(u - u_nominal).max() > NOMINAL * (1.0 + radius)
-    return FilterStatus.SAFE if moved else FilterStatus.NOMINAL

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+import scipy.optimize
 
-from hcbf_gym import programs
+from hcbf_gym import _core, programs
 from hcbf_gym.errors import InvalidInputError, SolverError, UnknownNameError
 from hcbf_gym.models.input_sets import Ball, Box
-from hcbf_gym.programs import CbfRows, FilterStatus
-from hcbf_gym.programs.general import qp
-from hcbf_gym.programs.general.qp import QpProblem, QpStatus
+from hcbf_gym.programs import CbfRows, FilterStatus, qp
+from hcbf_gym.programs.qp import QpProblem, QpStatus
 
 NAMES = programs.names()
 BOX = Box.symmetric(5.0)
@@ -193,22 +193,23 @@ def test_a_known_offset_needs_rows_that_carry_it():
 # ------------------------------------------------------------------ the door to the solvers
 
 
-def test_a_point_that_misses_a_row_is_not_believed(monkeypatch):
+def test_a_point_that_misses_a_row_is_not_accepted(monkeypatch):
     problem = QpProblem(np.zeros(2), np.eye(2), np.ones(2))
-    assert qp.solve(problem).status is QpStatus.OPTIMAL
-    liar = lambda _: (np.zeros(2), QpStatus.OPTIMAL)  # noqa: E731
-    monkeypatch.setattr(qp, "_backend", lambda name: liar)
-    assert qp.solve(problem).status is QpStatus.FAILED
-    assert qp.solve(problem).x is None
+    x, status = qp.solve(problem, "daqp")
+    np.testing.assert_allclose(x, [1.0, 1.0])
+    assert status is QpStatus.OPTIMAL
+    for missing in (np.zeros(2), np.full(2, np.nan)):
+        liar = lambda _, x=missing: (x, QpStatus.OPTIMAL)  # noqa: E731
+        monkeypatch.setattr(qp, "_backend", lambda name, liar=liar: liar)
+        assert qp.solve(problem, "daqp") == (None, QpStatus.FAILED)
 
 
 @pytest.mark.parametrize("solver", ["daqp", "clarabel"])
 def test_an_infeasible_problem_has_no_point(solver):
     rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
     problem = QpProblem(np.zeros(2), rows, np.ones(2))
-    solution = qp.solve(problem, solver)
-    assert solution.status is QpStatus.INFEASIBLE
-    assert solution.x is None
+    assert qp.solve(problem, solver) == (None, QpStatus.INFEASIBLE)
+    assert _core.nearest_point(rows, np.ones(2), np.zeros(2)) is None
 
 
 def test_the_second_solver_answers_where_the_first_fails_and_is_counted(monkeypatch):
@@ -234,7 +235,51 @@ def test_where_every_solver_fails_the_robot_brakes_and_says_so(name, monkeypatch
     assert result.status is FilterStatus.BACKUP
 
 
-def test_a_problem_with_a_solution_that_nobody_finds_is_an_error():
-    problem = QpProblem(np.zeros(1), np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]))
+def test_a_problem_with_a_solution_that_no_solver_finds_is_an_error():
+    a, lower = np.array([[1.0], [-1.0]]), np.array([1.0, 1.0])
     with pytest.raises(SolverError):
-        qp.Solver("daqp").must(problem)
+        qp.Solver("daqp").project(np.zeros(1), a, lower, nonempty=True)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "clarabel"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_solver_by_name_agrees_with_the_core_beyond_the_plane(name, solver):
+    rng = np.random.default_rng(2)
+    for n_u in (1, 3, 5):
+        box = Box.symmetric(4.0, n_u=n_u)
+        core, named = (programs.make(name, input_set=box, solver=one) for one in (None, solver))
+        for _ in range(10):
+            rows = rows_of(rng.normal(0.0, 1.0, (5, n_u)), rng.normal(0.0, 5.0, 5), [1, 2, 3, 2, 1])
+            u_nominal = rng.normal(0.0, 3.0, n_u)
+            one, other = core(u_nominal, rows), named(u_nominal, rows)
+            np.testing.assert_allclose(one.u, other.u, atol=2e-6)
+            np.testing.assert_allclose(one.delta, other.delta, atol=2e-5)
+            assert one.status is other.status
+
+
+def test_a_point_of_the_core_meets_the_optimality_conditions():
+    rng = np.random.default_rng(3)
+    for n in (1, 2, 4, 12):
+        for _ in range(50):
+            a, inside, c = rng.normal(0.0, 1.0, (64, n)), rng.normal(0.0, 1.0, n), np.zeros(n)
+            b = a @ inside - rng.exponential(1.0, 64) * (rng.random(64) < 0.9)
+            x = _core.nearest_point(a, b, c)
+            assert x is not None
+            assert (a @ x >= b - 1e-9).all()
+            # x - c is a combination of active rows with multipliers that are not negative
+            active = a[a @ x <= b + 1e-7]
+            _, residual = scipy.optimize.nnls(active.T, x - c) if len(active) else (0.0, 0.0)
+            assert residual == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_beyond_the_plane_the_input_is_in_the_set_even_where_squares_overflow(name):
+    rng = np.random.default_rng(9)
+
+    def numbers(*shape):
+        return rng.normal(0.0, 1.0, shape) * 10.0 ** rng.uniform(-300.0, 300.0, shape)
+
+    program = programs.make(name, input_set=Box.symmetric(5.0, n_u=3))
+    for _ in range(200):
+        rows = CbfRows(numbers(4, 3), numbers(4), numbers(4), np.array([1, 2, 3, 2]), numbers(4))
+        assert (np.abs(program(numbers(3), rows).u) <= 5.0).all()

@@ -1,7 +1,6 @@
-// What a plan does stage by stage, for two inputs and N states, on polygons.
+// What a plan does stage by stage, and the programs of two inputs for N states, on polygons.
 //
-// hcbf_gym/programs/general/cascade.py is the same for any number of inputs; the tests hold them
-// together.
+// The templates are the same for any number of inputs; see `general_cascade`.
 #pragma once
 #include <utility>
 
@@ -35,62 +34,61 @@ inline Index stage_of(const Settings& settings, Vector<const double> weights, In
   return std::isinf(weights::gamma0_of(weights, priority)) ? 1 : 2;
 }
 
-// Sorts by stage: writes the rows' indices, and where each stage ends in `w.start`, one place early:
+// Sorts by stage: writes the rows' indices, and where each stage ends in `start`, one place early:
 // stage s is from start[s - 1] to start[s]. Returns the number of stages.
-inline Index sort(const Settings& settings, Vector<const double> weights, Vector<const Index> priority,
-                  Workspace& w) {
+template <class Row>
+Index sort(const Settings& settings, Vector<const double> weights, Vector<const Index> priority,
+           std::vector<Row>& rows, std::vector<Index>& start) {
   Index count = 0;
   for (const Index rank : priority) count = std::max(count, stage_of(settings, weights, rank));
-  std::fill_n(w.start.begin(), count + 2, 0);
-  for (const Index rank : priority) ++w.start[stage_of(settings, weights, rank)];
+  std::fill_n(start.begin(), count + 2, 0);
+  for (const Index rank : priority) ++start[stage_of(settings, weights, rank)];
   Index total = 0;
   for (Index stage = 0; stage <= count; ++stage)  // start[s] becomes where stage s's rows are to go next
-    total += std::exchange(w.start[stage], total);
+    total += std::exchange(start[stage], total);
   for (Index k = 0; k < priority.size; ++k)
-    w.rows[w.start[stage_of(settings, weights, priority[k])]++].index = k;
+    rows[start[stage_of(settings, weights, priority[k])]++].index = k;
   return count;
 }
 
-// Fills in a row whose index is set.
-inline void load(const Settings& settings, Vector<const double> weights, const StateRows& rows, Row& row) {
+// Fills in all but the gradient of a row whose index is set.
+inline void load(const Settings& settings, Vector<const double> weights, const StateRows& rows, Terms& row) {
   const Index k = row.index;
-  row.a = {rows.a(k, 0), rows.a(k, 1)};
   row.b = rows.b[k];
-  row.norm = std::hypot(row.a.x, row.a.y);
   const double weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
   row.strict = std::isinf(weight);
   row.weight = row.strict ? 1.0 : weight;
   row.least = least_slack(settings, rows, k);
 }
 
-// Runs the stages on rows sorted by them.
-inline Point decide(const Settings& settings, Vector<const Point> vertices, Rows rows, Index stage_count,
-                    Point u_nominal, Workspace& w) {
-  w.feasible.corners.assign(vertices.begin(), vertices.end());
-  if (settings.lower == Lower::DRAWN) stages::set_targets(vertices, rows, u_nominal, w);
-  Point u{};
+// Runs the stages on rows sorted by them, from U on; returns u. `inputs` are those that the stages so far
+// leave, with what a stage does to them.
+template <class Inputs, class Row>
+auto decide(const Settings& settings, Vector<Row> rows, const Index* start, Index stage_count,
+            Inputs& inputs) {
+  if (settings.lower == Lower::DRAWN) inputs.set_targets(rows);
+  decltype(inputs.nearest()) u{};
   bool found = false;
   for (Index stage = 0; stage < stage_count; ++stage) {
-    const Rows some = rows.part(w.start[stage], w.start[stage + 1]);
+    const Vector<Row> some = rows.part(start[stage], start[stage + 1]);
     if (some.size == 0) continue;
-    if (w.feasible.is_point()) break;  // nothing is left to decide
-    const Cost cost{some, settings.lambda_u, u_nominal};
+    if (inputs.is_point()) break;  // nothing is left to decide
     if (some[0].strict)
-      stages::meet(some, w), found = false;
+      inputs.meet(some), found = false;
     else if (settings.lower == Lower::RELAXED)
-      u = stages::relax(cost, w), found = true;
+      u = inputs.relax(some), found = true;
     else if (settings.lower == Lower::DRAWN)
-      u = stages::draw(cost, w), found = true;
-    if (found && settings.lock == Lock::PIN) stages::pin(some, u, w);
-    if (found && settings.lock == Lock::BOUND) stages::bound(some, u, w);
+      u = inputs.draw(some), found = true;
+    if (found && settings.lock == Lock::PIN) inputs.pin(some, u);
+    if (found && settings.lock == Lock::BOUND) inputs.bound(some, u);
   }
-  // squares of numbers beyond 1e150 overflow, and leave no minimum
-  return found && std::isfinite(u.x) && std::isfinite(u.y) ? u : polygon::nearest(w.feasible, u_nominal);
+  return found ? u : inputs.nearest();
 }
 
 // Writes what each row pays at u; returns the status, given that of an input without slack.
-inline Index account(const Settings& settings, Index status, Vector<const Index> priority, Rows rows, Point u,
-                     Vector<double> slack, Vector<double> delta) {
+template <class Row, class Input>
+Index account(const Settings& settings, Index status, Vector<const Index> priority, Vector<Row> rows,
+              const Input& u, Vector<double> slack, Vector<double> delta) {
   for (const Row& row : rows) {
     const double value = row.value(u);
     const double paid = result::slack_of(row.b - value, row.norm, row.b, settings.radius);
@@ -105,6 +103,23 @@ inline Index account(const Settings& settings, Index status, Vector<const Index>
   return status;
 }
 
+// The polygon that the stages so far leave.
+struct PlanarInputs {
+  Vector<const Point> vertices;
+  Point u_nominal;
+  double lambda_u;
+  Workspace& w;
+
+  bool is_point() const { return w.feasible.is_point(); }
+  Point nearest() const { return polygon::nearest(w.feasible, u_nominal); }
+  void set_targets(Rows rows) const { stages::set_targets(vertices, rows, u_nominal, w); }
+  void meet(Rows rows) const { stages::meet(rows, w); }
+  Point relax(Rows rows) const { return stages::relax({rows, lambda_u, u_nominal}, w); }
+  Point draw(Rows rows) const { return stages::draw({rows, lambda_u, u_nominal}, w); }
+  void pin(Rows rows, Point u) const { stages::pin(rows, u, w); }
+  void bound(Rows rows, Point u) const { stages::bound(rows, u, w); }
+};
+
 // Filters one nominal input, writing u (2,), slack (m,) and delta (m,); returns the status.
 inline Index filter_state(const Settings& settings, const Own& own, Point u_nominal, const StateRows& rows,
                           Vector<double> u, Vector<double> slack, Vector<double> delta, Workspace& w) {
@@ -116,9 +131,17 @@ inline Index filter_state(const Settings& settings, const Own& own, Point u_nomi
     return result::NOMINAL;
   }
   const Rows sorted{w.rows.data(), m};
-  const Index stage_count = sort(settings, own.weights, rows.priority, w);
-  for (Row& row : sorted) load(settings, own.weights, rows, row);
-  const Point chosen = decide(settings, vertices, sorted, stage_count, u_nominal, w);
+  const Index stage_count = sort(settings, own.weights, rows.priority, w.rows, w.start);
+  for (Row& row : sorted) {
+    load(settings, own.weights, rows, row);
+    row.a = {rows.a(row.index, 0), rows.a(row.index, 1)};
+    row.norm = std::hypot(row.a.x, row.a.y);
+  }
+  w.feasible.corners.assign(vertices.begin(), vertices.end());
+  PlanarInputs inputs{vertices, u_nominal, settings.lambda_u, w};
+  Point chosen = decide(settings, sorted, w.start.data(), stage_count, inputs);
+  // squares of numbers beyond 1e150 overflow, and leave no minimum
+  if (!std::isfinite(chosen.x) || !std::isfinite(chosen.y)) chosen = inputs.nearest();
   u[0] = chosen.x, u[1] = chosen.y;
   const double distance = std::max(std::abs(chosen.x - u_nominal.x), std::abs(chosen.y - u_nominal.y));
   const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);

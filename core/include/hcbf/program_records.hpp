@@ -48,24 +48,29 @@ inline Own own_of(const Settings& settings, Index i) {
 // What is known of a row on the cell of a search: nothing yet, that it is paid for, that it is not.
 enum class State { OPEN, PAID, MET };
 
-// A row as the stages read it.
-struct Row {
+// What the stages read of a row, for any number of inputs.
+struct Terms {
   Index index;    // where it stood before rows were sorted by stage
-  Point a;        // gradient
   double norm;    // |a|
   double b;       // bound, a u >= b
   bool strict;    // whether the stage meets the row, instead of paying for it
   double weight;  // lambda(h); 1 for a strict row
   double least;   // the least slack; 0 for a strict row
   double target;  // a u_k, u_k the solution of the row's own program
-  State state;    // of `soft_minimum`
+
+  // Whether it is more than a constant.
+  bool steers() const { return norm > tolerances::ZERO_GRADIENT; }
+};
+
+// A row of two inputs.
+struct Row : Terms {
+  Point a;      // gradient
+  State state;  // of `soft_minimum`
 
   double value(Point u) const { return polygon::dot(a, u); }
   // The violation, and its excess over the least slack.
   double lack(Point u) const { return b - a.x * u.x - a.y * u.y; }
   double excess(Point u) const { return b - least - a.x * u.x - a.y * u.y; }
-  // Whether it is more than a constant.
-  bool steers() const { return norm > tolerances::ZERO_GRADIENT; }
   // Its line a u = bound, if it steers.
   Line line(double bound) const { return {{a.x / norm, a.y / norm}, bound / norm}; }
   // Its line through a point.

@@ -1,5 +1,5 @@
 // Every tolerance of the programs, each with its reason; lengths are relative to the size of U.
-// hcbf_gym/programs/tolerances.py has those of the stages that a QP solver answers.
+// hcbf_gym/programs/qp.py has those of QP solvers by name.
 #pragma once
 
 namespace hcbf::tolerances {
@@ -40,5 +40,21 @@ constexpr double SURELY_MET = 1e-14;
 // ---------------------------------------------------------------- any number of inputs
 // A row that misses its bound by less in the input space, relative to 1 + |u|, is met.
 constexpr double MET = 1e-9;
+// A unit row whose part along the free directions is smaller does not bind them.
+constexpr double DEPENDENT = 1e-9;
+// A row that misses its bound by more, relative to 1 + max|x|, beside rows that leave it no freedom
+// proves that a polyhedron is empty.
+constexpr double MISSED = 1e-9;
+// A point that misses a row by more, relative to 1 + max|x|, is computed with twice the digits.
+constexpr double PRIMAL = 1e-7;
+// Rows of one stage that differ more in steepness, or whose bounds are farther, relative to the
+// steepest, take twice a double's digits.
+constexpr double GRADED_FOR_SOLVERS = 1e3;
+// How much dearer than a distance a violation of the steepest row is in a proximal problem, for a solver
+// by name and in doubles; and of the flattest, with twice the digits, up to a limit for the steepest.
+// More would leave too few digits.
+constexpr double PULL_BY_NAME = 1e4, PULL = 1e8, PULL_OF_FLATTEST = 1e6, LARGEST_PULL = 1e26;
+// Proximal points that move by less, relative to 1 + max|u|, have converged.
+constexpr double SETTLED = 1e-11;
 
 }  // namespace hcbf::tolerances

@@ -13,14 +13,12 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array, floats, holds_numbers
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.planar.records import BOUND, DRAWN, NOTHING, PIN, RELAXED, Settings
-from hcbf_gym.programs.plans import Plan
+from hcbf_gym.programs.planar.records import Settings
+from hcbf_gym.programs.plans import LOCK, LOWER, Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_shapes, explain
 from hcbf_gym.programs.result import FilterResult, FilterStatus
 
-_LOWER = {"nothing": NOTHING, "relaxed": RELAXED, "drawn": DRAWN}
-_LOCK = {"nothing": 0, "pin": PIN, "bound": BOUND}
 _STATUSES = tuple(FilterStatus)
 
 
@@ -43,9 +41,9 @@ class _Compiled:
             )
         self.plan, self.prices, self.input_set = plan, prices, input_set
         self._settings = Settings(
-            _LOWER[plan.lower],
+            LOWER.index(plan.lower),
             plan.order == "by level",
-            _LOCK[plan.lock],
+            LOCK.index(plan.lock),
             plan.ranks,
             plan.strict == "all" and plan.order == "by level",
             input_set.radius,

@@ -4,20 +4,14 @@ from typing import NamedTuple
 
 from hcbf_gym.arrays import Array
 
-NOTHING, RELAXED, DRAWN = range(3)
-"""What the rows that are not strict pay for: `plans.LOWER`."""
-
-PIN, BOUND = 1, 2
-"""What a level locks: `plans.LOCK`."""
-
 
 class Settings(NamedTuple):
     """A program's plan, its prices and U; `program_records::Settings` of the core.
 
     Attributes:
-        lower: `NOTHING`, `RELAXED` or `DRAWN`.
+        lower: its place in `plans.LOWER`.
         by_level: whether each priority is a stage; if not there are two, strict rows and others.
-        lock: `PIN`, `BOUND` or 0.
+        lock: its place in `plans.LOCK`.
         ranks: whether rows of priority 1 come before the others.
         guided: whether guidance may add a row of the last rank, which costs the others nothing.
         radius: the largest norm of an input in U.

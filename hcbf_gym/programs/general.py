@@ -1,0 +1,91 @@
+"""The programs of any number of inputs; each stage is a projection on a polyhedron.
+
+The core answers (`core/include/hcbf/general_cascade.hpp`), or a QP solver by name in its place.
+"""
+
+import functools
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import _core
+from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.errors import SolverError, finite_array, floats
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.programs.plans import LOCK, LOWER, Plan
+from hcbf_gym.programs.prices import Prices
+from hcbf_gym.programs.program import Program, check_rows
+from hcbf_gym.programs.qp import Solver, check_solver
+from hcbf_gym.programs.result import FilterResult, FilterStatus
+
+
+class GeneralProgram(Program):
+    """A program of any number of inputs for a single state.
+
+    Args:
+        plan: what is solved.
+        prices: its numbers.
+        input_set: U.
+        solver: the name of the solver that answers in the place of the core; Clarabel answers
+            where it fails (DAQP where that is Clarabel).
+
+    Raises:
+        UnknownNameError: if no such solver is installed.
+        InvalidInputError: if the prices are those of several states.
+    """
+
+    def __init__(
+        self, plan: Plan, prices: Prices, input_set: InputSet, solver: str | None = None
+    ) -> None:
+        self.plan, self.prices, self.input_set = plan, prices, input_set
+        prices.weights.check(1)
+        self.solver = None if solver is None else check_solver(solver)
+
+    @functools.cached_property
+    def _core(self) -> _core.GeneralProgram:
+        plan, prices = self.plan, self.prices
+        return _core.GeneralProgram(
+            LOWER.index(plan.lower),
+            plan.order == "by level",
+            LOCK.index(plan.lock),
+            plan.ranks,
+            self.input_set.radius,
+            prices.lambda_u,
+            prices.known_offset,
+            np.ascontiguousarray(prices.weights.table),
+            *self.input_set.halfspaces(),
+        )
+
+    def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
+        """Filter one nominal input; see :class:`Program`."""
+        n_u = self.input_set.n_u
+        desired = finite_array("u_nominal", floats("u_nominal", u_nominal, (n_u,)), (n_u,))
+        check_rows(rows, n_u)
+        if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
+            self.prices.least_slack(rows)
+            rows = rows._replace(alpha2_psi=rows.b)
+        m = rows.b.size
+        answer = np.empty(n_u + 2 * m + 1)
+        solver = None if self.solver is None else Solver(self.solver)
+        try:
+            hard = self._core.filter(
+                np.ascontiguousarray(desired),
+                np.ascontiguousarray(rows.a, np.float64),
+                np.ascontiguousarray(rows.b, np.float64),
+                np.ascontiguousarray(rows.h, np.float64),
+                np.ascontiguousarray(rows.priority, np.int64),
+                np.ascontiguousarray(rows.alpha2_psi, np.float64),
+                None if solver is None else solver.project,
+                self.input_set.project,
+                answer,
+            )
+            solved = bool(np.isfinite(answer).all())  # squares beyond 1e300 leave no numbers
+        except SolverError:
+            hard, solved = 0, False
+        fallbacks = hard + (0 if solver is None else solver.fallbacks)
+        if not solved:
+            braking = np.zeros(n_u)
+            slack = _core.violation(rows.a, rows.b, braking, self.input_set.radius)
+            return FilterResult(braking, slack, slack.copy(), FilterStatus.BACKUP, fallbacks)
+        u, slack, delta = np.split(answer[:-1], (n_u, n_u + m))
+        return FilterResult(u, slack, delta, FilterStatus(int(answer[-1])), fallbacks)

@@ -1,1 +1,0 @@
-"""The programs for any number of inputs, through a QP solver."""
