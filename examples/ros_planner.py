@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 GOAL = float(sys.argv[1]), float(sys.argv[2])
-NEAR, LONGEST = 0.3, 240.0  # [m], [s]: the node compiles first
+NEAR, LONGEST = 0.3, 240.0  # [m], [s]
 
 
 class Planner(Node):

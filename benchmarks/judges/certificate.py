@@ -15,7 +15,6 @@ import numpy as np
 from benchmarks.judges import exact
 from benchmarks.judges.exact import common_multiple, exactly, rational
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.compilation import kernel
 
 Rationals = list[Any]
 
@@ -61,7 +60,7 @@ class Stage(NamedTuple):
 
 def minimiser(stage: Stage) -> Rationals:
     """Return a minimiser u (n,) of a stage, in rational numbers."""
-    return proven(stage, *guess(*_in_doubles(stage))) or by_pivots(stage)
+    return proven(stage, *guess(stage)) or by_pivots(stage)
 
 
 def proven(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
@@ -82,64 +81,36 @@ def proven(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
     return None
 
 
-def _in_doubles(stage: Stage) -> tuple[Any, ...]:
-    """Return a stage as `guess` reads it."""
-    bound, target = (np.array(numbers, np.float64) for numbers in (stage.bound, stage.target))
-    least = np.zeros(target.size) if stage.least is None else stage.least
-    return (
-        stage.hard, bound, stage.low, stage.u_nominal, stage.lambda_u, stage.soft, target,
-        stage.weight, least, stage.least is not None,
-    )  # fmt: skip
-
-
-@kernel(error_model="numpy")
-def guess(
-    hard: Array,
-    bound: Array,
-    low: Array,
-    u_nominal: Array,
-    lambda_u: float,
-    soft: Array,
-    target: Array,
-    weight: Array,
-    least: Array,
-    one_sided: bool,
-) -> tuple[Mask, Integers]:
+def guess(stage: Stage) -> tuple[Mask, Integers]:
     """Return which hard rows (K,) are tight, and what each soft row (s,) does.
 
     Rows are scaled to norm 1; those without a gradient stay out, paid for or not whatever u is.
     """
-    n, scale = low.size, max(lambda_u, 1e-300)
-    acting = np.sqrt((hard * hard).sum(axis=1))
-    paying = np.sqrt((soft * soft).sum(axis=1))
-    hard_rows, soft_rows = np.flatnonzero(acting), np.flatnonzero(paying)
-    hessian, linear = np.eye(n) * lambda_u, -lambda_u * u_nominal
-    rows, bounds = np.empty((hard_rows.size, n)), np.empty(hard_rows.size)
-    for i, k in enumerate(hard_rows):
-        rows[i], bounds[i] = hard[k] / acting[k], bound[k] / acting[k] - LOOSE
-    count = soft_rows.size if one_sided else 0
-    a, t, w, m = np.empty((count, n)), np.empty(count), np.empty(count), np.empty(count)
-    for i, k in enumerate(soft_rows):
-        unit, price, goal = soft[k] / paying[k], weight[k] * paying[k] ** 2, target[k] / paying[k]
-        scale = max(scale, price)
-        if one_sided:
-            a[i], t[i], w[i], m[i] = unit, goal, price, least[k] / paying[k]
-        else:
-            hessian += price * np.outer(unit, unit)
-            linear -= price * goal * unit
-    tight = np.zeros(bound.size, dtype=np.bool_)
-    states = np.full(target.size, PAID)
-    found, does = _sets(hessian / scale, linear / scale, rows, bounds, low, a, t, w / scale, m)
-    for i, k in enumerate(hard_rows):
-        tight[k] = found[i]
-    if one_sided:
-        states = np.where(target > least, PAID, FREE)
-        for i, k in enumerate(soft_rows):
-            states[k] = does[i]
+    bound, target = (np.array(numbers, np.float64) for numbers in (stage.bound, stage.target))
+    acting, paying = (np.sqrt((rows * rows).sum(axis=1)) for rows in (stage.hard, stage.soft))
+    hard, soft = acting > 0.0, paying > 0.0
+    acting, paying = acting[hard], paying[soft]
+    rows, bounds = stage.hard[hard] / acting[:, None], bound[hard] / acting - LOOSE
+    units, goal = stage.soft[soft] / paying[:, None], target[soft] / paying
+    price = stage.weight[soft] * paying**2
+    scale = max(stage.lambda_u, float(price.max(initial=1e-300)))
+    hessian, linear = np.eye(stage.low.size) * stage.lambda_u, -stage.lambda_u * stage.u_nominal
+    tight, states = np.zeros(bound.size, dtype=np.bool_), np.full(target.size, PAID)
+    if stage.least is None:
+        hessian += (units.T * price) @ units
+        linear -= (price * goal) @ units
+        none = np.zeros(0)
+        relaxed = units[:0], none, none, none
+    else:
+        states = np.where(target > stage.least, PAID, FREE)
+        relaxed = units, goal, price / scale, stage.least[soft] / paying
+    found, does = _sets(hessian / scale, linear / scale, rows, bounds, stage.low, *relaxed)
+    tight[hard] = found
+    if stage.least is not None:
+        states[soft] = does
     return tight, states
 
 
-@kernel(error_model="numpy")
 def _sets(
     hessian: Array,
     linear: Array,
@@ -157,66 +128,47 @@ def _sets(
     """
     n, s, k = low.size, target.size, bound.size
     size = n + s + k + s
+    u, v, holds, pays = np.split(np.arange(size), (n, n + s, n + s + k))
     matrix, q = np.zeros((size, size)), np.empty(size)
     matrix[:n, :n] = hessian
     matrix[:n, n + s : n + s + k] = -hard.T
     matrix[:n, n + s + k :] = -soft.T
     matrix[n + s : n + s + k, :n] = hard
     matrix[n + s + k :, :n] = soft
-    for i in range(s):
-        matrix[n + i, n + i] = weight[i]
-        matrix[n + i, n + s + k + i] = -1.0
-        matrix[n + s + k + i, n + i] = 1.0
-    q[:n] = linear + hessian @ low
-    q[n : n + s] = weight * least
-    q[n + s : n + s + k] = hard @ low - bound
-    q[n + s + k :] = soft @ low - target + least
+    matrix[v, v], matrix[v, pays], matrix[pays, v] = weight, -1.0, 1.0
+    q[u] = linear + hessian @ low
+    q[v] = weight * least
+    q[holds] = hard @ low - bound
+    q[pays] = soft @ low - target + least
     basic = _lemke(matrix, q)
-    states = np.empty(s, dtype=np.int64)
-    for i in range(s):
-        states[i] = PAID if basic[n + i] else KINK if basic[n + s + k + i] else FREE
-    return basic[n + s : n + s + k], states
+    return basic[holds], np.where(basic[v], PAID, np.where(basic[pays], KINK, FREE))
 
 
-@kernel(error_model="numpy")
 def _lemke(matrix: Array, q: Array) -> Mask:
     """Return which y (n,) are basic in ``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``; see `exact`."""
     n = q.size
-    basic = np.zeros(n, dtype=np.bool_)
-    row = q.argmin()
+    row, artificial = int(q.argmin()), 2 * n
+    basis, entering = np.arange(n), artificial
     if q[row] >= 0.0:
-        return basic
-    table = np.zeros((n, 2 * n + 2))
-    table[:, n : 2 * n], table[:, 2 * n], table[:, 2 * n + 1] = -matrix, -1.0, q
-    basis, entering = np.arange(n), 2 * n
-    for i in range(n):
-        table[i, i] = 1.0
+        return np.zeros(n, dtype=np.bool_)
+    table = np.hstack((np.eye(n), -matrix, np.full((n, 1), -1.0), q[:, None]))
     for _ in range(PIVOTS):
-        leaving, basis[row] = basis[row], entering
+        leaving, basis[row] = int(basis[row]), entering
         table[row] /= table[row, entering]
-        for i in range(n):
-            factor = table[i, entering]
-            if i != row and factor != 0.0:
-                table[i] -= factor * table[row]
-        if leaving == 2 * n:
+        factor = table[:, entering].copy()
+        factor[row] = 0.0
+        table -= factor[:, None] * table[row]
+        if leaving == artificial:
             break
         entering = leaving + n if leaving < n else leaving - n
-        row, least = -1, np.inf
-        for i in range(n):
-            pivot = table[i, entering]
-            if pivot <= 1e-11:
-                continue
-            ratio = max(table[i, 2 * n + 1], 0.0) / pivot
-            slack = 1e-11 * (1.0 + abs(least))
-            better = ratio < least - slack or (ratio <= least + slack and basis[i] == 2 * n)
-            if row < 0 or better:
-                row, least = i, ratio
-        if row < 0:
+        possible = np.flatnonzero(table[:, entering] > 1e-11)
+        if not possible.size:
             break
-    for variable in basis:
-        if n <= variable < 2 * n:
-            basic[variable - n] = True
-    return basic
+        ratio = np.maximum(table[possible, -1], 0.0) / table[possible, entering]
+        least = ratio.min()
+        tied = possible[ratio <= least + 1e-11 * (1.0 + least)]
+        row = int(tied[(basis[tied] == artificial).argmax()])  # of the artificial one, if it ties
+    return np.isin(np.arange(n, 2 * n), basis)
 
 
 def solution(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
@@ -290,17 +242,11 @@ def correct(
     return bool(let_go or broken or wrong)
 
 
-@kernel(error_model="numpy")
 def _doubtful(a: Array, bound: Array, point: Array) -> Integers:
     """Return the rows (k,) of which doubles do not show beyond doubt that ``a_k u > b_k``."""
-    doubt = np.zeros(bound.size, dtype=np.bool_)
-    for k in range(bound.size):
-        value, size = -bound[k], abs(bound[k])
-        for j in range(point.size):
-            value += a[k, j] * point[j]
-            size += abs(a[k, j] * point[j])
-        doubt[k] = not value > SURE * size
-    return np.flatnonzero(doubt)
+    terms = a * point
+    value, size = terms.sum(axis=1) - bound, np.abs(terms).sum(axis=1) + np.abs(bound)
+    return np.flatnonzero(~(value > SURE * size))
 
 
 def _edge(stage: Stage, k: int) -> Any:

@@ -3,8 +3,10 @@
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.compilation import kernel
 from hcbf_gym.maps import Grid
+
+AT_ONCE = 8192
+"""Points whose distances are taken together: their arrays stay in the processor's cache."""
 
 
 def distances(grid: Grid, cells: Mask, points: Array, reach: float) -> Array:
@@ -17,22 +19,39 @@ def distances(grid: Grid, cells: Mask, points: Array, reach: float) -> Array:
         reach: how far to look [m].
     """
     at = grid.to_cells(points)
-    return grid.resolution * _distances(cells, at, reach / grid.resolution)
+    ends, starts = _beside(cells)
+    blocks = np.array_split(at, 1 + len(at) // AT_ONCE)
+    apart = [_distances(ends, starts, block, reach / grid.resolution) for block in blocks]
+    return grid.resolution * np.concatenate(apart)
 
 
-@kernel()
-def _distances(cells: Mask, at: Array, reach: float) -> Array:
-    """Return (N,) distances of fractional columns and rows (N, 2), all in cells."""
-    rows, columns = cells.shape
-    out = np.empty(len(at))
-    for i in range(len(at)):
-        x, y = at[i]
-        least = reach * reach
-        for r in range(max(int(np.floor(y - reach)), 0), min(int(y + reach) + 1, rows)):
-            dy = max(r - y, y - (r + 1), 0.0)
-            for c in range(max(int(np.floor(x - reach)), 0), min(int(x + reach) + 1, columns)):
-                if cells[r, c]:
-                    dx = max(c - x, x - (c + 1), 0.0)
-                    least = min(least, dx * dx + dy * dy)
-        out[i] = np.sqrt(least)
-    return out
+def _beside(cells: Mask) -> tuple[Array, Array]:
+    """Return (rows, columns + 2) where the last true cell ends, and where the next one starts.
+
+    A cell counts beside its own column. The two further columns are outside the map.
+    """
+    padded = np.pad(cells, ((0, 0), (1, 1)))
+    column = np.arange(-1.0, padded.shape[1] - 1.0)
+    ends, starts = np.where(padded, column + 1.0, -np.inf), np.where(padded, column, np.inf)
+    return (
+        np.maximum.accumulate(ends, axis=1),
+        np.minimum.accumulate(starts[:, ::-1], axis=1)[:, ::-1],
+    )
+
+
+def _distances(ends: Array, starts: Array, at: Array, reach: float) -> Array:
+    """Return (N,) distances of fractional columns and rows (N, 2), all in cells.
+
+    In each row of the map either the last or the next true cell is the nearest.
+    """
+    rows, columns = ends.shape
+    x, y = at.T.copy()
+    c = np.clip(np.floor(x).astype(np.int64) + 1, 0, columns - 1)
+    here = np.floor(y).astype(np.int64)
+    least = np.full(len(at), reach * reach)
+    for offset in range(-int(reach) - 1, int(reach) + 2):
+        r = np.clip(here + offset, 0, rows - 1)
+        dx = np.maximum(np.minimum(x - ends[r, c], starts[r, c] - x), 0.0)
+        dy = np.maximum(np.maximum(r - y, y - (r + 1)), 0.0)
+        least = np.minimum(least, dx * dx + dy * dy)
+    return np.sqrt(least)

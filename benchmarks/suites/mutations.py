@@ -21,7 +21,7 @@ from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.robots import a1
 
 SECONDS = 60.0
-"""Of processor time that a case may take; the first ones compile."""
+"""Of processor time that a case may take."""
 
 POISON: tuple[Any, ...] = (
     *(None, True, "", "a", "floor", [], {}, [1.0], [[1.0, 2.0]], 1j),

@@ -24,7 +24,6 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
 )
-from hcbf_gym.compilation import kernel
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filtering.planar_core import PlanarCore
@@ -50,58 +49,58 @@ FAR = 0.5
 """[m], more than any body: a region that stays so far away for a whole hold is looked at once."""
 
 BOTH_SIDES = 1e-13
+AT_ONCE = 16_384
+"""Places whose distances are taken together: their arrays stay in the processor's cache."""
 
 
-@kernel()
-def _to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Return the distance from a segment."""
+def _to_segment(x: Array, y: Array, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
+    """Return the distances from segments."""
     ex, ey = bx - ax, by - ay
-    share = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
-    share = min(max(share, 0.0), 1.0)
+    share = np.clip(((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey), 0.0, 1.0)
     return np.hypot(x - ax - share * ex, y - ay - share * ey)
 
 
-@kernel()
-def _to_ellipse(x: float, y: float, a: float, b: float) -> float:
-    """Return the signed distance from the ellipse x²/a² + y²/b² = 1, by bisection."""
-    x, y = abs(x), abs(y) + BOTH_SIDES
-    if a < b:
-        x, y, a, b = y, x + BOTH_SIDES, b, a
-    apart = a * a - b * b
-    low, high = b * y, b * y + a * x + b * b  # of s in (a x/(s + apart))² + (b y/s)² = 1
+def _to_ellipse(x: Array, y: Array, a: Array, b: Array) -> Array:
+    """Return the signed distances from the ellipses x²/a² + y²/b² = 1, by bisection."""
+    x, y = np.abs(x), np.abs(y) + BOTH_SIDES
+    x, y = np.where(a < b, y, x), np.where(a < b, x + BOTH_SIDES, y)
+    a, b = np.maximum(a, b), np.minimum(a, b)
+    apart, ax, by = a * a - b * b, a * x, b * y
+    low, high = by, by + ax + b * b  # of s in (a x/(s + apart))² + (b y/s)² = 1
     for _ in range(60):
         s = 0.5 * (low + high)
-        if (a * x / (s + apart)) ** 2 + (b * y / s) ** 2 > 1.0:
-            low = s
-        else:
-            high = s
+        before = (ax / (s + apart)) ** 2 + (by / s) ** 2 > 1.0
+        low, high = np.where(before, s, low), np.where(before, high, s)
     s = 0.5 * (low + high)
     return (s - b * b) * np.hypot(x / (s + apart), y / s)
 
 
-@kernel()
-def distance(kind: int, c: Array, x: float, y: float) -> float:
-    """Return the signed distance from a region of the kind with the numbers c (WIDTH,)."""
-    if kind == 0:
-        return c[0] * x + c[1] * y - c[2]
-    if kind == 1:
-        return np.hypot(x - c[0], y - c[1]) - c[2]
-    if kind == 2:
-        cos, sin = np.cos(c[4]), np.sin(c[4])
-        dx, dy = x - c[0], y - c[1]
-        return _to_ellipse(cos * dx + sin * dy, cos * dy - sin * dx, c[2], c[3])
-    if kind == 4:
-        return _to_segment(x, y, c[0], c[1], c[2], c[3]) - c[4]
-    nearest, inside = np.inf, True
+def _to_polygon(x: Array, y: Array, c: Array) -> Array:
+    """Return the signed distances from polygons whose corners run against the clock."""
+    nearest, inside = np.asarray(np.inf), np.asarray(True)
     for i in range(CORNERS):
         j = (i + 1) % CORNERS
-        ax, ay, bx, by = c[2 * i], c[2 * i + 1], c[2 * j], c[2 * j + 1]
-        nearest = min(nearest, _to_segment(x, y, ax, ay, bx, by))
-        inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0
-    return -nearest if inside else nearest
+        ax, ay, bx, by = (c[..., k] for k in (2 * i, 2 * i + 1, 2 * j, 2 * j + 1))
+        nearest = np.minimum(nearest, _to_segment(x, y, ax, ay, bx, by))
+        inside = inside & ((bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0)
+    return np.where(inside, -nearest, nearest)
 
 
-@kernel()
+def distance(kind: int, c: Array, x: Array, y: Array) -> Array:
+    """Return the signed distances (…,) from regions of one kind with the numbers c (…, WIDTH)."""
+    if kind == 0:
+        return c[..., 0] * x + c[..., 1] * y - c[..., 2]
+    if kind == 1:
+        return np.hypot(x - c[..., 0], y - c[..., 1]) - c[..., 2]
+    if kind == 2:
+        cos, sin = np.cos(c[..., 4]), np.sin(c[..., 4])
+        dx, dy = x - c[..., 0], y - c[..., 1]
+        return _to_ellipse(cos * dx + sin * dy, cos * dy - sin * dx, c[..., 2], c[..., 3])
+    if kind == 4:
+        return _to_segment(x, y, *(c[..., k] for k in range(4))) - c[..., 4]
+    return _to_polygon(x, y, c)
+
+
 def least_while_held(
     kind: Integers,
     numbers: Array,
@@ -111,9 +110,8 @@ def least_while_held(
     t: float,
     period: float,
     spread: Array,
-    least: Array,
-) -> None:
-    """Write the least distance (N,) from any region, seen from all places where the robot may be.
+) -> Array:
+    """Return the least distance (N,) from any region, seen from all places where the robot may be.
 
     Of regions that stay farther away than `FAR` a lower bound of it is taken.
 
@@ -126,35 +124,28 @@ def least_while_held(
         t: time [s].
         period: T [s].
         spread: (looks + 1, 2, 2) what a unit vector is multiplied by to be an error [m].
-        least: (N,) written to.
     """
-    looks = spread.shape[0] - 1
-    widest = 0.0
-    for look in range(looks + 1):
-        widest = max(widest, np.sqrt((spread[look] ** 2).sum()))
-    for i in range(x.shape[0]):
-        least[i] = np.inf
-        way = period * (np.hypot(x[i, 2], x[i, 3]) + 0.5 * period * np.hypot(u[i, 0], u[i, 1]))
-        for k in range(kind.size):
-            px, py = x[i, 0] - velocity[i, k, 0] * t, x[i, 1] - velocity[i, k, 1] * t
-            moves = period * np.hypot(velocity[i, k, 0], velocity[i, k, 1])
-            bound = distance(kind[k], numbers[i, k], px, py) - way - moves - widest
-            if bound > FAR:  # distances change no faster than places
-                least[i] = min(least[i], bound)
-                continue
-            for look in range(looks + 1):
-                s = period * look / looks
-                px = x[i, 0] + s * x[i, 2] + 0.5 * s * s * u[i, 0]
-                py = x[i, 1] + s * x[i, 3] + 0.5 * s * s * u[i, 1]
-                root = spread[look]
-                count = DIRECTIONS if root[0, 0] > 0.0 or root[1, 1] > 0.0 else 1
-                qx = px - velocity[i, k, 0] * (t + s)
-                qy = py - velocity[i, k, 1] * (t + s)
-                for turn in range(count):
-                    angle = 2.0 * np.pi * turn / count
-                    ex, ey = (np.cos(angle), np.sin(angle)) if count > 1 else (0.0, 0.0)
-                    ox, oy = root[0, 0] * ex + root[0, 1] * ey, root[1, 0] * ex + root[1, 1] * ey
-                    least[i] = min(least[i], distance(kind[k], numbers[i, k], qx + ox, qy + oy))
+    looks = len(spread) - 1
+    s = period * np.arange(looks + 1)[:, None] / looks
+    angle = 2.0 * np.pi * np.arange(DIRECTIONS if spread.any() else 1) / DIRECTIONS
+    errors = np.column_stack([np.cos(angle), np.sin(angle)]) @ spread.transpose(0, 2, 1)
+    widest = np.sqrt((spread**2).sum(axis=(1, 2)).max())
+    way = period * (np.hypot(x[:, 2], x[:, 3]) + 0.5 * period * np.hypot(u[:, 0], u[:, 1]))
+    least = np.full(len(x), np.inf)
+    for k, shape in enumerate(kind.tolist()):
+        c, w = numbers[:, k], velocity[:, k]
+        bound = distance(shape, c, *(x[:, :2] - w * t).T) - way - widest
+        bound -= period * np.hypot(w[:, 0], w[:, 1])
+        far = bound > FAR  # distances change no faster than places
+        least[far] = np.minimum(least[far], bound[far])
+        near = np.flatnonzero(~far)
+        for few in np.array_split(near, 1 + near.size * errors[..., 0].size // AT_ONCE):
+            start, speed, held = x[few, None, :2], x[few, None, 2:], u[few, None]
+            place = start + s * speed + 0.5 * s * s * held - w[few, None] * (t + s)
+            px, py = np.moveaxis(place[:, :, None] + errors, -1, 0)  # (few, looks + 1, directions)
+            seen = distance(shape, c[few, None, None], px, py).min(axis=(1, 2))
+            least[few] = np.minimum(least[few], seen)
+    return least
 
 
 class Draw(NamedTuple):
@@ -303,16 +294,17 @@ def follow(d: Draw, way: Way, policy: Callable[[Array], Array]) -> tuple[float, 
     core = _core(d, [way.region], None)
     numbers, x = np.zeros((1, 1, WIDTH)), way.start[None].astype(np.float64)
     numbers[0, 0, : len(way.numbers)] = way.numbers
-    least, silent, nearest = np.empty(1), False, np.inf
+    silent, nearest = False, np.inf
     kinds, still, shape = np.array([way.kind]), np.zeros((1, 1, 2)), np.eye(2)
     for step in range(round(way.seconds / d.period)):
         t = step * d.period
         known = None if d.known == "exact" else covariance(d.known, t, way.size, shape)
         u, report = core.step(policy(x[0]), [way.region], Estimate(x[0], t, known))
         spreads = _spreads(d, t, way.size, shape, shape)
-        least_while_held(kinds, numbers, still, x, u[None].copy(), t, d.period, spreads, least)
-        nearest = min(nearest, float(least[0]) - d.body)
-        silent |= least[0] - d.body < -ROUNDING and report["status"] < FilterStatus.VIOLATED
+        seen = least_while_held(kinds, numbers, still, x, u[None], t, d.period, spreads)
+        least = float(seen[0]) - d.body
+        nearest = min(nearest, least)
+        silent |= least < -ROUNDING and report["status"] < FilterStatus.VIOLATED
         x = _moved(x, u[None], d.period)
     return nearest, bool(silent)
 
@@ -380,7 +372,6 @@ def walk(
     said = entered.copy()
     depth, violated, deepest = 0.0, 0, np.inf
     radius, steps = d.input_set.radius, int(SECONDS / d.period)
-    least = np.empty(count)
     for step in range(steps):
         t = step * d.period
         known = covariance(d.known, t, size, shape)
@@ -410,8 +401,7 @@ def walk(
         said |= bad
         u = np.array(u)
         spreads = _spreads(d, t, size, shape, root_shape)
-        least_while_held(kinds, numbers, velocity, x, u, t, d.period, spreads, least)
-        least -= d.body
+        least = least_while_held(kinds, numbers, velocity, x, u, t, d.period, spreads) - d.body
         inside = least < -ROUNDING
         silent |= inside & ~bad
         silent_ever |= inside & ~said

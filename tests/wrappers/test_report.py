@@ -1,9 +1,5 @@
 """What info["safety_filter"] holds: the fields of `filtering.report`, from every core."""
 
-import os
-import subprocess
-import sys
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -13,16 +9,6 @@ from hcbf_gym.filtering import report
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 U = np.array([1.0, 0.5])
-NATIVE = """
-import gymnasium as gym, numpy as np, hcbf_gym
-envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
-envs = hcbf_gym.wrappers.VectorSafetyFilter(envs, guidance="local")
-envs.reset(seed=0)
-for k in range(5):
-    *_, info = envs.step(np.array([[5.0, 0.1 * k], [-5.0, 2.0], [0.0, -5.0]]))
-told = info["safety_filter"]
-print([told[name].tolist() for name in ("u_safe", "slack", "status", "margin", "intervention")])
-"""
 
 
 def filtered(solver=None):
@@ -69,19 +55,3 @@ def test_a_report_is_not_changed_by_the_next_step():
             env.step(-3.0 * u)
         for name, value in before.items():
             assert np.array_equal(told[name], value)
-
-
-def test_the_native_filter_answers_alike_uncompiled():
-    answers = [
-        subprocess.run(
-            [sys.executable, "-c", NATIVE],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for disabled in ("0", "1")
-    ]
-    compiled, uncompiled = map(eval, answers)
-    for ours, theirs in zip(compiled, uncompiled, strict=True):
-        assert np.allclose(ours, theirs, rtol=0.0, atol=1e-9)
