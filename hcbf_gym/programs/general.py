@@ -40,7 +40,6 @@ class GeneralProgram(Program):
         self.plan, self.prices, self.input_set = plan, prices, input_set
         prices.weights.check(1)
         self.solver = None if solver is None else check_solver(solver)
-
         self._core = _core.GeneralProgram(
             LOWER.index(plan.lower),
             plan.order == "by level",
@@ -79,7 +78,7 @@ class GeneralProgram(Program):
                 self.input_set.project,
                 answer,
             )
-            solved = bool(np.isfinite(answer).all())  # squares beyond 1e300 leave no numbers
+            solved = bool(np.isfinite(answer[:n_u]).all())  # where no square overflows
         except SolverError:
             hard, solved = 0, False
         fallbacks = hard + (0 if solver is None else solver.fallbacks)
