@@ -103,7 +103,8 @@ void bind_planar(nb::module_& m) {
 // A solver of Python's: `project(centre, a, lower, nonempty)` returns the point, or None.
 polyhedron::Solver solver_of(nb::object solve) {
   if (solve.is_none()) return {};
-  return [solve = std::move(solve)](const projection::Projection<double>& problem, bool nonempty, std::vector<double>& x) {
+  return [solve = std::move(solve)](const projection::Projection<double>& problem, bool nonempty,
+                                    std::vector<double>& x) {
     const std::size_t n = problem.centre.size(), count = problem.b.size();
     const nb::object found = solve(array_of<1>(problem.centre, {n}), array_of<2>(problem.a, {count, n}),
                                    array_of<1>(problem.b, {count}), nonempty);
@@ -167,7 +168,7 @@ void bind_general(nb::module_& m) {
     std::vector<double> x(centre.data(), centre.data() + centre.size());
     const bool found = projection::nearest_point(view(a), view(b), x);
     return found ? std::optional(array_of<1>(x, {x.size()})) : std::nullopt;
-  }, "a"_a, "b"_a, "centre"_a, "Return the x with a x >= b that is nearest to a centre; None if there is none.");
+  }, "a"_a, "b"_a, "centre"_a, "Return the x with a x >= b nearest to a centre, None if there is none.");
 }
 
 void bind_rows(nb::module_& m) {

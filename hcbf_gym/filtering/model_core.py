@@ -28,7 +28,7 @@ class ModelCore(FilterCore):
     """The filter of N plants of a model that is not compiled: usual rows from jets, any inputs.
 
     Where inputs are two and no solver is named, the compiled program answers, for all plants in
-    one call; else a solver does, one plant after the other.
+    one call; else a program does, one plant after the other.
 
     Args: as `FilterCore` takes them; nothing guides the plants.
     """

@@ -15,7 +15,7 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
     """Return what is said of a plant of so many inputs."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = [
         ("intervention", "f8"),  # ‖u − u*‖
-        ("fallbacks", "f8"),  # quadratic programs that a second solver had to answer
+        ("fallbacks", "f8"),  # projections that took more than doubles or a second solver
         ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
         ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
         ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move

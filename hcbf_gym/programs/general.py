@@ -3,7 +3,7 @@
 The core answers (`core/include/hcbf/general_cascade.hpp`), or a QP solver by name in its place.
 """
 
-import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,21 +40,20 @@ class GeneralProgram(Program):
         self.plan, self.prices, self.input_set = plan, prices, input_set
         prices.weights.check(1)
         self.solver = None if solver is None else check_solver(solver)
-
-    @functools.cached_property
-    def _core(self) -> _core.GeneralProgram:
-        plan, prices = self.plan, self.prices
-        return _core.GeneralProgram(
+        self._core = _core.GeneralProgram(
             LOWER.index(plan.lower),
             plan.order == "by level",
             LOCK.index(plan.lock),
             plan.ranks,
-            self.input_set.radius,
+            input_set.radius,
             prices.lambda_u,
             prices.known_offset,
             np.ascontiguousarray(prices.weights.table),
-            *self.input_set.halfspaces(),
+            *input_set.halfspaces(),
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.plan, self.prices, self.input_set, self.solver)
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
@@ -79,7 +78,7 @@ class GeneralProgram(Program):
                 self.input_set.project,
                 answer,
             )
-            solved = bool(np.isfinite(answer).all())  # squares beyond 1e300 leave no numbers
+            solved = bool(np.isfinite(answer[:n_u]).all())  # where no square overflows
         except SolverError:
             hard, solved = 0, False
         fallbacks = hard + (0 if solver is None else solver.fallbacks)

@@ -2,8 +2,8 @@ r"""The programs: each is a plan, a few choices that stand beside its equation.
 
 Throughout, u ∈ U, rows of one priority are one level, and û_k solves the program of row k alone: it
 is the input of U nearest u* that meets row k or, where none does, violates it least. A plan is read
-by two interpreters: the core's `cascade.hpp` for two inputs, and `general.cascade` for any number
-of inputs and for QP solvers by name.
+by the core's `cascade.hpp`: on polygons for two inputs, on polyhedra for any number of inputs and
+for QP solvers by name.
 """
 
 from collections.abc import Mapping
@@ -190,7 +190,7 @@ def plan_of(program: Named) -> Plan:
         if "strict" not in program:
             raise InvalidInputError(f"plan: got {dict(program)}, expected 'strict' among its keys")
         return Plan(**program)
-    if program == "none":
+    if isinstance(program, str) and program == "none":
         raise UnknownNameError(
             f"unknown program: got 'none', expected one of {sorted(_PLANS)}; for no filter, leave "
             "the environment without SafetyFilter"

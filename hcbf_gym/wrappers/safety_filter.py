@@ -48,8 +48,8 @@ class SafetyFilter(
             policy.
         margin: what rows on the position reserve between h and zero [m]; None derives it from what
             is uncertain.
-        solver: "daqp", "clarabel" or any solver that qpsolvers knows; None means the compiled
-            programs where u has two entries, else "daqp".
+        solver: "daqp", "clarabel" or any solver that qpsolvers knows, as a second opinion; None
+            means the core.
         on_alarm: "warn" or "brake", where the plant is not the one that was declared; None takes
             the plant's.
         allow_late_inputs: whether a barrier may have a row that misses an input which helps by a

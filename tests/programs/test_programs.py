@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -117,6 +120,16 @@ def test_one_input_is_allowed():
     program = programs.make("lex-cbf-qp", input_set=Box([-1.0], [2.0]))
     result = program(np.array([0.0]), rows_of([[1.0], [-1.0]], [1.0, 1.0], [1, 2]))
     np.testing.assert_allclose(result.u, [1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("n_u", "solver"), [(2, None), (2, "daqp"), (3, None)])
+def test_a_program_that_has_answered_is_pickled_and_copied(n_u, solver):
+    program = programs.make("ih-cbf-qp", input_set=Box.symmetric(2.0, n_u=n_u), solver=solver)
+    rows = rows_of(np.eye(n_u)[:2], [3.0, 1.0], [1, 2])
+    expected = program(np.zeros(n_u), rows)
+    for twin in (pickle.loads(pickle.dumps(program)), copy.deepcopy(program)):
+        for one, other in zip(twin(np.zeros(n_u), rows), expected, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 # ------------------------------------------------------------------ bad input

@@ -238,7 +238,8 @@ inline bool nearest_point(Matrix<const double> a, Vector<const double> b, std::v
   const auto solve = [&](auto& problem) {
     problem.begin(x.size());
     std::copy(x.begin(), x.end(), problem.centre.begin());
-    for (Index k = 0; k < b.size; ++k) problem.add({a[k].begin(), a[k].end()}, b[k], tolerances::ZERO_GRADIENT);
+    for (Index k = 0; k < b.size; ++k)
+      problem.add({a[k].begin(), a[k].end()}, b[k], tolerances::ZERO_GRADIENT);
     return problem.solve(false);
   };
   Projection<double> narrow;

@@ -6,7 +6,7 @@ namespace hcbf::report {
 
 struct Plant {  // (n_u,) u_nominal and u_safe stand behind it
   double intervention;  // |u - u*|
-  double fallbacks;     // quadratic programs that a second solver had to answer
+  double fallbacks;     // projections that took more than doubles or a second solver
   double model_error;   // how far the response is from the chosen input [unit of u]
   double reachable;     // through which rank the path leads; 0 where nothing lies on it
   double deadlock;      // 1 where the plant is at rest though u* requests motion

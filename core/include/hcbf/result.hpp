@@ -15,7 +15,7 @@ struct FilterResult {       // of N states, written to
   Matrix<double> slack;     // (N, m) violation of each row at u, max(0, b_k - a_k u)
   Matrix<double> delta;     // (N, m) the program's own relaxation of each row
   Vector<Index> status;     // (N,) `FilterStatus`
-  Vector<Index> fallbacks;  // (N,) how many QPs a second solver had to answer
+  Vector<Index> fallbacks;  // (N,) how many projections took more than doubles or a second solver
 };
 
 // Returns by how much a row is violated, 0 where that is rounding. `lack`: b - a u; `norm`: |a|;

@@ -5,6 +5,8 @@ What is given up with that: the violations that a level pays are the least up to
 as exact as they decide it; see `soft_minimum::keep_least`.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -53,6 +55,9 @@ class _Compiled:
             np.ascontiguousarray(prices.weights.table),
         )
         self._core = _core.PlanarProgram(*self._settings)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.plan, self.prices, self.input_set)
 
     def settings_of(self, count: int) -> Settings:
         """Return what the filter must know of the program, for N states.
