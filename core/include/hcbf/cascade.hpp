@@ -13,20 +13,22 @@
 namespace hcbf::cascade {
 
 using namespace program_records;
-using cbf_rows::CbfRows, cbf_rows::StateRows, result::FilterResult;
+using cbf_rows::CbfRows, cbf_rows::StateRowsOf, polygon::Corners, result::FilterResult;
 
 // Returns whether u* is in U and meets every row.
-inline bool allowed(Vector<const Point> vertices, const StateRows& rows, Point u_nominal) {
+template <class Number>
+bool allowed(Corners<Number> vertices, const StateRowsOf<Number>& rows, const PointOf<Number>& u_nominal) {
   for (Index k = 0; k < rows.b.size; ++k)
     if (rows.a(k, 0) * u_nominal.x + rows.a(k, 1) * u_nominal.y < rows.b[k]) return false;
-  return polygon::contains(vertices, u_nominal);
+  return polygon::contains<Number>(vertices, u_nominal);
 }
 
 // Returns the least slack of row k; with a known offset it is alpha2(psi + eps) - alpha2(psi), which is
 // max(0, -alpha2(psi)).
-inline double least_slack(const Settings& settings, const StateRows& rows, Index k) {
+template <class Number>
+Number least_slack(const Settings& settings, const StateRowsOf<Number>& rows, Index k) {
   if (!settings.known_offset || rows.priority[k] <= 1) return 0.0;
-  return std::max(0.0, -rows.alpha2_psi[k]);
+  return max(0.0, -rows.alpha2_psi[k]);
 }
 
 // Returns the stage of the rows of a priority, from 1; of no row, which has priority 0, 0.
@@ -37,8 +39,9 @@ inline Index stage_of(const Settings& settings, Vector<const double> weights, In
 
 // Sorts by stage: writes the rows' indices, and where each stage ends in `w.start`, one place early:
 // stage s is from start[s - 1] to start[s]. Returns the number of stages.
-inline Index sort(const Settings& settings, Vector<const double> weights, Vector<const Index> priority,
-                  Workspace& w) {
+template <class Number>
+Index sort(const Settings& settings, Vector<const double> weights, Vector<const Index> priority,
+           WorkspaceOf<Number>& w) {
   Index count = 0;
   for (const Index rank : priority) count = std::max(count, stage_of(settings, weights, rank));
   std::fill_n(w.start.begin(), count + 2, 0);
@@ -52,29 +55,32 @@ inline Index sort(const Settings& settings, Vector<const double> weights, Vector
 }
 
 // Fills in a row whose index is set.
-inline void load(const Settings& settings, Vector<const double> weights, const StateRows& rows, Row& row) {
+template <class Number>
+void load(const Settings& settings, Vector<const double> weights, const StateRowsOf<Number>& rows,
+          RowOf<Number>& row) {
   const Index k = row.index;
   row.a = {rows.a(k, 0), rows.a(k, 1)};
   row.b = rows.b[k];
-  row.norm = std::hypot(row.a.x, row.a.y);
-  const double weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
-  row.strict = std::isinf(weight);
+  row.norm = hypot(row.a.x, row.a.y);
+  const Number weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
+  row.strict = isinf(weight);
   row.weight = row.strict ? 1.0 : weight;
   row.least = least_slack(settings, rows, k);
 }
 
 // Runs the stages on rows sorted by them.
-inline Point decide(const Settings& settings, Vector<const Point> vertices, Rows rows, Index stage_count,
-                    Point u_nominal, Workspace& w) {
+template <class Number>
+PointOf<Number> decide(const Settings& settings, Corners<Number> vertices, RowsOf<Number> rows,
+                       Index stage_count, const PointOf<Number>& u_nominal, WorkspaceOf<Number>& w) {
   w.feasible.corners.assign(vertices.begin(), vertices.end());
-  if (settings.lower == Lower::DRAWN) stages::set_targets(vertices, rows, u_nominal, w);
-  Point u{};
+  if (settings.lower == Lower::DRAWN) stages::set_targets<Number>(vertices, rows, u_nominal, w);
+  PointOf<Number> u{};
   bool found = false;
   for (Index stage = 0; stage < stage_count; ++stage) {
-    const Rows some = rows.part(w.start[stage], w.start[stage + 1]);
+    const RowsOf<Number> some = rows.part(w.start[stage], w.start[stage + 1]);
     if (some.size == 0) continue;
     if (w.feasible.is_point()) break;  // nothing is left to decide
-    const Cost cost{some, settings.lambda_u, u_nominal};
+    const CostOf<Number> cost{some, settings.lambda_u, u_nominal};
     if (some[0].strict)
       stages::meet(some, w), found = false;
     else if (settings.lower == Lower::RELAXED)
@@ -85,17 +91,18 @@ inline Point decide(const Settings& settings, Vector<const Point> vertices, Rows
     if (found && settings.lock == Lock::BOUND) stages::bound(some, u, w);
   }
   // squares of numbers beyond 1e150 overflow, and leave no minimum
-  return found && std::isfinite(u.x) && std::isfinite(u.y) ? u : polygon::nearest(w.feasible, u_nominal);
+  return found && isfinite(u.x) && isfinite(u.y) ? u : polygon::nearest<Number>(w.feasible, u_nominal);
 }
 
 // Writes what each row pays at u; returns the status, given that of an input without slack.
-inline Index account(const Settings& settings, Index status, Vector<const Index> priority, Rows rows, Point u,
-                     Vector<double> slack, Vector<double> delta) {
-  for (const Row& row : rows) {
-    const double value = row.value(u);
-    const double paid = result::slack_of(row.b - value, row.norm, row.b, settings.radius);
+template <class Number>
+Index account(const Settings& settings, Index status, Vector<const Index> priority, RowsOf<Number> rows,
+              const PointOf<Number>& u, Vector<Number> slack, Vector<Number> delta) {
+  for (const RowOf<Number>& row : rows) {
+    const Number value = row.value(u);
+    const Number paid = result::slack_of<Number>(row.b - value, row.norm, row.b, settings.radius);
     slack[row.index] = delta[row.index] = paid;
-    if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = std::max(paid, row.least);
+    if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = max(paid, row.least);
     if (!row.strict && settings.lower == Lower::DRAWN) delta[row.index] = row.target - value;
     if (paid > 0.0) {
       const bool relaxed = settings.ranks && priority[row.index] > 1;
@@ -105,22 +112,24 @@ inline Index account(const Settings& settings, Index status, Vector<const Index>
   return status;
 }
 
-// Filters one nominal input, writing u (2,), slack (m,) and delta (m,); returns the status.
-inline Index filter_state(const Settings& settings, const Own& own, Point u_nominal, const StateRows& rows,
-                          Vector<double> u, Vector<double> slack, Vector<double> delta, Workspace& w) {
-  const Vector<const Point> vertices = polygon::points(own.vertices);
+// Filters one nominal input, U and the weights being those of its state, writing u (2,), slack (m,) and delta (m,); returns the status.
+template <class Number>
+Index filter_state(const Settings& settings, Vector<const PointOf<Number>> vertices,
+                   Vector<const double> weights, const PointOf<Number>& u_nominal,
+                   const StateRowsOf<Number>& rows, Vector<Number> u, Vector<Number> slack,
+                   Vector<Number> delta, WorkspaceOf<Number>& w) {
   const Index m = slack.size;
   u[0] = u_nominal.x, u[1] = u_nominal.y;
-  if (allowed(vertices, rows, u_nominal)) {
+  if (allowed<Number>(vertices, rows, u_nominal)) {
     for (Index k = 0; k < m; ++k) slack[k] = 0.0, delta[k] = least_slack(settings, rows, k);
     return result::NOMINAL;
   }
-  const Rows sorted{w.rows.data(), m};
-  const Index stage_count = sort(settings, own.weights, rows.priority, w);
-  for (Row& row : sorted) load(settings, own.weights, rows, row);
-  const Point chosen = decide(settings, vertices, sorted, stage_count, u_nominal, w);
+  const RowsOf<Number> sorted{w.rows.data(), m};
+  const Index stage_count = sort(settings, weights, rows.priority, w);
+  for (RowOf<Number>& row : sorted) load(settings, weights, rows, row);
+  const PointOf<Number> chosen = decide<Number>(settings, vertices, sorted, stage_count, u_nominal, w);
   u[0] = chosen.x, u[1] = chosen.y;
-  const double distance = std::max(std::abs(chosen.x - u_nominal.x), std::abs(chosen.y - u_nominal.y));
+  const Number distance = max(abs(chosen.x - u_nominal.x), abs(chosen.y - u_nominal.y));
   const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);
   const Index unpaid = moved ? result::SAFE : result::NOMINAL;
   return account(settings, unpaid, rows.priority, sorted, chosen, slack, delta);
@@ -135,8 +144,9 @@ inline void filter_range(const Settings& settings, Matrix<const double> u_nomina
                          const FilterResult& answer, Workspace& w, Index first, Index end) {
   for (Index i = first; i < end; ++i) {
     const Point desired{u_nominal(i, 0), u_nominal(i, 1)};
-    answer.status[i] = filter_state(settings, own_of(settings, i), desired, rows[i], answer.u[i],
-                                    answer.slack[i], answer.delta[i], w);
+    const Own own = own_of(settings, i);
+    answer.status[i] = filter_state<double>(settings, polygon::points(own.vertices), own.weights, desired,
+                                            rows[i], answer.u[i], answer.slack[i], answer.delta[i], w);
     answer.fallbacks[i] = 0;
   }
 }
