@@ -30,7 +30,7 @@ void bind_layers(nb::module_& m) {
       },
       "program"_a, "kind"_a, "priority"_a, "settings"_a, "variables"_a, "t"_a, "u"_a.noconvert(),
       "status"_a.noconvert(), "degenerate"_a.noconvert(), Unlocked(),
-      "Write u (N, 2), status and degenerate (N,); return the first state with malformed rows, or N.");
+      "Write u (N, 2), status and degenerate (N,); return the first malformed state, or N.");
   m.def(
       "layer_pull_back",
       [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const Line& settings,

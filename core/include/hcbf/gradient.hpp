@@ -89,7 +89,7 @@ class Layer {
     Point u;
     Index status;
     bool degenerate;   // whether u has no derivative here
-    bool well_formed;  // whether the rows are finite numbers; if not, u is u*
+    bool well_formed;  // whether u* and the rows are finite numbers; if not, u is u*
   };
 
   // Filters one state.
@@ -124,7 +124,7 @@ class Layer {
 
   Answer at(const double* variables, double t) {
     write_rows(scene_, variables, t, plain_);
-    Answer answer{{variables[0], variables[1]}, 0, false, true};
+    Answer answer{{variables[0], variables[1]}, 0, false, cbf_rows::are_finite({variables, U_NOMINAL})};
     for (const std::vector<double>* each : {&plain_.a, &plain_.b, &plain_.h, &plain_.alpha2_psi})
       answer.well_formed &= cbf_rows::are_finite({each->data(), static_cast<Index>(each->size())});
     if (answer.well_formed) answer.status = plain_.solve(scene_, {variables[0], variables[1]}, answer.u);
@@ -215,7 +215,7 @@ class Layer {
 };
 
 // Filters N states: variables (N, BARRIERS + m OF_BARRIER), t (N,), u (N, 2), status and degenerate (N,).
-// Returns the first state whose rows are malformed, or N.
+// Returns the first state of which u* or a row is malformed, or N.
 inline Index filter_batch(const Scene& scene, Matrix<const double> variables, Vector<const double> t,
                           Matrix<double> u, Vector<Index> status, Vector<bool> degenerate) {
   Layer layer(scene);
