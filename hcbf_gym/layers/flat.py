@@ -1,4 +1,4 @@
-"""A filter of N states as a function of one flat array, with its derivative: both layers call it."""
+"""A filter of N states as a function of one array, with its derivative: both layers call it."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -67,7 +67,9 @@ class FlatFilter:
         kind, self._m = scene.kind[0], len(scene.kind[0])
         if (kind > layout.SPEED_LIMIT).any():
             place = int(np.argmax(kind > layout.SPEED_LIMIT))
-            raise InvalidInputError(f"barriers: got number {place} of another kind, expected {_BUILT_IN}")
+            raise InvalidInputError(
+                f"barriers: got number {place} of another kind, expected {_BUILT_IN}"
+            )
         made = programs.make_batch(program, input_set=input_set, **options)
         settings = RowSettings(
             LogClassK() if alpha1 is None else alpha1,
@@ -82,8 +84,8 @@ class FlatFilter:
         self._fixed = core, kind, scene.priority[0], settings.packed
         self._width = 6 + self._m * (layout.WIDTH + _MARGINS)
 
-    def variables(self, xp: Any, u_nominal: Any, x: Any, blocks: Any, margin: Any) -> Any:
-        """Return (…, K) all of which u is a function, of arrays of the library `xp`.
+    def variables(self, xp: Any, u_nominal: Any, x: Any, blocks: Any, margin: Any, t: Any) -> Any:
+        """Return (…, K) all of which u is a function, and t (…,), of arrays of the library `xp`.
 
         Args:
             xp: `torch` or `jax.numpy`.
@@ -91,37 +93,39 @@ class FlatFilter:
             x: (…, 4) position and velocity.
             blocks: (…, m, 19) the barriers' numbers.
             margin: (…, m, 3) m, ṁ and m̈ of each row.
+            t: (…,) the time, of barriers that move [s].
 
         Raises:
             InvalidInputError: on shapes that do not fit.
         """
-        m = self._m
-        arrays = {
-            "u_nominal": (u_nominal, (2,)),
-            "x": (x, (4,)),
-            "blocks": (blocks, (m, layout.WIDTH)),
-            "margin": (margin, (m, _MARGINS)),
+        own = {
+            "u_nominal": (2,),
+            "x": (4,),
+            "blocks": (self._m, layout.WIDTH),
+            "margin": (self._m, _MARGINS),
+            "t": (),
         }
+        arrays = dict(zip(own, (u_nominal, x, blocks, margin, t), strict=True))
+        shapes = {name: tuple(array.shape) for name, array in arrays.items()}
         leading = []
-        for name, (array, own) in arrays.items():
-            shape = tuple(array.shape)
-            if shape[-len(own) :] != own:
-                expected = ", ".join(map(str, own))
+        for name, shape in shapes.items():
+            axes = len(shape) - len(own[name])
+            if axes < 0 or shape[axes:] != own[name]:
+                expected = ", ".join(map(str, own[name]))
                 raise InvalidInputError(f"{name}: got shape {shape}, expected (..., {expected})")
-            leading.append(shape[: -len(own)])
+            leading.append(shape[:axes])
         try:
             batch = np.broadcast_shapes(*leading)
         except ValueError as error:
-            shapes = {name: tuple(array.shape) for name, (array, _) in arrays.items()}
             raise InvalidInputError(
                 f"arguments: got shapes {shapes}, expected leading axes that broadcast"
             ) from error
-        u, state, numbers, margins = (
-            xp.broadcast_to(array, (*batch, *own)) for array, own in arrays.values()
+        u, state, numbers, margins, times = (
+            xp.broadcast_to(array, (*batch, *own[name])) for name, array in arrays.items()
         )
         of_barriers = xp.concatenate([numbers, margins], -1)
-        flat = of_barriers.reshape((*batch, m * (layout.WIDTH + _MARGINS)))
-        return xp.concatenate([u, state, flat], -1)
+        flat = of_barriers.reshape((*batch, self._width - 6))
+        return xp.concatenate([u, state, flat], -1), times
 
     def filter(self, variables: Array, t: Array) -> tuple[Array, Integers, Mask]:
         """Return u (…, 2), the statuses (…,) and where u has no derivative (…,).
@@ -135,12 +139,16 @@ class FlatFilter:
         """
         flat, times = self._flat(variables, t)
         count, shape = len(flat), np.shape(variables)[:-1]
-        u, status, degenerate = np.empty((count, 2)), np.empty(count, np.int64), np.empty(count, bool)
+        u, status, degenerate = (
+            np.empty((count, 2)),
+            np.empty(count, np.int64),
+            np.empty(count, bool),
+        )
         bad = _core.layer_filter(*self._fixed, flat, times, u, status, degenerate)
         if bad < count:
             raise InvalidInputError(
-                f"state {bad}: got u* {flat[bad, :2]}, x {flat[bad, 2:6]} and t {times[bad]} with rows "
-                "that are not finite, expected finite numbers"
+                f"state {bad}: got u* {flat[bad, :2]}, x {flat[bad, 2:6]} and t {times[bad]} whose "
+                "rows are not finite, expected finite numbers"
             )
         return u.reshape((*shape, 2)), status.reshape(shape), degenerate.reshape(shape)
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.barriers.set import Entry
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.layers.flat import Filtered, FlatFilter
 from hcbf_gym.models.autodiff import import_jax
 
@@ -68,13 +67,8 @@ def safety_filter(barriers: Sequence[Entry], **settings: Any) -> Callable[..., F
     ) -> Filtered:
         numbers = flat.blocks if blocks is None else blocks
         zero = np.zeros((len(flat.blocks), 3)) if margin is None else margin
-        arrays = [jnp.asarray(one, dtype=float) for one in (u_nominal, x, numbers, zero)]
-        variables = flat.variables(jnp, *arrays)
-        batch, times = variables.shape[:-1], jnp.asarray(t, variables.dtype)
-        try:
-            times = jnp.broadcast_to(times, batch)
-        except ValueError as error:
-            raise InvalidInputError(f"t: got shape {times.shape}, expected {batch}") from error
+        arrays = [jnp.asarray(one, dtype=float) for one in (u_nominal, x, numbers, zero, t)]
+        variables, times = flat.variables(jnp, *arrays)
         return Filtered(*solve(variables, jax.lax.stop_gradient(times)))
 
     return call

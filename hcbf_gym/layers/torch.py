@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hcbf_gym.barriers.set import Entry
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError, instance, install
+from hcbf_gym.errors import MissingDependencyError, install, instance
 from hcbf_gym.layers.flat import Filtered, FlatFilter
 
 try:
@@ -66,19 +66,15 @@ class SafetyLayer(torch.nn.Module):
             InvalidInputError: on shapes that do not fit, or entries that are not finite.
         """
         numbers = self.blocks if blocks is None else blocks
-        zero = numbers.new_zeros((len(self.blocks), 3)) if margin is None else margin
-        given = {"u_nominal": u_nominal, "x": x, "blocks": numbers, "margin": zero}
+        zero = self.blocks.new_zeros((len(self.blocks), 3)) if margin is None else margin
+        times = torch.as_tensor(t).detach()
+        given = {"u_nominal": u_nominal, "x": x, "blocks": numbers, "margin": zero, "t": times}
         tensors = [
-            instance(name, one, torch.Tensor).to("cpu", torch.float64) for name, one in given.items()
+            instance(name, one, torch.Tensor).to("cpu", torch.float64)
+            for name, one in given.items()
         ]
-        variables = self._flat.variables(torch, *tensors)
-        times = torch.as_tensor(t, dtype=torch.float64, device="cpu").detach()
-        try:
-            times = torch.broadcast_to(times, variables.shape[:-1])
-        except RuntimeError as error:
-            shape, expected = tuple(times.shape), tuple(variables.shape[:-1])
-            raise InvalidInputError(f"t: got shape {shape}, expected {expected}") from error
-        u, status, degenerate = _Filter.apply(variables, times, self._flat)  # type: ignore[misc]
+        variables, times = self._flat.variables(torch, *tensors)
+        u, status, degenerate = _Filter.apply(variables, times, self._flat)
         device = u_nominal.device
         return Filtered(u.to(u_nominal), status.to(device), degenerate.to(device))
 
@@ -95,7 +91,7 @@ class _Filter(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, w: torch.Tensor, *_: Any) -> Any:
+    def backward(ctx: Any, *of_u: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         variables, t = ctx.saved_tensors
-        pulled = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), w.numpy())
+        pulled = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), of_u[0].numpy())
         return torch.from_numpy(pulled), None, None
