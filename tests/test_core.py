@@ -1,15 +1,24 @@
 """The compiled core: made from the sources beside it, headers that anybody can include."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import hcbf_gym
 from hcbf_gym import _core, sources
+from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.locomotion.state import RobotState
+from hcbf_gym.models.axle import Axle
+from hcbf_gym.models.input_sets import Box
 
 ROOT = Path(__file__).parents[1]
 INCLUDE = ROOT / "core" / "include"
+README = (ROOT / "core" / "README.md").read_text(encoding="utf-8")
 STRICT = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", f"-I{INCLUDE}")
 
 
@@ -58,3 +67,107 @@ def test_each_header_stands_alone_without_exceptions_and_warnings(tmp_path):
         command = [compiler(), *STRICT, "-fsyntax-only", str(unit)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+def printed(tmp_path, text, *options):
+    """Return the numbers that a C++ program prints, line by line."""
+    source, program = tmp_path / "main.cpp", tmp_path / "main"
+    source.write_text(text)
+    command = [compiler(), *STRICT, *options, str(source), "-o", str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
+    return np.array([[float(word) for word in line.split()] for line in done.stdout.splitlines()])
+
+
+def example():
+    """Return the C++ program that core/README.md shows."""
+    (block,) = re.findall(r"```cpp\n(.*?)```", README, flags=re.DOTALL)
+    return block
+
+
+def test_the_readmes_cpp_program_filters_as_python_does(tmp_path):
+    found = printed(tmp_path, example(), "-O1")
+    filt = hcbf_gym.BatchFilter(Box.symmetric(5.0), 0.02)
+    disc = Disc("disc", 1, center=(1.5, 0.02), radius=0.5)
+    filt.set_scene([disc, HalfPlane("lawn", 2, normal=(1.0, 0.0), offset=1.2)])
+    x = np.array([0.0, 0.0, 0.8, 0.0])
+    report = filt.reset(x=x)
+    assert report["alpha1_scale"] == 1.0  # which the program does not compute
+    expected = []
+    for _ in range(len(found)):
+        u, report = filt(np.array([1.0, 0.0]), x)
+        expected.append([*u, report["status"]])
+        x = np.array(_core.double_integrator_step(x, u, 0.02, np.inf))
+    assert len(set(found[:, 2])) == 3  # relaxed, safe and nominal
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
+def test_a_step_allocates_nothing_after_the_first(tmp_path):
+    counts = """#include <cstdlib>
+#include <new>
+
+static long allocations = 0;
+void* operator new(std::size_t size) { return ++allocations, std::malloc(size); }
+void operator delete(void* at) noexcept { std::free(at); }
+void operator delete(void* at, std::size_t) noexcept { std::free(at); }
+"""
+    text = counts + example().replace('"%.17g %.17g %d\\n", u.x, u.y,', '"%ld %d\\n", allocations,')
+    found = printed(tmp_path, text, "-O0")
+    assert len(set(found[:, 1])) == 3
+    assert found[0, 0] > 0
+    assert (found[:, 0] == found[0, 0]).all()
+
+
+def test_the_readme_names_every_header():
+    table, _ = README.split("## Conventions")
+    named = set(re.findall(r"`(\w+)`", table))
+    assert named == {header.stem for header in INCLUDE.rglob("*.hpp")}
+
+
+NUMBERS = {
+    "a robot's state": _core.robot_state_layout(),
+    "class K": _core.class_k_layout(),
+    "an axle": _core.axle_layout(),
+    **_core.guidance_layouts(),
+}
+"""Records that Python holds as numbers in a row."""
+IN_ORDER = {
+    "an axle": list(Axle._fields),
+    "geometry": ["x", "y", "side", "ny", "nx", "cos", "sin"],
+    "memory": ["side", "since"],
+}
+
+
+@pytest.mark.parametrize("name", IN_ORDER)
+def test_numbers_in_a_row_are_the_fields_of_a_record(name):
+    size, offsets = NUMBERS[name]
+    assert size == 8 * len(offsets)
+    assert offsets == {field: 8 * k for k, field in enumerate(IN_ORDER[name])}
+
+
+def test_an_extent_is_its_least_corner_and_its_greatest():
+    assert NUMBERS["extent"] == (32, {"low": 0, "high": 16})
+
+
+@pytest.mark.parametrize(
+    ("alpha", "fields"),
+    [
+        (LogClassK(2.0, 3.0, 4.0), {"kind": 1.0, "scale": 2.0, "rate": 3.0, "offset": 4.0}),
+        (LinearClassK(5.0), {"kind": 0.0, "scale": 5.0}),
+    ],
+)
+def test_a_class_k_function_has_its_numbers_where_the_core_reads_them(alpha, fields):
+    size, offsets = NUMBERS["class K"]
+    numbers = alpha.parameters()
+    assert numbers.nbytes == size
+    assert {name: numbers[offsets[name] // 8] for name in fields} == fields
+
+
+def test_a_robots_state_has_its_parts_where_the_core_reads_them():
+    size, offsets = NUMBERS["a robot's state"]
+    state = RobotState(np.arange(size / 8.0))
+    contact = offsets.pop("contact") // 8
+    assert {name: 8.0 * getattr(state, name)[0] for name in offsets} == offsets
+    state.vector[contact:] = [1.0, 0.0, 0.0, 1.0]
+    assert state.foot_contact.tolist() == [True, False, False, True]

@@ -50,6 +50,7 @@ void bind_barriers(nb::module_& m);
 void bind_layers(nb::module_& m);
 void bind_margins(nb::module_& m);
 void bind_filter(nb::module_& m);
+void bind_layouts(nb::module_& m);
 void bind_monitors(nb::module_& m);
 void bind_guidance(nb::module_& m);
 void bind_maps(nb::module_& m);

@@ -22,7 +22,9 @@ using Written = Numbers<double, 1>;
 using WrittenTable = Numbers<double, 2>;
 using Atlas = std::optional<Line>;  // None where there is no map
 
-Vector<const double> view_of(const Atlas& atlas) { return atlas ? view(*atlas) : Vector<const double>{nullptr, 0}; }
+Vector<const double> view_of(const Atlas& atlas) {
+  return atlas ? view(*atlas) : Vector<const double>{nullptr, 0};
+}
 
 // As the named tuples `References` and `BodyPoints` hold them.
 using References = std::tuple<Stack, Wholes, Wholes>;
@@ -72,13 +74,14 @@ void bind_tally(nb::module_& m) {
                  view(memory));
   }, "h"_a, "sensed"_a, "kind"_a, "priority"_a, "x"_a, "reference"_a, "step"_a, "memory"_a.noconvert(),
   "Write what a step came to, from the barriers' values.");
-  m.def("tally_look", [](const Kinds& kind, const Stack& parameters, const Kinds& priority, const Atlas& atlas,
-                         const Table& path, const Line& times, const Line& x, double time, const Line& reference,
-                         const Step& step, const Written& memory) {
-    tally::look({view(kind)[0], view(parameters)[0], view(priority)[0]}, view_of(atlas), view(path), view(times),
-                x.data(), time, reference.data(), view_of(step), view(memory));
-  }, "kind"_a, "parameters"_a, "priority"_a, "atlas"_a.none(), "path"_a, "times"_a, "x"_a, "time"_a, "reference"_a,
-  "step"_a, "memory"_a.noconvert(), "Look at barriers that are all built in, and write what a step came to.");
+  m.def("tally_look", [](const Kinds& kind, const Stack& parameters, const Kinds& priority,
+                         const Atlas& atlas, const Table& path, const Line& times, const Line& x, double time,
+                         const Line& reference, const Step& step, const Written& memory) {
+    tally::look({view(kind)[0], view(parameters)[0], view(priority)[0]}, view_of(atlas), view(path),
+                view(times), x.data(), time, reference.data(), view_of(step), view(memory));
+  }, "kind"_a, "parameters"_a, "priority"_a, "atlas"_a.none(), "path"_a, "times"_a, "x"_a, "time"_a,
+  "reference"_a, "step"_a, "memory"_a.noconvert(),
+  "Look at barriers that are all built in, and write what a step came to.");
 }
 
 void bind_regions_batch(nb::module_& m) {
@@ -89,11 +92,12 @@ void bind_regions_batch(nb::module_& m) {
   "Write the observations (N, 8 + 4 m) and the distances (N,) from the references.");
   m.def("regions_advance", [](const Kinds& kind, const Stack& parameters, const Atlas& atlas,
                               const References& references, const WrittenTable& x, const Wholes& steps,
-                              const Table& u, const Line& v_max, const WrittenTable& min_h, const Written& before) {
-    regions_batch::advance(view(kind), view(parameters), view_of(atlas), view_of(references), view(x), view(steps),
-                           view(u), view(v_max), view(min_h), view(before));
-  }, "kind"_a, "parameters"_a, "atlas"_a.none(), "references"_a, "x"_a.noconvert(), "steps"_a, "u"_a, "v_max"_a,
-  "min_h"_a.noconvert(), "before"_a.noconvert(), Unlocked(),
+                              const Table& u, const Line& v_max, const WrittenTable& min_h,
+                              const Written& before) {
+    regions_batch::advance(view(kind), view(parameters), view_of(atlas), view_of(references), view(x),
+                           view(steps), view(u), view(v_max), view(min_h), view(before));
+  }, "kind"_a, "parameters"_a, "atlas"_a.none(), "references"_a, "x"_a.noconvert(), "steps"_a, "u"_a,
+  "v_max"_a, "min_h"_a.noconvert(), "before"_a.noconvert(), Unlocked(),
   "Advance N robots by one control step; write the least h (N, m) and the distances (N,) before it.");
 }
 
@@ -102,17 +106,18 @@ void bind_bodies(nb::module_& m) {
     return drive::tracked(view(base), look_ahead, view(path));
   }, "base"_a, "look_ahead"_a, "path"_a.noconvert(),
   "Write (k, 4) the path of the point before the trunk, and return for how many rows it is finite.");
-  m.def("body_reach", [](const BodyPoints& body, const Table& position, const Table& rotation, const Line& centre) {
+  m.def("body_reach", [](const BodyPoints& body, const Table& position, const Table& rotation,
+                         const Line& centre) {
     return body_points::reach(view_of(body), view(position), view(rotation), centre.data());
   }, "body"_a, "position"_a, "rotation"_a, "centre"_a,
   "Return the greatest horizontal distance of the body from a point.");
   m.def("body_heights", [](const BodyPoints& body, const Table& position, const Table& rotation,
                            const Wholes& kind, const Table& parameters, const Atlas& atlas, double t,
                            const Written& h) {
-    body::body_h(view_of(body), view(position), view(rotation), view(kind), view(parameters), view_of(atlas), t,
-                 view(h));
-  }, "body"_a, "position"_a, "rotation"_a, "kind"_a, "parameters"_a, "atlas"_a.none(), "t"_a, "h"_a.noconvert(),
-  "Write the least h (m,) of each barrier over the whole body.");
+    body::body_h(view_of(body), view(position), view(rotation), view(kind), view(parameters), view_of(atlas),
+                 t, view(h));
+  }, "body"_a, "position"_a, "rotation"_a, "kind"_a, "parameters"_a, "atlas"_a.none(), "t"_a,
+  "h"_a.noconvert(), "Write the least h (m,) of each barrier over the whole body.");
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/vector.h>
 
 #include "bindings.hpp"
 #include "records.hpp"
@@ -20,7 +19,6 @@ namespace hcbf {
 namespace {
 
 constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread starts
-
 
 // The filter of N plants, bound to the arrays that it reads and writes, which it keeps alive. Nothing is
 // allocated in a step of a scene that it has seen.
@@ -36,14 +34,15 @@ class Filter {
   Filter(const Filter&) = delete;
   Filter& operator=(const Filter&) = delete;
 
-  void set_scene(Numbers<const Index, 2> kind, Numbers<const double, 3> parameters, Numbers<const Index, 2> priority,
-                 Numbers<const double, 2> own_margin, std::optional<Numbers<const double, 1>> atlas,
-                 std::optional<Numbers<const double, 3>> own) {
+  void set_scene(Numbers<const Index, 2> kind, Numbers<const double, 3> parameters,
+                 Numbers<const Index, 2> priority, Numbers<const double, 2> own_margin,
+                 std::optional<Numbers<const double, 1>> atlas, std::optional<Numbers<const double, 3>> own) {
     plants_.kind = view(kind), plants_.parameters = view(parameters), plants_.priority = view(priority);
-    plants_.own_margin = view(own_margin), plants_.own = own ? view(*own) : Cube<const double>{nullptr, 0, 0, 0};
+    plants_.own_margin = view(own_margin),
+    plants_.own = own ? view(*own) : Cube<const double>{nullptr, 0, 0, 0};
     atlas_ = atlas ? view(*atlas) : Vector<const double>{nullptr, 0};
-    scene_ = {std::move(kind), std::move(parameters), std::move(priority), std::move(own_margin), std::move(atlas),
-              std::move(own)};
+    scene_ = {std::move(kind),       std::move(parameters), std::move(priority),
+              std::move(own_margin), std::move(atlas),      std::move(own)};
   }
 
   void set_report(Words reports, Words rows) {
@@ -57,7 +56,8 @@ class Filter {
   void set_states(Numbers<double, 2> x, Numbers<double, 2> model, Numbers<double, 2> lag,
                   Numbers<double, 3> covariance, Numbers<double, 2> believed) {
     states_ = {view(x), view(model), view(lag), view(covariance), view(believed)};
-    own_states_ = {std::move(x), std::move(model), std::move(lag), std::move(covariance), std::move(believed)};
+    own_states_ = {std::move(x), std::move(model), std::move(lag), std::move(covariance),
+                   std::move(believed)};
   }
 
   // Checks the states of planar double integrators, whose own rows are made from them.
@@ -151,20 +151,26 @@ class Filter {
  private:
   using One = plants::One;
 
-  const plants::Constants& constants() const { return *reinterpret_cast<plants::Constants*>(constants_.data()); }
-  program_records::Settings program(Index i) const { return plants::program_of(constants(), view(program_), i); }
+  const plants::Constants& constants() const {
+    return *reinterpret_cast<plants::Constants*>(constants_.data());
+  }
+  program_records::Settings program(Index i) const {
+    return plants::program_of(constants(), view(program_), i);
+  }
   One part(Index i) { return atlas_.size > 0 ? step::with_pieces(plants_[i], rooms_[0]) : plants_[i]; }
 
   Index filter_some(Index first, Index end, step::Room& room) const {
     bool asks = false;
-    for (Index i = first; i < end; ++i) asks |= step::filter(constants(), program(i), plants_[i], atlas_, room);
+    for (Index i = first; i < end; ++i)
+      asks |= step::filter(constants(), program(i), plants_[i], atlas_, room);
     return asks ? step::ASKS : step::DONE;
   }
 
   template <class T>
   nb::object array(Vector<T> of) {
-    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(of.data, {static_cast<std::size_t>(of.size)}, nb::find(this)),
-                    nb::rv_policy::reference);
+    return nb::cast(
+        nb::ndarray<nb::numpy, T, nb::ndim<1>>(of.data, {static_cast<std::size_t>(of.size)}, nb::find(this)),
+        nb::rv_policy::reference);
   }
   template <class T>
   nb::object array(Matrix<T> of) {
@@ -176,11 +182,13 @@ class Filter {
   Numbers<double, 1> constants_;
   Numbers<const double, 1> program_;
   Words sensed_;
-  std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>, Numbers<const double, 2>,
-             std::optional<Numbers<const double, 1>>, std::optional<Numbers<const double, 3>>>
+  std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>,
+             Numbers<const double, 2>, std::optional<Numbers<const double, 1>>,
+             std::optional<Numbers<const double, 3>>>
       scene_;
   std::pair<Words, Words> report_;
-  std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>, Numbers<double, 2>>
+  std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>,
+             Numbers<double, 2>>
       own_states_;
   plants::Plants plants_{};
   state_check::States states_{};
@@ -215,61 +223,6 @@ class Compared {
   std::pair<Blocks, Blocks> blocks_;
 };
 
-using Offsets = std::vector<std::pair<const char*, std::size_t>>;
-#define HCBF_FIELD(record, name) {#name, offsetof(record, name)}
-
-// Where the fields of a record are, those of a record within it by their own names.
-Offsets plant_offsets() {
-  using plants::Plant;
-#define FIELD(name) HCBF_FIELD(Plant, name)
-#define INNER(inner, type, name) {#name, offsetof(Plant, inner) + offsetof(type, name)}
-#define WATCHED(name) INNER(watched, monitor::Memory, name)
-#define PLANAR(name) INNER(planar, monitor::PlanarMemory, name)
-#define JUDGED(name) INNER(judged, status::Memory, name)
-  return {FIELD(x), FIELD(time), FIELD(model), FIELD(lag), FIELD(covariance), FIELD(elapsed), FIELD(fault),
-          FIELD(has_model), FIELD(heading), FIELD(way), FIELD(turns), FIELD(turn), FIELD(reachable), FIELD(lost),
-          FIELD(zone), WATCHED(error), WATCHED(missed), WATCHED(exact), WATCHED(off), WATCHED(samples),
-          WATCHED(bend), WATCHED(in_a_row), PLANAR(drift), PLANAR(motion), PLANAR(body), FIELD(expected),
-          FIELD(vague), FIELD(growth), FIELD(believed), FIELD(headed), FIELD(believed_at), FIELD(follows),
-          FIELD(known), JUDGED(news), JUDGED(kept), JUDGED(headway), JUDGED(unproved), JUDGED(closing),
-          FIELD(alarm), FIELD(moves), {"", sizeof(Plant)}};
-#undef FIELD
-#undef INNER
-#undef WATCHED
-#undef PLANAR
-#undef JUDGED
-}
-
-Offsets constants_offsets() {
-  using plants::Constants;
-#define FIELD(name) HCBF_FIELD(Constants, name)
-#define INNER(name) {#name, offsetof(Constants, uncertainty) + offsetof(Uncertainty, name)}
-  return {FIELD(lower), FIELD(by_level), FIELD(lock), FIELD(ranks), FIELD(guided), FIELD(radius), FIELD(lambda_u),
-          FIELD(known_offset), FIELD(corners), FIELD(input_sets), FIELD(weights), FIELD(made), INNER(distance),
-          INNER(per_velocity), INNER(per_lead), INNER(cap), INNER(confidence), INNER(body), INNER(speed),
-          INNER(speed_per_velocity), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(sway),
-          FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk), FIELD(has_way),
-          FIELD(through), FIELD(brakes), FIELD(observed), {"", sizeof(Constants)}};
-#undef FIELD
-#undef INNER
-}
-
-Offsets report_offsets() {
-  using report::Plant;
-#define FIELD(name) HCBF_FIELD(Plant, name)
-  return {FIELD(intervention), FIELD(fallbacks), FIELD(model_error), FIELD(reachable), FIELD(deadlock),
-          FIELD(alpha1_scale), FIELD(status), FIELD(reason), FIELD(covered), FIELD(covered_by), FIELD(proved),
-          {"", sizeof(Plant)}};
-#undef FIELD
-}
-
-Offsets report_row_offsets() {
-  using report::Row;
-#define FIELD(name) HCBF_FIELD(Row, name)
-  return {FIELD(slack), FIELD(delta), FIELD(margin), FIELD(h), FIELD(psi), FIELD(conditioning), {"", sizeof(Row)}};
-#undef FIELD
-}
-
 }  // namespace
 
 void bind_filter(nb::module_& m) {
@@ -283,7 +236,8 @@ void bind_filter(nb::module_& m) {
            "Write reports there from now on.")
       .def("set_states", &Filter::set_states, "x"_a.noconvert(), "model"_a.noconvert(), "lag"_a.noconvert(),
            "covariance"_a.noconvert(), "believed"_a.noconvert(), "Check these states of a model from now on.")
-      .def("believe", &Filter::believe, "Check the states of planar double integrators, and write the reasons.")
+      .def("believe", &Filter::believe,
+           "Check the states of planar double integrators, and write the reasons.")
       .def("believe_all", &Filter::believe_all, "velocity_at"_a,
            "Check the states of a model, write the reasons, and return whether there is one.")
       .def("replace_all", &Filter::replace_all, "Replace the states that are not valid by propagated ones.")
@@ -294,12 +248,15 @@ void bind_filter(nb::module_& m) {
       .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant.")
       .def("problem", &Filter::problem, "Return u*, a, b, h, alpha2(psi) and ranks of the posed problem.")
       .def("answer", &Filter::answer, "Return the arrays of u, slack and delta that a solver writes to.")
-      .def("conditions", &Filter::conditions, "i"_a, "Return rank and source of each condition that was posed.")
+      .def("conditions", &Filter::conditions, "i"_a,
+           "Return rank and source of each condition that was posed.")
       .def("corners", &Filter::corners, "Return the corners (V, 2) of the posed problem's U.")
       .def("close", &Filter::close, "i"_a, "answered"_a, "status"_a, "fallbacks"_a,
            "Conclude what `pose` began, and return what is to be done.");
-  m.def("is_covariance", [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
-        "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
+  m.def(
+      "is_covariance",
+      [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
+      "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
   nb::class_<Compared>(m, "Compared", "Arrays of a scene, and copies of what they held.")
       .def(nb::init<Compared::Codes, Compared::Blocks, Compared::Codes, Compared::Codes, Compared::Blocks,
                     Compared::Codes>(),
@@ -307,23 +264,28 @@ void bind_filter(nb::module_& m) {
            "kind_before"_a.noconvert(), "parameters_before"_a.noconvert(), "priority_before"_a.noconvert())
       .def("differ", &Compared::differ, "Return whether any number is another than before.");
   m.attr("ASIDE") = axle_step::ASIDE;
-  m.def("is_edge", axle_step::is_edge, "kind"_a, "Return whether a condition is on the place, by a unit normal.");
-  m.def("check_states", [](const Words& sensed) {
-    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
-    Index worst = 0;
-    for (Index i = 0; i < plants.size; ++i)
-      worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
-    return worst;
-  }, "sensed"_a.noconvert(), "Check the states of planar double integrators, and return the highest reason.");
-  m.def("face", [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
-    const Records<plants::Plant> plants = records<plants::Plant>(sensed);
-    for (Index i = 0; i < plants.size; ++i) axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
-  }, "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
-  "Let guidance turn differential drives that face away from their path.");
-  m.def("plant_offsets", plant_offsets, "Return name and offset of each field of a plant's record, and its size.");
-  m.def("constants_offsets", constants_offsets, "Return name and offset of each constant, and the size of all.");
-  m.def("report_offsets", report_offsets, "Return name and offset of each field of a plant's report, and its size.");
-  m.def("report_row_offsets", report_row_offsets, "Return name and offset of each field of a row's report, and its size.");
+  m.def("is_edge", axle_step::is_edge, "kind"_a,
+        "Return whether a condition is on the place, by a unit normal.");
+  m.def(
+      "check_states",
+      [](const Words& sensed) {
+        const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+        Index worst = 0;
+        for (Index i = 0; i < plants.size; ++i)
+          worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+        return worst;
+      },
+      "sensed"_a.noconvert(),
+      "Check the states of planar double integrators, and return the highest reason.");
+  m.def(
+      "face",
+      [](const Words& sensed, const Numbers<const double, 2>& u_nominal, double gain, double ahead) {
+        const Records<plants::Plant> plants = records<plants::Plant>(sensed);
+        for (Index i = 0; i < plants.size; ++i)
+          axle_step::face(plants[i], view(u_nominal)[i].data, gain, ahead);
+      },
+      "sensed"_a.noconvert(), "u_nominal"_a, "gain"_a, "ahead"_a,
+      "Let guidance turn differential drives that face away from their path.");
 }
 
 }  // namespace hcbf

@@ -284,6 +284,12 @@ void bind_program(nb::module_& m) {
 
 void bind_locomotion_parts(nb::module_& m) {
   m.def("locomotion_layouts", &layouts, "Return (size, {field: offset}) of each record of the controller.");
+  m.def("robot_state_layout", [] {
+    return layout_of(sizeof(RobotState),
+                     {FIELD(RobotState, position), FIELD(RobotState, quaternion), FIELD(RobotState, joint_position),
+                      FIELD(RobotState, linear_velocity), FIELD(RobotState, angular_velocity),
+                      FIELD(RobotState, joint_velocity), FIELD(RobotState, contact)});
+  }, "Return (size, {field: offset}) of the vector that holds a robot's state.");
   bind_kinematics(m);
   bind_feet(m);
   bind_program(m);

@@ -3,6 +3,7 @@
 #include "hash.hpp"
 
 NB_MODULE(_core, m) {
+  nanobind::set_leak_warnings(false);  // what lives until the interpreter ends is no leak
   m.attr("HASH") = HCBF_HASH;
   hcbf::bind_models(m);
   hcbf::bind_programs(m);
@@ -10,6 +11,7 @@ NB_MODULE(_core, m) {
   hcbf::bind_layers(m);
   hcbf::bind_margins(m);
   hcbf::bind_filter(m);
+  hcbf::bind_layouts(m);
   hcbf::bind_monitors(m);
   hcbf::bind_guidance(m);
   hcbf::bind_maps(m);

@@ -1,7 +1,6 @@
 #include <hcbf/model_monitor.hpp>
 #include <hcbf/monitor.hpp>
 #include <hcbf/nearness.hpp>
-#include <hcbf/state_check.hpp>
 
 #include "records.hpp"
 
@@ -38,17 +37,14 @@ model_monitor::Arrival view(const Arrival& arrival) {
 void bind_monitor(nb::module_& m) {
   m.def("monitor_watch", [](const Words& plant, double radius, double confidence, bool exact, bool observed) {
     const auto sensed = records<plants::Plant>(plant);
-    const Vector<double> input{sensed.tail(0), 2};
-    const Index why = state_check::believe(sensed[0], input);
-    if (why == 0) monitor::watch(sensed[0], input, radius, confidence, exact, observed);
-    return why;
+    monitor::watch(sensed[0], {sensed.tail(0), 2}, radius, confidence, exact, observed);
   }, "plant"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
-  "Check the state of a planar double integrator, return why it is not valid, and raise its alarms.");
+  "Compare a valid sample of a planar double integrator with the one before, and raise its alarms.");
 }
 
 void bind_model_monitor(nb::module_& m) {
-  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed, const States& x,
-                             const Terms& g, const Arrival& arrival) {
+  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed,
+                             const States& x, const Terms& g, const Arrival& arrival) {
     return model_monitor::arrivals(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
                                    hcbf::view(x), hcbf::view(g), view(arrival));
   }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "x"_a, "g"_a, "arrival"_a.noconvert(),
@@ -65,7 +61,8 @@ void bind_model_monitor(nb::module_& m) {
 
 void bind_nearness(nb::module_& m) {
   using Scenes = std::pair<Numbers<const Index, 2>, Numbers<const double, 3>>;
-  m.def("nearness_find_beside", [](const Scenes& before, const Scenes& now, const Numbers<const double, 2>& earlier,
+  m.def("nearness_find_beside", [](const Scenes& before, const Scenes& now,
+                                   const Numbers<const double, 2>& earlier,
                                    const Numbers<const double, 1>& t, const Numbers<Index, 2>& found) {
     nearness::find_beside({hcbf::view(before.first), hcbf::view(before.second)},
                           {hcbf::view(now.first), hcbf::view(now.second)}, hcbf::view(earlier), hcbf::view(t),

@@ -11,6 +11,7 @@ from operator import is_
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
@@ -43,7 +44,7 @@ class Placing:
         self._listed: list[Listed] = [()] * count
         self._version: Integers = np.zeros(count, dtype=np.int64)
         self._content: list[Any] = []  # of a set that others may write to
-        self._written: tuple[Array, ...] = ()  # its arrays
+        self._written: tuple[Any, ...] = ()  # its arrays
         self._compared: _core.Compared | None = None  # both
         self._since: Array = np.zeros((count, 0))
         self._there: dict[tuple[int, int], tuple[PlanarBarrier, float, Barrier]] = {}
@@ -69,7 +70,7 @@ class Placing:
         """Return whether the set that was placed last was written to since."""
         if not self._content or given is not self._given:
             return False
-        now = given.kind, given.parameters, given.priority
+        now: tuple[Any, Any, Any] = given.kind, given.parameters, given.priority
         if self._compared is None or not all(map(is_, now, self._written)):
             if not all(map(_are_alike, now, self._content)):
                 return bool(self.edited(given).any())
@@ -189,7 +190,7 @@ class Placing:
         return {place: there for place, (one, _, there) in self._there.items() if there is not one}
 
 
-def _are_alike(now: Array, before: Array) -> bool:
+def _are_alike(now: NDArray[Any], before: NDArray[Any]) -> bool:
     """Return whether the core can compare two arrays."""
     same = now.shape == before.shape and now.dtype == before.dtype
     return same and now.flags.c_contiguous

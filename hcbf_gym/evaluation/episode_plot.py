@@ -83,9 +83,9 @@ def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
     named = name_regions(axes, scenario.barriers, taken) and scenario.map is None
     others = rank_patches(scenario.conditions, named)
     if times:
-        said = ", ".join(f"{t:g}" for t in times)
+        shown = ", ".join(f"{t:g}" for t in times)
         dot = {"marker": "o", "color": "w", "mec": "k", "mew": 0.6, "ms": 5, "ls": ""}
-        others += [Line2D([], [], label=f"robot at t = {said} s", **dot)]
+        others += [Line2D([], [], label=f"robot at t = {shown} s", **dot)]
     legend_below(figure, axes, others)
     axes.set_title(scenario.name, fontsize=10)
     return figure

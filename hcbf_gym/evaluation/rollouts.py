@@ -18,7 +18,7 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.programs import FilterStatus
 
 UNFILTERED = "none"
-"""What stands in a program's place where there is no filter."""
+"""The name of no filter, in a program's place."""
 
 SHOWN_OPTIONS: dict[str, dict[str, Any]] = {
     "r-cbf-qp": {"gamma0": 0.05},

@@ -22,6 +22,10 @@ class Bound:
 
     def __init__(self, threads: int):
         self._threads = threads
+        self._forget()
+
+    def _forget(self) -> None:
+        """Bind everything anew."""
         self._filter: _core.Filter | None = None
         self._plants: tuple[Array, Array, Array] | None = None
         self._report: object = None
@@ -31,7 +35,8 @@ class Bound:
         return self._threads
 
     def __setstate__(self, threads: int) -> None:
-        self.__init__(threads)  # type: ignore[misc]
+        self._threads = threads
+        self._forget()
 
     def of(
         self, constants: Array, program: Array, samples: Samples, report: ReportBuffer
@@ -46,7 +51,7 @@ class Bound:
         """
         compiled, known = self._filter, self._plants
         if compiled is None or known is None or program is not known[1]:
-            self.__init__(self._threads)  # type: ignore[misc]
+            self._forget()
             compiled = _core.Filter(constants, program, samples.words, self._threads)
             if samples.is_apart:
                 compiled.set_states(*samples.states)

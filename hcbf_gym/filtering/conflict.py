@@ -6,6 +6,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
+from hcbf_gym.filtering.bound import DONE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_among
 
@@ -53,6 +54,8 @@ def conflict_of(
     Returns:
         the report, whose `rows` are indices of the conditions.
     """
+    if asked.check() != DONE:
+        return None  # the last step refused its scene or its input
     asked.pose(i)
     _, a, b, h, _, _ = asked.problem()
     priority, whose = asked.conditions(i)

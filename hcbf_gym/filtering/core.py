@@ -7,6 +7,7 @@ step stands here and in what this file calls.
 import math
 import operator
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
@@ -319,8 +320,7 @@ class FilterCore(Configured, ABC):
                 told["u_safe"][i] = self._samples.input[i] = u
                 told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
-        reasons, counts = np.unique(told["reason"], return_counts=True)
-        for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
+        for reason, count in sorted(Counter(told["reason"].tolist()).items()):
             self._warnings.warn(reason, count, lambda reason: self._cause(reason, estimate))
 
     def _cause(self, reason: int, estimate: Estimate) -> str:

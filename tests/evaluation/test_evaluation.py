@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hcbf_gym import cli
+from hcbf_gym import cli, programs
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.command import column_names
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
+from hcbf_gym.evaluation.sentences import SPEED, sentences
 from hcbf_gym.programs import FilterStatus
 
 ROOT = Path(__file__).parents[2]
@@ -54,8 +55,8 @@ def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
     relaxed = r"Rank 2 was relaxed for [\d.]+ s and entered for [\d.]+ s an episode \(least h -"
     assert re.search(relaxed, run.stdout)
     assert re.search(r"none \(no filter\): Rank 1 was violated for .* \(least h -", run.stdout)
-    assert "speed limit (rank 1): min h [m/s]" in run.stdout
-    assert "≤" not in run.stdout  # of two episodes a bound says nothing
+    assert "[m/s]" in run.stdout  # the speed limit's unit
+    assert "≤" not in run.stdout  # two episodes give no bound
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["environment"], summary["robot"]) == (ROM, "reduced-order model")
     assert "robot" not in summary["settings"]
@@ -133,6 +134,22 @@ def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
 def test_ray_and_unknown_backends_are_refused_in_words():
     with pytest.raises(HcbfError, match="processes"):
         list(evaluate([Case(ROM, "random", "pd", "none")], [0], Runs(backend="cloud")))
+
+
+def test_sentences_distinguish_a_relaxed_rank_from_an_entered_one():
+    row = {"episodes": 1, "min_h": [0.1, -0.2, 0.3], "share_entered": [0.0, 1.0, 0.0]}
+    row |= {"violation_seconds": [0.0, 3.4, 0.0], "relaxed_seconds": {"2": 2.9}}
+    conditions = [("wall", 1), ("lawn", 2), (SPEED, 3)]
+    assert sentences(row, conditions) == [
+        "Rank 1 held in all episodes (least h 0.10 m, wall).",
+        "Rank 2 was relaxed for 2.9 s and entered for 3.4 s (least h -0.20 m, lawn).",
+        "Rank 3 held (least h 0.30 m/s, speed limit).",
+    ]
+
+
+def test_no_filter_is_no_program():
+    with pytest.raises(HcbfError, match="leave the environment without SafetyFilter"):
+        programs.make("none")
 
 
 def test_columns_name_the_policy_where_there_are_several():

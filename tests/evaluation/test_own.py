@@ -187,13 +187,29 @@ def test_own_labels_and_programs_are_drawn(own):
     episode = Case(ROM, "paper-simulation", "pd", "none", steps=20).run(0)
     scene = gym.make(ROM, scenario="paper-simulation").unwrapped.scenario
     labelled = {("mine", "my program"): episode, ("mine", "none"): episode}
-    for figure in (episode_plot.plot_paths(scene, labelled), episode_plot.plot_series(labelled)):
+    paths, series = episode_plot.plot_paths(scene, labelled), episode_plot.plot_series(labelled)
+    for figure in (paths, series):
         assert figure._repr_png_()[:4] == b"\x89PNG"
+    written = [text.get_text() for text in paths.axes[0].texts]
+    assert set(written) == {barrier.name for barrier in scene.barriers}
+    assert "h of h4 region 2\n(rank 2) [m]" in [axes.get_ylabel() for axes in series.axes]
     figure = episode_plot.plot_episode(
         episode, scene.barriers, "t", {"h4 region 2": "the pond"}, ("ax [m/s²]", "ay [m/s²]")
     )
     texts = [text.get_text() for axes in figure.axes for text in _texts(axes)]
     assert {"the pond", "ax [m/s²]", "h, rank 2"} <= set(texts)
+
+
+def test_regions_that_move_are_drawn_where_they_are_later_too():
+    episode = Case(ROM, "trolley", "pd", "lex-cbf-qp", {}).run(0)
+    scene = gym.make(ROM, scenario="trolley").unwrapped.scenario
+    figure = episode_plot.plot_paths(scene, {("pd", "lex-cbf-qp"): episode})
+    written = {text.get_text() for text in figure.axes[0].texts}
+    assert written >= {"trolley,\nt = 0", "gate", "wall", "lawn", "t = 5 s", "t = 10 s"}
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "robot at t = 5, 10 s" in labels
+    assert len(episode_plot.plot_series({("pd", "lex-cbf-qp"): episode}).axes) == 5 + 1 + 1
+    assert episode.summary()["task"] == "track"
 
 
 def test_a_condition_without_an_outline_is_drawn_where_it_is_below_zero():

@@ -25,7 +25,7 @@ using plants::Constants, plants::One, plants::Plant, polygon::Point, program_rec
 constexpr double FACING = -0.2;    // the cosine between heading and path below which guidance turns first
 constexpr double TURNING = 2.0;    // gain with which it turns to its path where u* leads back from it [1/s]
 constexpr double SOON = 0.1;       // and how soon [s]
-constexpr double MOVED = 1e-9;     // a smaller change of an input is none, and the robot does not slide [m/s^2]
+constexpr double MOVED = 1e-9;  // a smaller change of an input is none, and the robot does not slide [m/s^2]
 constexpr double ASIDE = 0.2;      // how hard a guided one turns off an edge that it slides along: parallel
                                    // to it, or not quite, it cannot drive yet, and would turn ever slower
 constexpr double STEADY = 10.0;    // how much more a turn counts than a change of speed, backing from an edge
@@ -72,22 +72,24 @@ inline margins::Known known_of(const Plant& plant, const double* x, const double
 }
 
 // Writes the rows of one plant, whose axle or point has the state x (4,).
-inline void write_rows(const One& p, const double* x, const RowSettings& settings, Matrix<const double> margin,
-                       Matrix<double> a, Matrix<double> out) {
+inline void write_rows(const One& p, const double* x, const RowSettings& settings,
+                       Matrix<const double> margin, Matrix<double> a, Matrix<double> out) {
   const Index m = p.count();
-  rows::rows({p.kind.data, 1, m}, {p.parameters.data, 1, m, layout::WIDTH}, {margin.data, 4, 1, margin.columns},
-             {x, 1, 4}, {&p.plant.time, 1}, settings, {a.data, 1, a.rows, 2}, {out.data, 4, 1, out.columns});
+  rows::rows({p.kind.data, 1, m}, {p.parameters.data, 1, m, layout::WIDTH},
+             {margin.data, 4, 1, margin.columns}, {x, 1, 4}, {&p.plant.time, 1}, settings,
+             {a.data, 1, a.rows, 2}, {out.data, 4, 1, out.columns});
 }
 
 // Returns b of a zone: braking alone changes the speed, turning the position besides. x: (4,) of the
 // axle; settings: of rows, with the braking for u_max.
-inline double zone_row(const axle::Axle& axle, Vector<const double> c, const Work& w, Index k, const double* x,
-                       const RowSettings& settings) {
+inline double zone_row(const axle::Axle& axle, Vector<const double> c, const Work& w, Index k,
+                       const double* x, const RowSettings& settings) {
   const double later = std::hypot(x[2], x[3]) + axle.braking * settings.period;
   const double hardest = std::hypot(axle.braking, later * axle.turn);
   const double kept = w.rows(rows::H, k) - w.margin(margins::MARGIN, k);
   const double closing = c[layout::AWAY_X] * x[2] + c[layout::AWAY_Y] * x[3];
-  return zone::row(kept, w.margin(margins::RATE, k), closing, x[2], x[3], c[layout::V_MAX], settings, hardest).b;
+  return zone::row(kept, w.margin(margins::RATE, k), closing, x[2], x[3], c[layout::V_MAX], settings, hardest)
+      .b;
 }
 
 // Writes a row on the point as one in u: its velocity turns with the heading besides.
@@ -100,14 +102,16 @@ inline void turn_row(const Constants& c, const One& p, Work& w, Index k) {
 
 // Writes margins and rows of what moves, which bind the point.
 inline void make_rows_of_point(const Constants& c, const One& p, Work& w) {
-  const auto binds = [&p](Index k) { return moves(p.kind[k], p.parameters[k]) && p.kind[k] != layout::CUSTOM; };
+  const auto binds = [&p](Index k) {
+    return moves(p.kind[k], p.parameters[k]) && p.kind[k] != layout::CUSTOM;
+  };
   const Index m = p.count();
   bool some = false;
   for (Index k = 0; k < m; ++k) some |= binds(k);
   if (!some) return;
   const Plant& plant = p.plant;
-  margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, plant.x, plant.model, plant.lag), c.period,
-                  work::reserved(w.other_margin));
+  margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, plant.x, plant.model, plant.lag),
+                  c.period, work::reserved(w.other_margin));
   for (Index k = 0; k < m; ++k) w.other_margin(margins::MARGIN, k) += p.own_margin[k] + c.axle.look_ahead;
   write_rows(p, plant.x, c.rows, w.other_margin, w.other_a, w.other_rows);
   for (Index k = 0; k < m; ++k) {
@@ -198,7 +202,8 @@ inline void slide(const Constants& c, Settings settings, const One& p, Work& w) 
   const auto take_rows = [&](Index from) {
     for (Index k = from; k < total; ++k) a(k, 0) = w.a(k, 0), a(k, 1) = w.a(k, 1), b[k] = w.rows(rows::B, k);
   };
-  for (Index k = 0; k < m; ++k) a(k, 0) = w.straight(k, 0), a(k, 1) = w.straight(k, 1), b[k] = w.straight(k, 2);
+  for (Index k = 0; k < m; ++k)
+    a(k, 0) = w.straight(k, 0), a(k, 1) = w.straight(k, 1), b[k] = w.straight(k, 2);
   take_rows(m);
   const auto answer = [&](const double* vertices) {
     settings.vertices = {vertices, 1, 4, 2};

@@ -79,7 +79,8 @@ inline void renew(Notes& note, const Law& law, Index acting, double* velocity) {
   const double left = std::max(0.0, 1.0 - lost / std::max(speed, 1e-9));
   const double x = note.moves(last)[0], y = note.moves(last)[1];
   const double goes_on = std::hypot(x - velocity[0], y - velocity[1]);
-  if (std::hypot(x - left * velocity[0], y - left * velocity[1]) > goes_on) velocity[0] *= left, velocity[1] *= left;
+  if (std::hypot(x - left * velocity[0], y - left * velocity[1]) > goes_on)
+    velocity[0] *= left, velocity[1] *= left;
 }
 
 // Lets v_b (`velocity`, written to) follow what acts for a time `span` [s], and returns what is unknown of

@@ -95,8 +95,9 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   bool violated = false;
   const bool believed = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
   if (believed) {
-    const auto lack = status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::LEANING],
-                                        w.rows[PSI], c.dip, c.sway, c.rows.alpha1);
+    const auto lack =
+        status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::LEANING],
+                          w.rows[PSI], c.dip, c.sway, c.rows.alpha1);
     violated = status::is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
     p.report.proved = !status::lacks(lack);
   }

@@ -94,7 +94,8 @@ inline double squared(Matrix<const double> columns, Index j) {
 // Writes g⁺ (n_u, n) of g (n, n_u): pairs of columns are turned until all are orthogonal (Jacobi), then
 // g⁺ = V diag(1/σ²) (g V)ᵀ with σ their lengths; those below EPSILON of the greatest count as 0.
 // `columns` (n, n_u) and `turns` (n_u, n_u) are written to.
-inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<double> columns, Matrix<double> turns) {
+inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<double> columns,
+                           Matrix<double> turns) {
   const Index n = g.rows, n_u = g.columns;
   std::copy_n(g.data, n * n_u, columns.data);
   std::fill_n(turns.data, n_u * n_u, 0.0);
@@ -174,7 +175,8 @@ inline double trace(Matrix<const double> a, Matrix<const double> covariance) {
 // (n_u, n): g⁺ at the state before; `x` (n,): of the model; `expected` (n,): of it; `u` (n_u,): chosen;
 // `noisy`: tr(g⁺ P g⁺ᵀ).
 inline bool misses(const Watched& watched, plants::Plant& plant, Matrix<const double> to_input,
-                   Vector<const double> x, Vector<const double> expected, Vector<const double> u, double noisy) {
+                   Vector<const double> x, Vector<const double> expected, Vector<const double> u,
+                   double noisy) {
   const double period = watched.period, confidence = watched.confidence;
   double error = 0.0, chosen = 0.0;
   for (Index j = 0; j < u.size; ++j) {
@@ -185,8 +187,8 @@ inline bool misses(const Watched& watched, plants::Plant& plant, Matrix<const do
     chosen += u[j] * u[j];
   }
   if (!std::isfinite(error)) return false;
-  const double share = monitor::SHARE * monitor::SHARE;
-  if (share * chosen <= 2.0 * (confidence * confidence) * noisy / (period * period) && noisy > 0.0) chosen = 0.0;
+  const double least = 2.0 * (confidence * confidence) * noisy / (period * period);
+  if (monitor::SHARE * monitor::SHARE * chosen <= least && noisy > 0.0) chosen = 0.0;
   return monitor::account(plant.watched, error, chosen, period / monitor::WINDOW, watched.radius);
 }
 
@@ -203,8 +205,9 @@ inline void unreached(Matrix<const double> g, Vector<const bool> steered, Matrix
 }
 
 // tr(Π P Π); Π is symmetric, so that it is tr(Π P). `parts` (4, n) is written to.
-inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered, Matrix<const double> to_input,
-                              Matrix<const double> covariance, Matrix<double> parts) {
+inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered,
+                              Matrix<const double> to_input, Matrix<const double> covariance,
+                              Matrix<double> parts) {
   double trace = 0.0;
   for (Index k = 0; k < covariance.rows; ++k) {
     if (covariance(k, k) == 0.0) continue;
@@ -254,8 +257,8 @@ inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, con
   }
   const double rest = STILL * monitor::WINDOW * std::sqrt(driven) + ROUNDING * size;
   const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts);
-  return monitor::strays(plant.watched, std::sqrt(off), std::sqrt(std::max(moved, meant)), std::sqrt(change), rest,
-                         watched.confidence * std::sqrt(unknown), watched.period);
+  return monitor::strays(plant.watched, std::sqrt(off), std::sqrt(std::max(moved, meant)), std::sqrt(change),
+                         rest, watched.confidence * std::sqrt(unknown), watched.period);
 }
 
 // Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that
@@ -271,9 +274,11 @@ inline void observe(const Watched& watched, Records<plants::Plant> plants, Vecto
     if (compares(watched, plant, true)) {
       pseudo_inverse(seen.last.g_model[i], inverse, room.columns(), room.turns());
       const double noisy = plant.has_model ? 0.0 : trace(inverse, covariance[i]);
-      if (misses(watched, plant, inverse, seen.now.model[i], seen.arrival.model[i], seen.arrival.chosen[i], noisy))
+      const Arrival& arrival = seen.arrival;
+      if (misses(watched, plant, inverse, seen.now.model[i], arrival.model[i], arrival.chosen[i], noisy))
         monitor::latch(plant, reason::INPUT);
-      if (moves_off(watched, plant, i, seen, covariance[i], room.parts())) monitor::latch(plant, reason::MOTION);
+      if (moves_off(watched, plant, i, seen, covariance[i], room.parts()))
+        monitor::latch(plant, reason::MOTION);
     }
     plant.follows = 1;
   }

@@ -25,12 +25,12 @@ constexpr double FLOOR = 0.05;                   // of the largest input: a smal
 constexpr double SHARE = 0.45;                   // of the input: a gain of one half is off by 0.5 of it
 constexpr double TELLING = 25.0;                 // samples over which the share of misses is averaged
 constexpr double LEAST_SAMPLES = 10.0;           // that tell, before which no alarm is raised
-constexpr double MOST = 0.5;                     // share of misses of an alarm; of exact samples of an exact plant
-constexpr double EXACT = 0.02, OFF_EXACT = 0.1;  // of the input: up to which it was met, beyond which it was not
-constexpr double FEW = 0.1;                      // share of samples off that an exact plant alarms above: three
+constexpr double MOST = 0.5;                     // of misses for an alarm; of exact samples of an exact plant
+constexpr double EXACT = 0.02, OFF_EXACT = 0.1;  // of the input: met up to it, not met beyond it
+constexpr double FEW = 0.1;                      // of samples off, above which an exact plant alarms
 constexpr double REST = 0.01;                    // that position and velocity may drift apart [m]: rounding
 constexpr double OFF = 0.1;                      // share of the motion beyond which it is not the model's
-constexpr double APART = 0.6;                    // of T (ẋ' − ẋ) that two ways to integrate differ by, Euler's half
+constexpr double APART = 0.6;                    // of T (ẋ' − ẋ) that two ways to integrate differ by
 constexpr double IN_A_ROW = 3.0;                 // samples at which the motion must be off
 
 // Counts one sample's ‖Δu‖² (`error`) and ‖u‖² (`chosen`), and returns whether most were missed.
@@ -97,8 +97,8 @@ inline bool drifts(Memory& memory, PlanarMemory& planar, const double* body, dou
 // Compares a valid sample of a planar double integrator with the one before, and raises its alarms.
 // `input` (2,): applied since; `radius`: the largest norm of an input [m/s²]; `confidence`: κ;
 // `observed`: whether states were measured: propagated ones are compared by their owner.
-inline void watch(plants::Plant& plant, Vector<const double> input, double radius, double confidence, bool exact,
-                  bool observed) {
+inline void watch(plants::Plant& plant, Vector<const double> input, double radius, double confidence,
+                  bool exact, bool observed) {
   const double* model = plant.model;
   double body[4];
   for (int k = 0; k < 4; ++k) body[k] = model[k] + plant.lag[k];

@@ -12,9 +12,9 @@ namespace hcbf::motion_monitor {
 
 constexpr double NOISE = 0.02, NOISIEST = 0.03;  // σ before any is known, and the greatest allowed for [m]
 constexpr double SAMPLES = 100.0;                // over which it is averaged
-constexpr double ALLOWED = 5.0;                  // standard deviations that a position may be off thrice in a row
-constexpr double AVERAGED = 40.0;                // over which positions are averaged, for each metre of σ [s/m]
-constexpr double ELSEWHERE = 0.2;                // beyond which from the average a position is taken as it is [m]
+constexpr double ALLOWED = 5.0;                  // standard deviations of a position in a bound
+constexpr double AVERAGED = 40.0;                // time of averages for each metre of σ [s/m]
+constexpr double ELSEWHERE = 0.2;                // from the average, beyond which it starts anew [m]
 constexpr double LONGEST = 0.5;                  // between two samples, after which all starts anew [s]
 
 struct Notes {
@@ -64,7 +64,8 @@ inline bool observe(Notes& note, const double* body, double time, double longest
     const double besides = note.missing + ALLOWED * average(note, body, passed);
     alarms = monitor::drifts(note.watched, note.planar, body, passed, besides, false);
   } else {
-    std::fill_n(note.planar.drift, 2, 0.0), std::fill_n(note.planar.motion, 2, 0.0), std::fill_n(note.apart, 2, 0.0);
+    std::fill_n(note.planar.drift, 2, 0.0), std::fill_n(note.planar.motion, 2, 0.0);
+    std::fill_n(note.apart, 2, 0.0);
     note.watched.bend = note.watched.in_a_row = note.missing = 0.0;
     note.left = std::sqrt(NOISE * NOISE - note.noise);
     note.place[0] = body[0], note.place[1] = body[1];

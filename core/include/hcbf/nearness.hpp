@@ -28,8 +28,8 @@ inline shape_terms::Place place(Index kind, const double* c, double t) {
 
 // Writes which regions before explain those without a name of their own. `earlier` (N, k): h of the
 // regions before, propagated [m]; `t` (N,) [s]; `found` (N, m): −1 where one is missing, written to.
-inline void find_beside(const Scenes& before, const Scenes& now, Matrix<const double> earlier, Vector<const double> t,
-                        Matrix<Index> found) {
+inline void find_beside(const Scenes& before, const Scenes& now, Matrix<const double> earlier,
+                        Vector<const double> t, Matrix<Index> found) {
   const Index count = before.kind.columns;
   std::vector<char> taken(count);
   std::vector<shape_terms::Place> places(count);

@@ -124,7 +124,8 @@ inline bool fits(const Plants& p, bool guided) {
   if (p.sensed.size != count || p.reports.size != count || p.rows.rows != count) return false;
   if (p.rows.columns < m + guided) return false;
   if (p.own.layers > 0 && (p.own.layers != count || p.own.rows != m)) return false;
-  if (p.parameters.layers != count || p.parameters.rows != m || p.parameters.columns != layout::WIDTH) return false;
+  if (p.parameters.layers != count || p.parameters.rows != m || p.parameters.columns != layout::WIDTH)
+    return false;
   if (p.priority.rows != count || p.priority.columns != m) return false;
   if (p.own_margin.rows != count || p.own_margin.columns != m) return false;
   for (Index i = 0; i < count; ++i)

@@ -38,8 +38,10 @@ inline void observe(const References& references, Matrix<const double> x, Vector
 // least h (N, m) on the way, and ‖p_ref − p‖ (N,) before it. `steps` (N,): control steps since the reset.
 inline void advance(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
                     const References& references, Matrix<double> x, Vector<const Index> steps,
-                    Matrix<const double> u, Vector<const double> v_max, Matrix<double> min_h, Vector<double> before) {
-  double way[task::SUBSTEPS][4], room[task::SUBSTEPS];
+                    Matrix<const double> u, Vector<const double> v_max, Matrix<double> min_h,
+                    Vector<double> before) {
+  constexpr Index count = task::SUBSTEPS;
+  double way[count][4], room[count];
   for (Index i = 0; i < x.rows; ++i) {
     double* state = x[i].data;
     double top_speed = 0.0;
@@ -58,11 +60,11 @@ inline void advance(Matrix<const Index> kind, Cube<const double> parameters, Vec
         continue;
       }
       if (atlas.size > 0 && shape_terms::is_mapped(which)) {
-        min_h(i, k) = mapped::least_along(which, c, atlas, {way[0], task::SUBSTEPS, 4}, {room, task::SUBSTEPS});
+        min_h(i, k) = mapped::least_along(which, c, atlas, {way[0], count, 4}, {room, count});
         continue;
       }
       double least = INFINITY;
-      for (Index s = 0; s < task::SUBSTEPS; ++s) {
+      for (Index s = 0; s < count; ++s) {
         const double now = steps[i] * task::CONTROL_DT + (s + 1) * task::PHYSICS_DT;
         least = std::min(least, shape_terms::height(which, c, way[s][0], way[s][1], now));
       }

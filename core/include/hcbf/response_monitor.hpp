@@ -37,8 +37,8 @@ inline double bound(const Law& law, double seen, double moved) {
 }
 
 // Adds a sample to r and q of every window, and returns the greatest share of its bound.
-inline double strays(Notes& note, const Law& law, Way off, Way apart, double length, double passed, double doubt,
-                     double noise) {
+inline double strays(Notes& note, const Law& law, Way off, Way apart, double length, double passed,
+                     double doubt, double noise) {
   double worst = 0.0, window = law.first;
   for (Index i = 0; i < WINDOWS; ++i, window *= 2.0) {
     const double keep = std::max(0.0, 1.0 - passed / window);
@@ -62,7 +62,8 @@ inline double strays(Notes& note, const Law& law, Way off, Way apart, double len
 }
 
 // Adds a sample to c of both windows, and returns the lesser share of the bound.
-inline double differs(Notes& note, const Law& law, Way off, Way went, double passed, double hidden, double noise) {
+inline double differs(Notes& note, const Law& law, Way off, Way went, double passed, double hidden,
+                      double noise) {
   const double least = FAST * law.forward;
   const bool told = std::hypot(went.ahead, went.aside) > least * passed;
   const double along = off.ahead * went.ahead + off.aside * went.aside;
@@ -89,12 +90,14 @@ inline double differs(Notes& note, const Law& law, Way off, Way went, double pas
 }
 
 // Starts anew at a pose that was noted, with the velocity (2,) in the world that was measured there.
-inline void start(Notes& note, const Law& law, double heading, const double* velocity, double time, double noise) {
+inline void start(Notes& note, const Law& law, double heading, const double* velocity, double time,
+                  double noise) {
   const double cos = std::cos(heading), sin = std::sin(heading), vx = velocity[0], vy = velocity[1];
   command_history::begin(note, law, time, {cos * vx + sin * vy, cos * vy - sin * vx});
   std::fill_n(note.missed[0], 2 * WINDOWS, 0.0), std::fill_n(note.moved, WINDOWS, 0.0);
   std::fill_n(note.seen, WINDOWS, 0.0), std::fill_n(note.missing[0], 4, 0.0), std::fill_n(note.asked, 2, 0.0);
-  std::fill_n(note.doubt, WINDOWS, 2.0 * noise), std::fill_n(note.hidden, 2, 0.0);  // of the place where r begins
+  std::fill_n(note.doubt, WINDOWS, 2.0 * noise);  // of the place where r begins
+  std::fill_n(note.hidden, 2, 0.0);
   std::fill_n(note.apart[0], 2 * WINDOWS, 0.0), std::fill_n(note.widest, WINDOWS, 0.0);
 }
 
@@ -121,7 +124,8 @@ inline bool observe(Notes& note, const Law& law, const double* pose, const doubl
   const double forward = note.velocity[0], sideways = note.velocity[1];
   const auto [went, length, doubt] = command_history::follow(note, law, began, time);
   double speed = std::hypot(forward, sideways);
-  for (Index last = std::max<Index>(0, note.count - 2); last < note.count; ++last)  // the last command, and its end
+  // the last command, and its end
+  for (Index last = std::max<Index>(0, note.count - 2); last < note.count; ++last)
     speed = std::max(speed, std::hypot(note.moves(last)[0], note.moves(last)[1]));
   Way apart{0.0, 0.0};
   double hidden = doubt;
@@ -140,10 +144,12 @@ inline bool observe(Notes& note, const Law& law, const double* pose, const doubl
 // Writes where the commands have brought a robot, and returns what that may be off [m]. `ahead`: of the
 // point that follows before the centre [m]; `pose` (3,) and `twist` (3,): of the centre, at the time
 // `since`; `now`: the present [s].
-inline double carry(Notes& note, const Law& law, double ahead, double* pose, double* twist, double since, double now) {
+inline double carry(Notes& note, const Law& law, double ahead, double* pose, double* twist, double since,
+                    double now) {
   const double tau = std::max(law.tau, 1e-6);
+  const Index least = std::max<Index>(0, note.count - HELD);
   Index acting = note.count;
-  while (acting > std::max<Index>(0, note.count - HELD) && note.at(acting - 1) + law.delay > since + 1e-9) acting -= 1;
+  while (acting > least && note.at(acting - 1) + law.delay > since + 1e-9) acting -= 1;
   double time = since, told[3] = {}, moved[3] = {}, braked[2] = {twist[0], twist[1] + ahead * twist[2]};
   double length = 0.0, doubt = 0.0;
   while (time < now) {

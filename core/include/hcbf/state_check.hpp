@@ -146,7 +146,8 @@ inline Index believe(plants::Plant& plant, Vector<const double> input) {
     return 0;
   }
   if (plant.known && plant.elapsed > 0.0) {
-    const auto after = reduced_order::double_integrator_step({plant.believed, 4}, input, plant.elapsed, INFINITY);
+    const auto after =
+        reduced_order::double_integrator_step({plant.believed, 4}, input, plant.elapsed, INFINITY);
     plant.known = 1;
     for (const double value : after) plant.known &= std::abs(value) <= FARTHEST;
     if (plant.known)

@@ -68,7 +68,8 @@ inline bool lacks(const Shortfall& at) { return at.kept < -margins::SHORT || at.
 inline bool is_violated(Memory& memory, const Shortfall& now, double period, double settles) {
   bool fell = memory.news == NEWS;
   if (memory.news == COMPARED)
-    fell = now.kept_at_most < memory.kept - margins::SHORT || now.headway_at_most < memory.headway - margins::SHORT;
+    fell = now.kept_at_most < memory.kept - margins::SHORT ||
+           now.headway_at_most < memory.headway - margins::SHORT;
   memory.unproved = lacks(now) && (fell || memory.unproved != 0);
   memory.news = 0, memory.kept = now.kept, memory.headway = now.headway;
   const bool fast = now.headway_at_most < -margins::SHORT;

@@ -66,7 +66,8 @@ inline void find_pieces(const Constants& c, const One& p, Vector<const double> a
 // Filters one plant with what is nearby.
 inline void filter_nearby(const Constants& c, const Settings& program, const One& p, Work& w) {
   const Settings settings = posing::pose(c, program, p, w);
-  cascade::filter_range(settings, {w.u.data, 1, 2}, w.problem(w.a, w.rows[rows::B]), w.answer, w.polygons, 0, 1);
+  cascade::filter_range(settings, {w.u.data, 1, 2}, w.problem(w.a, w.rows[rows::B]), w.answer, w.polygons,
+                        0, 1);
   if (c.drives && p.report.reason == 0) axle_step::slide(c, settings, p, w);
   conclusion::conclude(c, p, w);
 }

@@ -59,8 +59,11 @@ class Work {
   // The rows as a program reads them, with a leading 1.
   cbf_rows::CbfRows problem(Matrix<const double> gradients, Vector<const double> b) const {
     const Index total = priority.size;
-    return {{gradients.data, 1, total, gradients.columns}, {b.data, 1, total}, {rows[hcbf::rows::H].data, 1, total},
-            {priority.data, 1, total}, {rows[hcbf::rows::ALPHA2_PSI].data, 1, total}};
+    return {{gradients.data, 1, total, gradients.columns},
+            {b.data, 1, total},
+            {rows[hcbf::rows::H].data, 1, total},
+            {priority.data, 1, total},
+            {rows[hcbf::rows::ALPHA2_PSI].data, 1, total}};
   }
 
  private:
