@@ -123,9 +123,9 @@ void bind_shapes(nb::module_& m) {
 }
 
 void bind_values(nb::module_& m) {
-  m.def("zone_value", &zone::value, "limit"_a, "away"_a, "vx"_a, "vy"_a,
+  m.def("zone_value", &zone::value<double>, "limit"_a, "away"_a, "vx"_a, "vy"_a,
         "Return h of a speed zone at a distance from it and a velocity.");
-  m.def("speed_limit_value", &speed_limit::value, "v_max"_a, "vx"_a, "vy"_a, "Return h of a speed limit.");
+  m.def("speed_limit_value", &speed_limit::value<double>, "v_max"_a, "vx"_a, "vy"_a, "Return h of a speed limit.");
   m.def(
       "barrier_values",
       [](const Kinds& kind, const Stack& parameters, const Atlas& atlas, const Table& x, const Line& t,
@@ -166,7 +166,7 @@ void bind_rows(nb::module_& m) {
       },
       "kept"_a, "rate"_a, "quickening"_a, "speed"_a, "sideways"_a, "distance"_a, "settings"_a,
       "Return b, α₂(ψ) and ψ of a row on the position for a held input, and how much less h gains than a·u.");
-  m.def("row_late", &rows::late, "kept"_a, "rate"_a, "lost"_a, "most"_a,
+  m.def("row_late", &rows::late<double>, "kept"_a, "rate"_a, "lost"_a, "most"_a,
         "Return what a row requests where ψ < 0: to stop at h = m at a constant rate, if U can.");
   m.def(
       "row_support",

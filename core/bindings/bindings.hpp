@@ -47,6 +47,7 @@ using Unlocked = nb::call_guard<nb::gil_scoped_release>;
 void bind_models(nb::module_& m);
 void bind_programs(nb::module_& m);
 void bind_barriers(nb::module_& m);
+void bind_layers(nb::module_& m);
 void bind_margins(nb::module_& m);
 void bind_filter(nb::module_& m);
 void bind_layouts(nb::module_& m);

@@ -8,6 +8,7 @@ NB_MODULE(_core, m) {
   hcbf::bind_models(m);
   hcbf::bind_programs(m);
   hcbf::bind_barriers(m);
+  hcbf::bind_layers(m);
   hcbf::bind_margins(m);
   hcbf::bind_filter(m);
   hcbf::bind_layouts(m);

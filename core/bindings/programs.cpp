@@ -4,23 +4,20 @@
 
 #include <nanobind/stl/optional.h>
 
-#include <hcbf/cascade.hpp>
 #include <hcbf/general_cascade.hpp>
 
-#include "bindings.hpp"
+#include "planar_program.hpp"
 
 namespace hcbf {
 
 namespace {
 
 using polygon::Point, polygon::Polygon;
-using program_records::Lock, program_records::Lower, program_records::Settings;
+using program_records::Lock, program_records::Lower;
 
 using Numbers1 = Numbers<const double, 1>;
 using Numbers2 = Numbers<const double, 2>;
 using Integers = Numbers<const Index, 1>;
-template <class T>
-using OneOrMany = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;  // of one state, or N
 
 // An array for Python that owns its numbers.
 template <int N>
@@ -29,47 +26,6 @@ auto array_of(std::vector<double> numbers, std::array<std::size_t, N> shape) {
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
   return nb::ndarray<nb::numpy, double, nb::ndim<N>>(kept->data(), N, shape.data(), owner);
 }
-
-// A program of two inputs with its prices and U; its arrays are copies.
-class PlanarProgram {
- public:
-  PlanarProgram(Index lower, bool by_level, Index lock, bool ranks, bool guided, double radius,
-                double lambda_u, bool known_offset, const Numbers<const double, 3>& vertices,
-                const Numbers2& weights)
-      : vertices_(vertices.data(), vertices.data() + vertices.size()),
-        weights_(weights.data(), weights.data() + weights.size()),
-        settings_{static_cast<Lower>(lower), by_level, static_cast<Lock>(lock), ranks, guided, radius,
-                  lambda_u, known_offset, view(vertices), view(weights)} {
-    settings_.vertices.data = vertices_.data();
-    settings_.weights.data = weights_.data();
-  }
-  PlanarProgram(const PlanarProgram&) = delete;
-
-  // Filters N states into `answer`, u, slack, delta and status one after the other; false where u* or
-  // a row is malformed.
-  bool filter(const OneOrMany<double>& u_nominal, const OneOrMany<double>& a, const OneOrMany<double>& b,
-              const OneOrMany<double>& h, const OneOrMany<Index>& priority,
-              const OneOrMany<double>& alpha2_psi, const Numbers<double, 1>& answer) const {
-    const Index n = u_nominal.size() / 2, total = b.size(), m = n > 0 ? total / n : 0;
-    const cbf_rows::CbfRows rows{{a.data(), n, m, 2}, {b.data(), n, m}, {h.data(), n, m},
-                                 {priority.data(), n, m}, {alpha2_psi.data(), n, m}};
-    if (!cbf_rows::are_finite({u_nominal.data(), 2 * n}) || !cbf_rows::are_finite({alpha2_psi.data(), total}))
-      return false;
-    for (Index i = 0; i < n; ++i)
-      if (!cbf_rows::well_formed(rows[i])) return false;
-    double *u = answer.data(), *slack = u + 2 * n, *delta = slack + total;
-    std::vector<Index> codes(2 * n);
-    const result::FilterResult found{
-        {u, n, 2}, {slack, n, m}, {delta, n, m}, {codes.data(), n}, {codes.data() + n, n}};
-    cascade::filter_batch(settings_, {u_nominal.data(), n, 2}, rows, found);
-    std::copy_n(codes.begin(), n, delta + total);
-    return true;
-  }
-
- private:
-  std::vector<double> vertices_, weights_;
-  Settings settings_;
-};
 
 void bind_planar(nb::module_& m) {
   nb::class_<PlanarProgram>(m, "PlanarProgram", "A program of two inputs with its prices and U.")

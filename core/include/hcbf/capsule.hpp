@@ -21,15 +21,18 @@ inline Index write(double* c, const double* velocity, const double* start, const
   return CODE;
 }
 
-inline PlanarJet jet(const double* c, double x, double y) {
-  const double dx = x - c[START_X], dy = y - c[START_Y], ax = c[ALONG_X], ay = c[ALONG_Y];
-  const double along = ax * dx + ay * dy;
+template <class Number>
+PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  using namespace functions;
+  const Number dx = x - c[START_X], dy = y - c[START_Y], ax = c[ALONG_X], ay = c[ALONG_Y];
+  const Number along = ax * dx + ay * dy;
   if (0.0 < along && along < c[LENGTH]) {
-    const double across = ax * dy - ay * dx, side = across >= 0.0 ? 1.0 : -1.0;
+    const Number across = ax * dy - ay * dx;
+    const double side = across >= 0.0 ? 1.0 : -1.0;
     return {side * across - c[RADIUS], -side * ay, side * ax, INF, ax, ay};
   }
-  const double end = std::min(std::max(along, 0.0), c[LENGTH]);
-  PlanarJet at = point_jet(dx - end * ax, dy - end * ay);
+  const Number end = min(max(along, 0.0), c[LENGTH]);
+  PlanarJetOf<Number> at = point_jet<Number>(dx - end * ax, dy - end * ay);
   at.h -= c[RADIUS];
   return at;
 }
@@ -37,9 +40,11 @@ inline PlanarJet jet(const double* c, double x, double y) {
 // An end is the core where it stays the nearest, none beside a side, else the segment. Beside a side
 // ∇H does not turn: outside, the robot is kept from crossing the segment; inside, it must be too far
 // from the segment to cross it.
-inline Core core(const double* c, double x, double y, double h, double, double reach) {
-  const double along = c[ALONG_X] * (x - c[START_X]) + c[ALONG_Y] * (y - c[START_Y]);
-  const double radius = c[RADIUS], away = h + radius;
+template <class Number>
+CoreOf<Number> core(const Number* c, const Number& x, const Number& y, const Number& h, const Number&,
+                    const Number& reach) {
+  const Number along = c[ALONG_X] * (x - c[START_X]) + c[ALONG_Y] * (y - c[START_Y]);
+  const Number radius = c[RADIUS], away = h + radius;
   if (along <= -reach || along >= c[LENGTH] + reach) return {away, radius, true};
   const bool beside = reach <= along && along <= c[LENGTH] - reach;
   if (beside && (h > 0.0 || away >= reach)) return {INF, radius, false};

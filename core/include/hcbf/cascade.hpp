@@ -12,20 +12,22 @@
 namespace hcbf::cascade {
 
 using namespace program_records;
-using cbf_rows::CbfRows, cbf_rows::StateRows, result::FilterResult;
+using cbf_rows::CbfRows, cbf_rows::StateRowsOf, polygon::Corners, result::FilterResult;
 
 // Returns whether u* is in U and meets every row.
-inline bool allowed(Vector<const Point> vertices, const StateRows& rows, Point u_nominal) {
+template <class Number>
+bool allowed(Corners<Number> vertices, const StateRowsOf<Number>& rows, const PointOf<Number>& u_nominal) {
   for (Index k = 0; k < rows.b.size; ++k)
     if (rows.a(k, 0) * u_nominal.x + rows.a(k, 1) * u_nominal.y < rows.b[k]) return false;
-  return polygon::contains(vertices, u_nominal);
+  return polygon::contains<Number>(vertices, u_nominal);
 }
 
 // Returns the least slack of row k; with a known offset it is alpha2(psi + eps) - alpha2(psi), which is
 // max(0, -alpha2(psi)).
-inline double least_slack(const Settings& settings, const StateRows& rows, Index k) {
+template <class Number>
+Number least_slack(const Settings& settings, const StateRowsOf<Number>& rows, Index k) {
   if (!settings.known_offset || rows.priority[k] <= 1) return 0.0;
-  return std::max(0.0, -rows.alpha2_psi[k]);
+  return max(0.0, -rows.alpha2_psi[k]);
 }
 
 // Returns the stage of the rows of a priority, from 1; of no row, which has priority 0, 0.
@@ -52,11 +54,13 @@ Index sort(const Settings& settings, Vector<const double> weights, Vector<const 
 }
 
 // Fills in all but the gradient of a row whose index is set.
-inline void load(const Settings& settings, Vector<const double> weights, const StateRows& rows, Terms& row) {
+template <class Number>
+void load(const Settings& settings, Vector<const double> weights, const StateRowsOf<Number>& rows,
+          TermsOf<Number>& row) {
   const Index k = row.index;
   row.b = rows.b[k];
-  const double weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
-  row.strict = std::isinf(weight);
+  const Number weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
+  row.strict = isinf(weight);
   row.weight = row.strict ? 1.0 : weight;
   row.least = least_slack(settings, rows, k);
 }
@@ -86,14 +90,14 @@ auto decide(const Settings& settings, Vector<Row> rows, const Index* start, Inde
 }
 
 // Writes what each row pays at u; returns the status, given that of an input without slack.
-template <class Row, class Input>
+template <class Row, class Input, class Number>
 Index account(const Settings& settings, Index status, Vector<const Index> priority, Vector<Row> rows,
-              const Input& u, Vector<double> slack, Vector<double> delta) {
+              const Input& u, Vector<Number> slack, Vector<Number> delta) {
   for (const Row& row : rows) {
-    const double value = row.value(u);
-    const double paid = result::slack_of(row.b - value, row.norm, row.b, settings.radius);
+    const Number value = row.value(u);
+    const Number paid = result::slack_of<Number>(row.b - value, row.norm, row.b, settings.radius);
     slack[row.index] = delta[row.index] = paid;
-    if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = std::max(paid, row.least);
+    if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = max(paid, row.least);
     if (!row.strict && settings.lower == Lower::DRAWN) delta[row.index] = row.target - value;
     if (paid > 0.0) {
       const bool relaxed = settings.ranks && priority[row.index] > 1;
@@ -104,46 +108,51 @@ Index account(const Settings& settings, Index status, Vector<const Index> priori
 }
 
 // The polygon that the stages so far leave.
-struct PlanarInputs {
-  Vector<const Point> vertices;
-  Point u_nominal;
+template <class Number>
+struct PlanarInputsOf {
+  Vector<const PointOf<Number>> vertices;
+  PointOf<Number> u_nominal;
   double lambda_u;
-  Workspace& w;
+  WorkspaceOf<Number>& w;
 
   bool is_point() const { return w.feasible.is_point(); }
-  Point nearest() const { return polygon::nearest(w.feasible, u_nominal); }
-  void set_targets(Rows rows) const { stages::set_targets(vertices, rows, u_nominal, w); }
-  void meet(Rows rows) const { stages::meet(rows, w); }
-  Point relax(Rows rows) const { return stages::relax({rows, lambda_u, u_nominal}, w); }
-  Point draw(Rows rows) const { return stages::draw({rows, lambda_u, u_nominal}, w); }
-  void pin(Rows rows, Point u) const { stages::pin(rows, u, w); }
-  void bound(Rows rows, Point u) const { stages::bound(rows, u, w); }
+  PointOf<Number> nearest() const { return polygon::nearest<Number>(w.feasible, u_nominal); }
+  void set_targets(RowsOf<Number> rows) const { stages::set_targets<Number>(vertices, rows, u_nominal, w); }
+  void meet(RowsOf<Number> rows) const { stages::meet(rows, w); }
+  CostOf<Number> cost_of(RowsOf<Number> rows) const { return {rows, lambda_u, u_nominal}; }
+  PointOf<Number> relax(RowsOf<Number> rows) const { return stages::relax(cost_of(rows), w); }
+  PointOf<Number> draw(RowsOf<Number> rows) const { return stages::draw(cost_of(rows), w); }
+  void pin(RowsOf<Number> rows, const PointOf<Number>& u) const { stages::pin(rows, u, w); }
+  void bound(RowsOf<Number> rows, const PointOf<Number>& u) const { stages::bound(rows, u, w); }
 };
 
-// Filters one nominal input, writing u (2,), slack (m,) and delta (m,); returns the status.
-inline Index filter_state(const Settings& settings, const Own& own, Point u_nominal, const StateRows& rows,
-                          Vector<double> u, Vector<double> slack, Vector<double> delta, Workspace& w) {
-  const Vector<const Point> vertices = polygon::points(own.vertices);
+// Filters one nominal input, U and the weights being those of its state, writing u (2,), slack (m,) and
+// delta (m,); returns the status.
+template <class Number>
+Index filter_state(const Settings& settings, Vector<const PointOf<Number>> vertices,
+                   Vector<const double> weights, const PointOf<Number>& u_nominal,
+                   const StateRowsOf<Number>& rows, Vector<Number> u, Vector<Number> slack,
+                   Vector<Number> delta, WorkspaceOf<Number>& w) {
   const Index m = slack.size;
   u[0] = u_nominal.x, u[1] = u_nominal.y;
-  if (allowed(vertices, rows, u_nominal)) {
+  if (allowed<Number>(vertices, rows, u_nominal)) {
     for (Index k = 0; k < m; ++k) slack[k] = 0.0, delta[k] = least_slack(settings, rows, k);
     return result::NOMINAL;
   }
-  const Rows sorted{w.rows.data(), m};
-  const Index stage_count = sort(settings, own.weights, rows.priority, w.rows, w.start);
-  for (Row& row : sorted) {
-    load(settings, own.weights, rows, row);
+  const RowsOf<Number> sorted{w.rows.data(), m};
+  const Index stage_count = sort(settings, weights, rows.priority, w.rows, w.start);
+  for (RowOf<Number>& row : sorted) {
+    load(settings, weights, rows, row);
     row.a = {rows.a(row.index, 0), rows.a(row.index, 1)};
-    row.norm = std::hypot(row.a.x, row.a.y);
+    row.norm = hypot(row.a.x, row.a.y);
   }
   w.feasible.corners.assign(vertices.begin(), vertices.end());
-  PlanarInputs inputs{vertices, u_nominal, settings.lambda_u, w};
-  Point chosen = decide(settings, sorted, w.start.data(), stage_count, inputs);
+  PlanarInputsOf<Number> inputs{vertices, u_nominal, settings.lambda_u, w};
+  PointOf<Number> chosen = decide(settings, sorted, w.start.data(), stage_count, inputs);
   // squares of numbers beyond 1e150 overflow, and leave no minimum
-  if (!std::isfinite(chosen.x) || !std::isfinite(chosen.y)) chosen = inputs.nearest();
+  if (!isfinite(chosen.x) || !isfinite(chosen.y)) chosen = inputs.nearest();
   u[0] = chosen.x, u[1] = chosen.y;
-  const double distance = std::max(std::abs(chosen.x - u_nominal.x), std::abs(chosen.y - u_nominal.y));
+  const Number distance = max(abs(chosen.x - u_nominal.x), abs(chosen.y - u_nominal.y));
   const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);
   const Index unpaid = moved ? result::SAFE : result::NOMINAL;
   return account(settings, unpaid, rows.priority, sorted, chosen, slack, delta);
@@ -158,8 +167,9 @@ inline void filter_range(const Settings& settings, Matrix<const double> u_nomina
                          const FilterResult& answer, Workspace& w, Index first, Index end) {
   for (Index i = first; i < end; ++i) {
     const Point desired{u_nominal(i, 0), u_nominal(i, 1)};
-    answer.status[i] = filter_state(settings, own_of(settings, i), desired, rows[i], answer.u[i],
-                                    answer.slack[i], answer.delta[i], w);
+    const Own own = own_of(settings, i);
+    answer.status[i] = filter_state<double>(settings, polygon::points(own.vertices), own.weights, desired,
+                                            rows[i], answer.u[i], answer.slack[i], answer.delta[i], w);
     answer.fallbacks[i] = 0;
   }
 }

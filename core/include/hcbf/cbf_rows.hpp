@@ -10,13 +10,15 @@
 
 namespace hcbf::cbf_rows {
 
-struct StateRows {                  // of one state
-  Matrix<const double> a;           // (m, n_u) L_g psi_k, the row's gradient in the input
-  Vector<const double> b;           // (m,) the row's lower bound
-  Vector<const double> h;           // (m,) the barriers' values
+template <class Number>
+struct StateRowsOf {                // of one state
+  Matrix<const Number> a;           // (m, n_u) L_g psi_k, the row's gradient in the input
+  Vector<const Number> b;           // (m,) the row's lower bound
+  Vector<const Number> h;           // (m,) the barriers' values
   Vector<const Index> priority;     // (m,) 1 is the highest and strict; 0 is of no row
-  Vector<const double> alpha2_psi;  // (m,) alpha2(psi_k)
+  Vector<const Number> alpha2_psi;  // (m,) alpha2(psi_k)
 };
+using StateRows = StateRowsOf<double>;
 
 struct CbfRows {  // of N states
   Cube<const double> a;

@@ -3,7 +3,7 @@
 //
 //     α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃).
 #pragma once
-#include <cmath>
+#include <hcbf/dual.hpp>
 
 namespace hcbf::class_k {
 
@@ -17,18 +17,25 @@ struct ClassK {  // as `ClassK.parameters` in Python packs it
 };
 
 // −1, 0 or 1; NaN of NaN.
-inline double sign(double h) { return h > 0.0 ? 1.0 : h < 0.0 ? -1.0 : h == 0.0 ? 0.0 : h; }
+template <class Number>
+double sign(const Number& h) {
+  return h > 0.0 ? 1.0 : h < 0.0 ? -1.0 : h == 0.0 ? 0.0 : value_of(h);
+}
 
 // α(h).
-inline double value(const ClassK& c, double h) {
+template <class Number>
+Number value(const ClassK& c, const Number& h) {
+  using namespace functions;
   if (c.kind == LINEAR) return c.scale * h;
-  return sign(h) * c.scale * std::log1p(c.rate * std::abs(h) / c.offset);
+  return sign(h) * c.scale * log1p(c.rate * abs(h) / c.offset);
 }
 
 // dα/dh; it is largest at h = 0 and does not grow with |h|.
-inline double slope(const ClassK& c, double h) {
+template <class Number>
+Number slope(const ClassK& c, const Number& h) {
+  using namespace functions;
   if (c.kind == LINEAR) return c.scale;
-  return c.scale * c.rate / (c.rate * std::abs(h) + c.offset);
+  return c.scale * c.rate / (c.rate * abs(h) + c.offset);
 }
 
 // α⁻¹(y).

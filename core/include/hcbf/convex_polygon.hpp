@@ -23,62 +23,70 @@ inline Index write(double* c, const double* velocity, Matrix<const double> verti
 }
 
 // How many corners there are, within what a block can hold.
-inline int count(const double* c) {
-  return 1.0 <= c[COUNT] && c[COUNT] <= MAX_VERTICES ? static_cast<int>(c[COUNT]) : 1;
+template <class Number>
+int count(const Number* c) {
+  return 1.0 <= c[COUNT] && c[COUNT] <= MAX_VERTICES ? static_cast<int>(value_of(c[COUNT])) : 1;
 }
 
 // What of its margin errors of measurement may use [m].
 inline double used(const double* c) { return c[COUNT] < MAX_VERTICES ? c[USED] : 0.0; }
 
+template <class Number>
 struct Edge {
-  double ax, ay;  // where it starts [m]
-  double ex, ey;  // from there to its end [m]
+  Number ax, ay;  // where it starts [m]
+  Number ex, ey;  // from there to its end [m]
 };
 
-inline Edge edge(const double* c, int i, int corners) {
+template <class Number>
+Edge<Number> edge(const Number* c, int i, int corners) {
   const int j = i + 1 < corners ? i + 1 : 0;
-  const double ax = c[FIRST + 2 * i], ay = c[FIRST + 1 + 2 * i];
+  const Number ax = c[FIRST + 2 * i], ay = c[FIRST + 1 + 2 * i];
   return {ax, ay, c[FIRST + 2 * j] - ax, c[FIRST + 1 + 2 * j] - ay};
 }
 
-inline PlanarJet jet(const double* c, double x, double y) {
+template <class Number>
+PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  using namespace functions;
   const int corners = count(c);
-  double nearest2 = INF, offset_x = 0.0, offset_y = 0.0, edge_x = 0.0, edge_y = 0.0;
+  Number nearest2 = INF, offset_x = 0.0, offset_y = 0.0, edge_x = 0.0, edge_y = 0.0;
   bool outside = false, on_edge = false;
   for (int i = 0; i < corners; ++i) {
     const auto [ax, ay, ex, ey] = edge(c, i, corners);
-    double ox = x - ax, oy = y - ay;
+    Number ox = x - ax, oy = y - ay;
     outside |= ey * ox - ex * oy > 0.0;
-    const double along = std::min(std::max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0);
+    const Number along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0);
     ox = ox - along * ex, oy = oy - along * ey;
-    const double distance2 = ox * ox + oy * oy;
+    const Number distance2 = ox * ox + oy * oy;
     if (distance2 < nearest2) {
       nearest2 = distance2, offset_x = ox, offset_y = oy;
       on_edge = 0.0 < along && along < 1.0;
       edge_x = ex, edge_y = ey;
     }
   }
-  const double nearest = std::sqrt(nearest2);
+  const Number nearest = sqrt(nearest2);
   if (outside && !on_edge && nearest >= TINY) return point_jet(offset_x, offset_y);
-  const double length = std::sqrt(edge_x * edge_x + edge_y * edge_y);
-  const double nx = edge_y / length, ny = -edge_x / length;
+  const Number length = sqrt(edge_x * edge_x + edge_y * edge_y);
+  const Number nx = edge_y / length, ny = -edge_x / length;
   return {outside ? nearest : -nearest, nx, ny, INF, -ny, nx};
 }
 
 // Nothing is the core where one edge stays the nearest, else a corner, else the polygon. Inside, the
 // nearest edge is taken for the region: no bound is known where it changes.
-inline Core core(const double* c, double x, double y, double h, double, double reach) {
+template <class Number>
+CoreOf<Number> core(const Number* c, const Number& x, const Number& y, const Number& h, const Number&,
+                    const Number& reach) {
+  using namespace functions;
   if (h <= 0.0) return {INF, 0.0, false};
   const int corners = count(c);
-  const Edge last = edge(c, corners - 1, corners);
-  double length = std::sqrt(last.ex * last.ex + last.ey * last.ey);
+  const Edge<Number> last = edge(c, corners - 1, corners);
+  Number length = sqrt(last.ex * last.ex + last.ey * last.ey);
   // past the end of the edge before
-  double beyond = ((x - last.ax) * last.ex + (y - last.ay) * last.ey) / length - length;
+  Number beyond = ((x - last.ax) * last.ex + (y - last.ay) * last.ey) / length - length;
   for (int i = 0; i < corners; ++i) {
     const auto [ax, ay, ex, ey] = edge(c, i, corners);
-    length = std::sqrt(ex * ex + ey * ey);
-    const double along = ((x - ax) * ex + (y - ay) * ey) / length;
-    const double above = (ey * (x - ax) - ex * (y - ay)) / length;
+    length = sqrt(ex * ex + ey * ey);
+    const Number along = ((x - ax) * ex + (y - ay) * ey) / length;
+    const Number above = (ey * (x - ax) - ex * (y - ay)) / length;
     if (above > 0.0 && along >= reach && along <= length - reach) return {INF, 0.0, false};
     if (beyond >= reach && along <= -reach) return {h, 0.0, true};
     beyond = along - length;

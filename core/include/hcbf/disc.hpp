@@ -14,14 +14,17 @@ inline Index write(double* c, const double* velocity, const double* center, doub
   return CODE;
 }
 
-inline PlanarJet jet(const double* c, double x, double y) {
-  PlanarJet at = point_jet(x - c[CENTER_X], y - c[CENTER_Y]);
+template <class Number>
+PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  PlanarJetOf<Number> at = point_jet<Number>(x - c[CENTER_X], y - c[CENTER_Y]);
   at.h -= c[RADIUS];
   return at;
 }
 
 // The core is the centre.
-inline Core core(const double* c, double, double, double, double distance, double) {
+template <class Number>
+CoreOf<Number> core(const Number* c, const Number&, const Number&, const Number&, const Number& distance,
+                    const Number&) {
   return {distance, c[RADIUS], true};
 }
 

@@ -31,32 +31,36 @@ inline Index write(double* c, const double* velocity, const double* center, cons
   return CODE;
 }
 
-inline PlanarJet jet(const double* c, double x, double y) {
-  const double dx = x - c[CENTER_X], dy = y - c[CENTER_Y];
-  const double a = c[LONGER], b = c[SHORTER], cos = c[COS], sin = c[SIN];
-  const double along = cos * dx + sin * dy, across = cos * dy - sin * dx;
-  const double u = std::abs(along), v = std::abs(across) + HAIR;
-  const double apart = a * a - b * b;
-  double s = std::max(b * v, a * u - apart);
+template <class Number>
+PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  using namespace functions;
+  const Number dx = x - c[CENTER_X], dy = y - c[CENTER_Y];
+  const Number a = c[LONGER], b = c[SHORTER], cos = c[COS], sin = c[SIN];
+  const Number along = cos * dx + sin * dy, across = cos * dy - sin * dx;
+  const Number u = abs(along), v = abs(across) + HAIR;
+  const Number apart = a * a - b * b;
+  Number s = max(b * v, a * u - apart);
   for (int k = 0; k < MOST_STEPS; ++k) {
-    const double wu = u / (s + apart), wv = v / s;
-    const double first = a * a * wu * wu, second = b * b * wv * wv, size = first + second;
-    const double step = size * (std::sqrt(size) - 1.0) / (first / (s + apart) + second / s);
+    const Number wu = u / (s + apart), wv = v / s;
+    const Number first = a * a * wu * wu, second = b * b * wv * wv, size = first + second;
+    const Number step = size * (sqrt(size) - 1.0) / (first / (s + apart) + second / s);
     s += step;
     if (!(step > 1e-15 * s)) break;
   }
-  const double wu = u / (s + apart), wv = v / s, norm = std::sqrt(wu * wu + wv * wv);
-  const double h = (s - b * b) * norm;
-  double distance = a * a * b * b * norm * norm * norm + h;  // the radius of curvature at the foot, and h
-  const double nu = std::copysign(wu / norm, along), nv = std::copysign(wv / norm, across);
-  const double nx = cos * nu - sin * nv, ny = sin * nu + cos * nv;
+  const Number wu = u / (s + apart), wv = v / s, norm = sqrt(wu * wu + wv * wv);
+  const Number h = (s - b * b) * norm;
+  Number distance = a * a * b * b * norm * norm * norm + h;  // the radius of curvature at the foot, and h
+  const Number nu = copysign(wu / norm, along), nv = copysign(wv / norm, across);
+  const Number nx = cos * nu - sin * nv, ny = sin * nu + cos * nv;
   if (distance < TINY) distance = INF;
   return {h, nx, ny, distance, -ny, nx};
 }
 
 // The core is what a disc of the smallest radius of curvature, b²/a, leaves inside.
-inline Core core(const double* c, double, double, double h, double, double) {
-  const double radius = c[SHORTER] * c[SHORTER] / c[LONGER];
+template <class Number>
+CoreOf<Number> core(const Number* c, const Number&, const Number&, const Number& h, const Number&,
+                    const Number&) {
+  const Number radius = c[SHORTER] * c[SHORTER] / c[LONGER];
   return {h + radius, radius, false};
 }
 

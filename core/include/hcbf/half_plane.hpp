@@ -15,13 +15,18 @@ inline Index write(double* c, const double* normal, double offset) {
   return CODE;
 }
 
-inline PlanarJet jet(const double* c, double x, double y) {
-  const double nx = c[NORMAL_X], ny = c[NORMAL_Y];
+template <class Number>
+PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  const Number nx = c[NORMAL_X], ny = c[NORMAL_Y];
   return {nx * x + ny * y - c[OFFSET], nx, ny, INF, -ny, nx};
 }
 
 // A core infinitely far away: ∇H never turns.
-inline Core core(const double*, double, double, double, double, double) { return {INF, INF, false}; }
+template <class Number>
+CoreOf<Number> core(const Number*, const Number&, const Number&, const Number&, const Number&,
+                    const Number&) {
+  return {INF, INF, false};
+}
 
 inline Bounds bounds(const double*) { return {INF, INF, -INF, -INF}; }
 

@@ -12,49 +12,54 @@
 namespace hcbf::kink {
 
 using namespace program_records;
-using polygon::abs, polygon::max, polygon::min;
+using polygon::Corners;
 
 // The part of a kink that is in a cell, from A to B = A + (dx, dy).
+template <class Number>
 struct Chord {
-  Point a, to_b;
+  PointOf<Number> a, to_b;
   Index first_up = 0, last_up = 0, first_down = 0, last_down = 0;
-  Point at(double t) const { return {a.x + t * to_b.x, a.y + t * to_b.y}; }
+  PointOf<Number> at(Number t) const { return {a.x + t * to_b.x, a.y + t * to_b.y}; }
 };
 
 // Returns where a line that crosses a cell does so.
-inline Chord chord_of(Vector<const Point> cell, const Line& line) {
-  Chord chord{};
+template <class Number>
+Chord<Number> chord_of(Corners<Number> cell, const LineOf<Number>& line) {
+  Chord<Number> chord{};
   for (Index i = 0; i < cell.size; ++i) {
     const Index j = i + 1 < cell.size ? i + 1 : 0;
     const bool here = line.above(cell[i]) > 0.0, there = line.above(cell[j]) > 0.0;
     if (here && !there) chord.last_up = i, chord.first_down = j;
     if (there && !here) chord.last_down = i, chord.first_up = j;
   }
-  const auto crossing = [&](Point start, Point end) {
-    const double here = line.above(start), there = line.above(end);
+  const auto crossing = [&](const PointOf<Number>& start, const PointOf<Number>& end) {
+    const Number here = line.above(start), there = line.above(end);
     return polygon::between(start, end, here / (here - there));
   };
   chord.a = crossing(cell[chord.last_up], cell[chord.first_down]);
-  const Point b = crossing(cell[chord.last_down], cell[chord.first_up]);
+  const PointOf<Number> b = crossing(cell[chord.last_down], cell[chord.first_up]);
   chord.to_b = {b.x - chord.a.x, b.y - chord.a.y};
   return chord;
 }
 
+template <class Number>
 struct Slopes {
-  double forward, backward;
+  Number forward, backward;
 };
 
 // Returns half the directional derivatives of the cost at u towards d and towards -d.
 //
 // A row at its kink pays if the direction leads into its violation. Where it has no least slack,
 // nothing jumps there, and what little it pays counts: it may hold back a flatter row.
-inline Slopes slopes(Point u, Point d, const Cost& cost, double radius) {
-  double forward = cost.lambda_u * ((u.x - cost.u_nominal.x) * d.x + (u.y - cost.u_nominal.y) * d.y);
-  double backward = -forward;
-  for (const Row& row : cost.rows) {
+template <class Number>
+Slopes<Number> slopes(const PointOf<Number>& u, const PointOf<Number>& d, const CostOf<Number>& cost,
+                      double radius) {
+  Number forward = cost.lambda_u * ((u.x - cost.u_nominal.x) * d.x + (u.y - cost.u_nominal.y) * d.y);
+  Number backward = -forward;
+  for (const RowOf<Number>& row : cost.rows) {
     if (row.state == State::MET) continue;
-    const double gain = row.value(d), lack = row.lack(u), over = lack - row.least;
-    const double rounding = row.least > 0.0 ? tolerances::THIN * radius * (abs(row.a.x) + abs(row.a.y))
+    const Number gain = row.value(d), lack = row.lack(u), over = lack - row.least;
+    const Number rounding = row.least > 0.0 ? tolerances::THIN * radius * (abs(row.a.x) + abs(row.a.y))
                                             : tolerances::SURELY_MET * (abs(row.b) + row.norm * radius);
     if (row.state == State::PAID || over > rounding) {
       forward -= row.weight * lack * gain;
@@ -70,24 +75,27 @@ inline Slopes slopes(Point u, Point d, const Cost& cost, double radius) {
 // Where on the kink its minimum is.
 enum class Place { INSIDE, AT_A, AT_B };
 
+template <class Number>
 struct Least {
-  double t;  // from 0 at A to 1 at B
+  Number t;  // from 0 at A to 1 at B
   Place place;
 };
 
 // Returns the minimiser on a chord.
-inline Least minimise_along(const Chord& chord, Index own, const Cost& cost, double radius) {
-  const auto slopes_at = [&](double t) { return slopes(chord.at(t), chord.to_b, cost, radius); };
-  double start = slopes_at(0.0).forward;
+template <class Number>
+Least<Number> minimise_along(const Chord<Number>& chord, Index own, const CostOf<Number>& cost,
+                             double radius) {
+  const auto slopes_at = [&](Number t) { return slopes(chord.at(t), chord.to_b, cost, radius); };
+  Number start = slopes_at(0.0).forward;
   if (start >= 0.0) return {0.0, Place::AT_A};
-  double end = slopes_at(1.0).backward;
+  Number end = slopes_at(1.0).backward;
   if (end >= 0.0) return {1.0, Place::AT_B};
-  double low = 0.0, high = 1.0;
+  Number low = 0.0, high = 1.0;
   for (Index k = 0; k < cost.rows.size; ++k) {
-    const Row& row = cost.rows[k];
-    const double gain = row.value(chord.to_b);
+    const RowOf<Number>& row = cost.rows[k];
+    const Number gain = row.value(chord.to_b);
     if (k == own || row.state != State::OPEN || gain == 0.0) continue;
-    const double t = row.excess(chord.a) / gain;
+    const Number t = row.excess(chord.a) / gain;
     if (!(low < t && t < high)) continue;
     const auto [forward, backward] = slopes_at(t);
     if (forward < 0.0)
@@ -103,8 +111,9 @@ inline Least minimise_along(const Chord& chord, Index own, const Cost& cost, dou
 
 // Returns the cell's next corner from A or B on the side `sign` of a kink: the first whose
 // sign n u exceeds sign d by more than rounding.
-inline Point along_border(Vector<const Point> cell, const Line& line, const Chord& chord, bool at_a, int sign,
-                          double radius) {
+template <class Number>
+PointOf<Number> along_border(Corners<Number> cell, const LineOf<Number>& line, const Chord<Number>& chord,
+                             bool at_a, int sign, double radius) {
   Index corner = at_a ? (sign > 0 ? chord.last_up : chord.first_down)
                       : (sign > 0 ? chord.first_up : chord.last_down);
   const Index step = at_a == (sign > 0) ? cell.size - 1 : 1;
@@ -116,53 +125,57 @@ inline Point along_border(Vector<const Point> cell, const Line& line, const Chor
 }
 
 // Returns whether the slope of an open row's cost jumps at a point.
-inline bool kinks_at(const Row& row, Point u, double radius) {
+template <class Number>
+bool kinks_at(const RowOf<Number>& row, const PointOf<Number>& u, double radius) {
   if (row.state != State::OPEN || row.least == 0.0) return false;
   return abs(row.value(u) - row.b + row.least) <= tolerances::THIN * radius * row.norm;
 }
 
 // Returns whether the direction e leads from a point on the border into the cell.
-inline bool enters(Vector<const Point> cell, Point u, Point e, double thin) {
+template <class Number>
+bool enters(Corners<Number> cell, const PointOf<Number>& u, const PointOf<Number>& e, double thin) {
   for (Index i = 0; i < cell.size; ++i) {
-    const Point from = cell[i], to = cell[i + 1 < cell.size ? i + 1 : 0];
-    const double x = to.x - from.x, y = to.y - from.y, length = std::hypot(x, y);
-    const double distance = (x * (u.y - from.y) - y * (u.x - from.x)) / length;
+    const PointOf<Number> from = cell[i], to = cell[i + 1 < cell.size ? i + 1 : 0];
+    const Number x = to.x - from.x, y = to.y - from.y, length = hypot(x, y);
+    const Number distance = (x * (u.y - from.y) - y * (u.x - from.x)) / length;
     if (distance <= thin && x * e.y - y * e.x < -tolerances::OUTWARD * length) return false;
   }
   return true;
 }
 
+template <class Number>
 struct Settled {
-  Point u;   // the minimiser on the kink
+  PointOf<Number> u;   // the minimiser on the kink
   int side;  // 1 or -1 where the cost falls towards n u above or below d, 0 for neither
 };
 
 // Minimises on the kink of row `own`, and finds where the cost falls from there. The kink crosses
 // the cell; the other rows' states are known to be PAID or MET, or OPEN.
-inline Settled settle(Vector<const Point> cell, const Line& line, Index own, const Cost& cost,
-                      double radius) {
-  const Chord chord = chord_of(cell, line);
+template <class Number>
+Settled<Number> settle(Corners<Number> cell, const LineOf<Number>& line, Index own,
+                       const CostOf<Number>& cost, double radius) {
+  const Chord<Number> chord = chord_of(cell, line);
   const auto [t, place] = minimise_along(chord, own, cost, radius);
-  const Point u = chord.at(t);
-  double steepest = 0.0;
+  const PointOf<Number> u = chord.at(t);
+  Number steepest = 0.0;
   int side = 0;
-  const auto descends = [&](Point e, int sign) {
-    const double slope = slopes(u, e, cost, radius).forward;
+  const auto descends = [&](const PointOf<Number>& e, int sign) {
+    const Number slope = slopes(u, e, cost, radius).forward;
     if (slope < steepest) steepest = slope, side = sign;
   };
   for (const int sign : {1, -1}) {
-    Point e{sign * line.n.x, sign * line.n.y};
+    PointOf<Number> e{sign * line.n.x, sign * line.n.y};
     if (place != Place::INSIDE) {
-      const Point corner = along_border(cell, line, chord, place == Place::AT_A, sign, radius);
-      const double length = std::hypot(corner.x - u.x, corner.y - u.y);
+      const PointOf<Number> corner = along_border<Number>(cell, line, chord, place == Place::AT_A, sign, radius);
+      const Number length = hypot(corner.x - u.x, corner.y - u.y);
       e = {(corner.x - u.x) / length, (corner.y - u.y) / length};
     }
     descends(e, sign);
     for (Index k = 0; k < cost.rows.size; ++k) {
-      const Row& row = cost.rows[k];
+      const RowOf<Number>& row = cost.rows[k];
       if (k == own || !kinks_at(row, u, radius)) continue;
       e = {-row.a.y / row.norm, row.a.x / row.norm};
-      const double along = sign * polygon::dot(e, line.n);
+      const Number along = sign * polygon::dot(e, line.n);
       if (abs(along) <= tolerances::THIN) continue;
       if (along < 0.0) e = {-e.x, -e.y};
       if (place == Place::INSIDE || enters(cell, u, e, tolerances::THIN * radius)) descends(e, sign);

@@ -1,7 +1,6 @@
 // What the cascade is made of: settings, rows, the cost of a stage, working space.
 #pragma once
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include <hcbf/arrays.hpp>
@@ -9,7 +8,8 @@
 
 namespace hcbf::program_records {
 
-using polygon::Line, polygon::Point, polygon::Polygon;
+using namespace functions;
+using polygon::LineOf, polygon::Point, polygon::PointOf, polygon::PolygonOf;
 
 // The largest number that a priority may be, unless there are more rows.
 constexpr Index LOWEST_RANK = 64;
@@ -49,63 +49,73 @@ inline Own own_of(const Settings& settings, Index i) {
 enum class State { OPEN, PAID, MET };
 
 // What the stages read of a row, for any number of inputs.
-struct Terms {
+template <class Number>
+struct TermsOf {
   Index index;    // where it stood before rows were sorted by stage
-  double norm;    // |a|
-  double b;       // bound, a u >= b
+  Number norm;    // |a|
+  Number b;       // bound, a u >= b
   bool strict;    // whether the stage meets the row, instead of paying for it
-  double weight;  // lambda(h); 1 for a strict row
-  double least;   // the least slack; 0 for a strict row
-  double target;  // a u_k, u_k the solution of the row's own program
+  Number weight;  // lambda(h); 1 for a strict row
+  Number least;   // the least slack; 0 for a strict row
+  Number target;  // a u_k, u_k the solution of the row's own program
 
   // Whether it is more than a constant.
   bool steers() const { return norm > tolerances::ZERO_GRADIENT; }
 };
+using Terms = TermsOf<double>;
 
 // A row of two inputs.
-struct Row : Terms {
-  Point a;      // gradient
-  State state;  // of `soft_minimum`
+template <class Number>
+struct RowOf : TermsOf<Number> {
+  using TermsOf<Number>::norm, TermsOf<Number>::b, TermsOf<Number>::least;
+  PointOf<Number> a;  // gradient
+  State state;        // of `soft_minimum`
 
-  double value(Point u) const { return polygon::dot(a, u); }
+  Number value(const PointOf<Number>& u) const { return polygon::dot(a, u); }
   // The violation, and its excess over the least slack.
-  double lack(Point u) const { return b - a.x * u.x - a.y * u.y; }
-  double excess(Point u) const { return b - least - a.x * u.x - a.y * u.y; }
+  Number lack(const PointOf<Number>& u) const { return b - a.x * u.x - a.y * u.y; }
+  Number excess(const PointOf<Number>& u) const { return b - least - a.x * u.x - a.y * u.y; }
   // Its line a u = bound, if it steers.
-  Line line(double bound) const { return {{a.x / norm, a.y / norm}, bound / norm}; }
+  LineOf<Number> line(const Number& bound) const { return {{a.x / norm, a.y / norm}, bound / norm}; }
   // Its line through a point.
-  Line through(Point u) const {
-    const Point n{a.x / norm, a.y / norm};
+  LineOf<Number> through(const PointOf<Number>& u) const {
+    const PointOf<Number> n{a.x / norm, a.y / norm};
     return {n, polygon::dot(n, u)};
   }
 };
 
-using Rows = Vector<Row>;
+template <class Number>
+using RowsOf = Vector<RowOf<Number>>;
+using Row = RowOf<double>;
 
 // lambda_u |u - u*|^2 + sum w_k max(m_k, b_k - a_k u)^2 over the rows of one stage.
-struct Cost {
-  Rows rows;
+template <class Number>
+struct CostOf {
+  RowsOf<Number> rows;
   double lambda_u;
-  Point u_nominal;
+  PointOf<Number> u_nominal;
 };
+using Cost = CostOf<double>;
 
 // What the stages write to; made once for a whole batch, or for a scene.
-struct Workspace {
-  double radius = 0.0;         // the largest norm of an input, which sets the scale of rounding
-  Polygon feasible;            // the inputs that the stages so far leave
-  Polygon trial, cell, chord;  // what stages, `soft_minimum` and `minimise` cut
-  std::vector<Row> rows;       // (m,) sorted by stage
-  std::vector<Index> start;    // where each stage's rows start, as far as there are stages
+template <class Number>
+struct WorkspaceOf {
+  double radius = 0.0;                   // the largest norm of an input, which sets the scale of rounding
+  PolygonOf<Number> feasible;            // the inputs that the stages so far leave
+  PolygonOf<Number> trial, cell, chord;  // what stages, `soft_minimum` and `minimise` cut
+  std::vector<RowOf<Number>> rows;       // (m,) sorted by stage
+  std::vector<Index> start;              // where each stage's rows start, as far as there are stages
 
   // Makes room for a U with so many corners, and m rows.
   void grow(double new_radius, Index corners, Index m) {
     radius = new_radius;
-    for (Polygon* each : {&feasible, &trial, &cell, &chord}) each->reserve(corners + m + 4);
+    for (PolygonOf<Number>* each : {&feasible, &trial, &cell, &chord}) each->reserve(corners + m + 4);
     rows.resize(std::max<Index>(m, rows.size()));
     const Index ranks = std::max(m, LOWEST_RANK) + 4;  // guidance may be below the lowest
     start.resize(std::max<Index>(ranks, start.size()));
   }
 };
+using Workspace = WorkspaceOf<double>;
 
 inline Workspace make_workspace(double radius, Index corners, Index m) {
   Workspace w;

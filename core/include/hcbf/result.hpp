@@ -1,8 +1,7 @@
 // A program's answer: the input, what each row pays for it, and how they relate.
 #pragma once
-#include <cmath>
-
 #include <hcbf/arrays.hpp>
+#include <hcbf/dual.hpp>
 #include <hcbf/tolerances.hpp>
 
 namespace hcbf::result {
@@ -20,8 +19,10 @@ struct FilterResult {       // of N states, written to
 
 // Returns by how much a row is violated, 0 where that is rounding. `lack`: b - a u; `norm`: |a|;
 // `radius`: the largest norm of an input.
-inline double slack_of(double lack, double norm, double b, double radius) {
-  return lack > tolerances::SLACK * (norm * radius + std::abs(b)) ? lack : 0.0;
+template <class Number>
+Number slack_of(const Number& lack, const Number& norm, const Number& b, double radius) {
+  using namespace functions;
+  return lack > tolerances::SLACK * (norm * radius + abs(b)) ? lack : 0.0;
 }
 
 // Writes the slack (m,) of one state's rows at u.

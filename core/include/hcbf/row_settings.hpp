@@ -15,15 +15,18 @@ struct RowSettings {  // the (15,) numbers of `RowSettings.packed` in Python
 };
 static_assert(sizeof(RowSettings) == 15 * sizeof(double));
 
-struct Row {
-  double b;
-  double alpha2_psi;  // α₂(ψ)
-  double psi;         // ψ
+template <class Number>
+struct RowOf {
+  Number b;
+  Number alpha2_psi;  // α₂(ψ)
+  Number psi;         // ψ
 };
+using Row = RowOf<double>;
 
+template <class Number>
 struct PlacedRow {  // on the position
-  double b, alpha2_psi, psi;
-  double lost;  // by how much less h − m gains with every input than a·u [m/s²]
+  Number b, alpha2_psi, psi;
+  Number lost;  // by how much less h − m gains with every input than a·u [m/s²]
 };
 
 }  // namespace hcbf::row_settings

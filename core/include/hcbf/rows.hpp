@@ -19,56 +19,64 @@
 
 namespace hcbf::rows {
 
-using row_settings::PlacedRow;
-using row_settings::Row;
+using row_settings::PlacedRow, row_settings::RowOf;
+using namespace functions;
 
 // Of the first axis of what `rows` writes.
 constexpr int B = 0, H = 1, ALPHA2_PSI = 2, PSI = 3;
 
+template <class Number>
 struct Reserved {  // what a row reserves between h and zero
-  double margin;      // m
-  double rate;        // ṁ
-  double quickening;  // m̈
+  Number margin;      // m
+  Number rate;        // ṁ
+  Number quickening;  // m̈
 };
 
 // ½ ū T², the most that a held input moves h by [m].
 inline double half_step(const RowSettings& s) { return 0.5 * s.u_max * s.period * s.period; }
 
 // ℓ, how far the barrier's frame sees the robot get in one period [m].
-inline double reach_of(double speed, const RowSettings& s) { return speed * s.period + half_step(s); }
+template <class Number>
+Number reach_of(const Number& speed, const RowSettings& s) { return speed * s.period + half_step(s); }
 
 // What h keeps so that no held input reaches the core of a region, which reaches `radius` beyond it [m].
-inline double beside_core(double radius, const RowSettings& s) {
-  return std::max(0.0, half_step(s) - radius);
+template <class Number>
+Number beside_core(const Number& radius, const RowSettings& s) {
+  return max(0.0, half_step(s) - radius);
 }
 
 // The most that an input of U gives of a·u; −∞ where U is not known. U counts as the intersection of
 // its limits and its radius.
-inline double support(const RowSettings& s, double ax, double ay) {
+template <class Number>
+Number support(const RowSettings& s, const Number& ax, const Number& ay) {
   if (s.u_max == 0.0) return -INF;
-  const double along_x = std::max(ax * s.low[0], ax * s.high[0]);
-  const double along_y = std::max(ay * s.low[1], ay * s.high[1]);
-  return std::min(along_x + along_y, s.u_max * std::sqrt(ax * ax + ay * ay));
+  const Number along_x = max(ax * s.low[0], ax * s.high[0]);
+  const Number along_y = max(ay * s.low[1], ay * s.high[1]);
+  return min(along_x + along_y, s.u_max * sqrt(ax * ax + ay * ay));
 }
 
 // ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s].
-inline double turning(double speed, double sideways, double distance, const RowSettings& s) {
+template <class Number>
+Number turning(const Number& speed, const Number& sideways, const Number& distance, const RowSettings& s) {
   if (distance == INF) return 0.0;
-  const double period = s.period, u_max = s.u_max, reach = reach_of(speed, s);
-  const double mean =
-      std::max(0.5 * u_max * period * period, 0.5 * (distance + std::max(distance - reach, 0.0)));
-  const double loss = u_max * u_max * (period * (period * period)) / (16.0 * mean);
-  const double across = std::max(0.0, sideways - 0.5 * u_max * period), farthest = distance + reach;
-  const double gain = distance * across * std::sqrt(period / (farthest * (farthest * farthest)));
-  const double more = std::max(0.0, gain - std::sqrt(loss));
+  const double period = s.period, u_max = s.u_max;
+  const Number reach = reach_of(speed, s);
+  const Number mean = max(Number(0.5 * u_max * period * period),
+                          0.5 * (distance + max(distance - reach, 0.0)));
+  const Number loss = u_max * u_max * (period * (period * period)) / (16.0 * mean);
+  const Number across = max(0.0, sideways - 0.5 * u_max * period), farthest = distance + reach;
+  const Number gain = distance * across * sqrt(period / (farthest * (farthest * farthest)));
+  const Number more = max(0.0, gain - sqrt(loss));
   return loss - more * more;
 }
 
 // The row of a barrier on the position at this instant alone.
-inline PlacedRow usual_row(double kept, double rate, double quickening, double sideways, double distance,
-                           const class_k::ClassK& alpha1, const class_k::ClassK& alpha2) {
-  const double psi = rate + class_k::value(alpha1, kept), alpha2_psi = class_k::value(alpha2, psi);
-  const double lost = quickening - sideways * sideways / distance;  // what turns, turns h away by itself
+template <class Number>
+PlacedRow<Number> usual_row(const Number& kept, const Number& rate, const Number& quickening,
+                            const Number& sideways, const Number& distance,
+                            const class_k::ClassK& alpha1, const class_k::ClassK& alpha2) {
+  const Number psi = rate + class_k::value(alpha1, kept), alpha2_psi = class_k::value(alpha2, psi);
+  const Number lost = quickening - sideways * sideways / distance;  // what turns, turns h away by itself
   return {lost - alpha2_psi - class_k::slope(alpha1, kept) * rate, alpha2_psi, psi, lost};
 }
 
@@ -76,96 +84,102 @@ inline PlacedRow usual_row(double kept, double rate, double quickening, double s
 // reserves [m], `rate` ḣ − ṁ [m/s], `quickening` m̈ [m/s²], `speed` ‖r‖ in the barrier's frame,
 // `sideways` the speed across the direction from the core, 0 if that is no point [m/s], and `distance`
 // that from the core, infinite where the gradient does not turn [m].
-inline PlacedRow held_row(double kept, double rate, double quickening, double speed, double sideways,
-                          double distance, const RowSettings& s) {
+template <class Number>
+PlacedRow<Number> held_row(const Number& kept, const Number& rate, const Number& quickening,
+                           const Number& speed, const Number& sideways, const Number& distance,
+                           const RowSettings& s) {
   const double period = s.period, half = half_step(s);
-  const double psi = rate + class_k::value(s.alpha1, kept), alpha2_psi = class_k::value(s.alpha2, psi);
+  const Number psi = rate + class_k::value(s.alpha1, kept), alpha2_psi = class_k::value(s.alpha2, psi);
 
-  const double end = kept + rate * period;
-  const double chord = std::min(class_k::slope(s.alpha1, end - half), class_k::slope(s.alpha1, end + half));
-  const double promised = class_k::value(s.alpha1, end - half) + chord * half;
-  const double nu = turning(speed, sideways, distance, s) + quickening * period;
-  const double least = psi - period * alpha2_psi - rate + nu;
-  double b = (least - promised) / (period + 0.5 * chord * period * period);
+  const Number end = kept + rate * period, lowest = end - half, highest = end + half;
+  const Number chord = min(class_k::slope(s.alpha1, lowest), class_k::slope(s.alpha1, highest));
+  const Number promised = class_k::value(s.alpha1, lowest) + chord * half;
+  const Number nu = turning(speed, sideways, distance, s) + quickening * period;
+  const Number least = psi - period * alpha2_psi - rate + nu;
+  Number b = (least - promised) / (period + 0.5 * chord * period * period);
   // h ≥ 0 meanwhile, whatever α₁
-  if (kept >= 0.0 && end >= 0.0) b = std::max(b, -2.0 * end / (period * period));
+  if (kept >= 0.0 && end >= 0.0) b = max(b, -2.0 * end / (period * period));
   return {b, alpha2_psi, psi, nu / period};
 }
 
 // What a row requests where ψ < 0: to stop at h = m at a constant rate, if U can. `most` is a·u of the
 // input of U that gives most of it, and `lost` how much less h − m gains with every input [m/s²].
-inline double late(double kept, double rate, double lost, double most) {
+template <class Number>
+Number late(const Number& kept, const Number& rate, const Number& lost, const Number& most) {
   if (rate >= 0.0 || kept <= 0.0) return -INF;
-  return std::min(rate * rate / (2.0 * kept) + lost, most);
+  return min(rate * rate / (2.0 * kept) + lost, most);
 }
 
 // The row of a speed limit, with ψ = h; h is concave in v, so that u costs ‖u‖².
-inline Row speed_row(double kept, double margin_rate, double vx, double vy, double v_max,
-                     const class_k::ClassK& alpha2, const RowSettings& s) {
-  const double alpha2_psi = class_k::value(alpha2, kept);
-  double b = -alpha2_psi;
+template <class Number>
+RowOf<Number> speed_row(const Number& kept, const Number& margin_rate, const Number& vx, const Number& vy,
+                        const Number& v_max, const class_k::ClassK& alpha2, const RowSettings& s) {
+  const Number alpha2_psi = class_k::value(alpha2, kept);
+  Number b = -alpha2_psi;
   if (s.held != 0.0) {
-    const double cost = s.u_max * s.u_max * s.period / (2.0 * v_max);
-    b = kept >= 0.0 ? std::max(b, cost - kept / s.period) : b + cost;
-    b = std::min(b, (vx * vx + vy * vy) / (v_max * s.period));  // a full stop gives no more
+    const Number cost = s.u_max * s.u_max * s.period / (2.0 * v_max);
+    b = kept >= 0.0 ? max(b, cost - kept / s.period) : b + cost;
+    b = min(b, (vx * vx + vy * vy) / (v_max * s.period));  // a full stop gives no more
   }
   return {b + margin_rate, alpha2_psi, kept};
 }
 
+template <class Number>
 struct Bound {
-  double b, h, alpha2_psi, psi;
+  Number b, h, alpha2_psi, psi;
 };
-constexpr Bound NO_ROW{-1.0, 1.0, 1.0, 1.0};  // every input meets it
+constexpr Bound<double> NO_ROW{-1.0, 1.0, 1.0, 1.0};  // every input meets it
 
 // Writes a (2,) of one barrier at a state x (4,) and time t, and returns the rest of its row. A user's
 // own barrier is not for this function. A class of a map has NaN: only its nearby pieces have rows.
-inline Bound row(Index kind, const double* c, const Reserved& reserved, const double* x, double t,
-                 const RowSettings& s, double* a) {
+template <class Number>
+Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& reserved, const Number* x, double t,
+                  const RowSettings& s, Number* a) {
   if (kind == layout::NONE) {
     a[0] = a[1] = 0.0;
-    return NO_ROW;
+    return {NO_ROW.b, NO_ROW.h, NO_ROW.alpha2_psi, NO_ROW.psi};
   }
   if (kind == layout::MAPPED || kind == layout::ZONES) {
     constexpr double NaN = std::numeric_limits<double>::quiet_NaN();
     a[0] = a[1] = NaN;
     return {NaN, NaN, NaN, NaN};
   }
-  const double vx = x[2], vy = x[3];
+  const Number vx = x[2], vy = x[3];
   if (kind == layout::ZONE) {
-    const double limit = c[layout::V_MAX];
+    const Number limit = c[layout::V_MAX];
     a[0] = -vx / limit, a[1] = -vy / limit;
-    const double h = zone::value(limit, c[layout::AWAY], vx, vy);
-    const double closing = c[layout::AWAY_X] * vx + c[layout::AWAY_Y] * vy;
-    const Row r = zone::row(h - reserved.margin, reserved.rate, closing, vx, vy, limit, s, s.u_max);
+    const Number h = zone::value(limit, c[layout::AWAY], vx, vy);
+    const Number closing = c[layout::AWAY_X] * vx + c[layout::AWAY_Y] * vy;
+    const RowOf<Number> r = zone::row<Number>(h - reserved.margin, reserved.rate, closing, vx, vy, limit, s, s.u_max);
     return {r.b, h, r.alpha2_psi, r.psi};
   }
   if (kind == layout::SPEED_LIMIT) {
-    const double v_max = c[layout::V_MAX];
+    const Number v_max = c[layout::V_MAX];
     a[0] = -vx / v_max, a[1] = -vy / v_max;
-    const double h = speed_limit::value(v_max, vx, vy);
-    const Row r = speed_row(h - reserved.margin, reserved.rate, vx, vy, v_max, s.alpha2, s);
+    const Number h = speed_limit::value(v_max, vx, vy);
+    const RowOf<Number> r = speed_row<Number>(h - reserved.margin, reserved.rate, vx, vy, v_max, s.alpha2, s);
     return {r.b, h, r.alpha2_psi, r.psi};
   }
   const auto [qx, qy] = shape_terms::in_frame(c, x[0], x[1], t);
-  const double rx = vx - c[layout::VELOCITY_X], ry = vy - c[layout::VELOCITY_Y];
-  const PlanarJet at = shapes::jet(kind, c, qx, qy);
+  const Number rx = vx - c[layout::VELOCITY_X], ry = vy - c[layout::VELOCITY_Y];
+  const PlanarJetOf<Number> at = shapes::jet(kind, c, qx, qy);
   a[0] = at.gx, a[1] = at.gy;
-  double kept = at.h - reserved.margin;
-  const double rate = at.gx * rx + at.gy * ry - reserved.rate, sideways = std::abs(at.tx * rx + at.ty * ry);
-  PlacedRow r;
+  Number kept = at.h - reserved.margin;
+  const Number rate = at.gx * rx + at.gy * ry - reserved.rate, sideways = abs(at.tx * rx + at.ty * ry);
+  PlacedRow<Number> r;
   if (s.held == 0.0) {
     r = usual_row(kept, rate, reserved.quickening, sideways, at.distance, s.alpha1, s.alpha2);
   } else {
-    const double speed = std::sqrt(rx * rx + ry * ry);
-    const Core core = shapes::core(kind, c, qx, qy, at.h, at.distance, reach_of(speed, s));
+    const Number speed = sqrt(rx * rx + ry * ry);
+    const CoreOf<Number> core = shapes::core(kind, c, qx, qy, at.h, at.distance, reach_of(speed, s));
     kept -= beside_core(core.radius, s);
     r = held_row(kept, rate, reserved.quickening, speed, core.is_point ? sideways : 0.0, core.distance, s);
   }
-  if (r.psi < 0.0) r.b = std::max(r.b, late(kept, rate, r.lost, support(s, at.gx, at.gy)));
+  if (r.psi < 0.0) r.b = max(r.b, late(kept, rate, r.lost, support(s, at.gx, at.gy)));
   return {r.b, at.h, r.alpha2_psi, r.psi};
 }
 
-inline void put(Index i, Index k, const Bound& bound, Cube<double> out) {
+inline void put(Index i, Index k, const Bound<double>& bound, Cube<double> out) {
   out(B, i, k) = bound.b, out(H, i, k) = bound.h;
   out(ALPHA2_PSI, i, k) = bound.alpha2_psi, out(PSI, i, k) = bound.psi;
 }
@@ -187,7 +201,7 @@ inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<c
   for (Index i = 0; i < x.rows; ++i)
     for (Index k = 0; k < kind.columns; ++k) {
       if (kind(i, k) == layout::CUSTOM) continue;
-      const Reserved reserved{margin(0, i, k), margin(1, i, k), margin(2, i, k)};
+      const Reserved<double> reserved{margin(0, i, k), margin(1, i, k), margin(2, i, k)};
       const double* c = parameters[i][k].data;
       put(i, k, row(kind(i, k), c, reserved, x[i].data, t[i], settings, a[i][k].data), out);
     }

@@ -18,12 +18,15 @@ inline bool is_region(Index kind) { return kind < layout::SPEED_LIMIT; }
 // Returns whether a barrier is a class of a map.
 inline bool is_mapped(Index kind) { return layout::MAPPED <= kind && kind <= layout::ZONES; }
 
-struct Place {
-  double x, y;
+template <class Number>
+struct PlaceOf {
+  Number x, y;
 };
+using Place = PlaceOf<double>;
 
 // A point of the world (x, y) as the barrier's frame sees it at time t.
-inline Place in_frame(const double* c, double x, double y, double t) {
+template <class Number>
+PlaceOf<Number> in_frame(const Number* c, const Number& x, const Number& y, double t) {
   return {x - c[layout::VELOCITY_X] * t, y - c[layout::VELOCITY_Y] * t};
 }
 

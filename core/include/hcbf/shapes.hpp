@@ -10,7 +10,8 @@
 namespace hcbf::shapes {
 
 // H and its derivatives at a point of the shape's frame; H is infinite for what is no shape.
-inline PlanarJet jet(Index kind, const double* c, double x, double y) {
+template <class Number>
+PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, const Number& y) {
   switch (kind) {
     case half_plane::CODE: return half_plane::jet(c, x, y);
     case disc::CODE: return disc::jet(c, x, y);
@@ -23,7 +24,9 @@ inline PlanarJet jet(Index kind, const double* c, double x, double y) {
 
 // The core of a shape seen from a point of its frame (x, y), where H and d are `h` and `distance` [m],
 // by a robot that gets `reach` far in one period [m].
-inline Core core(Index kind, const double* c, double x, double y, double h, double distance, double reach) {
+template <class Number>
+CoreOf<Number> core(Index kind, const Number* c, const Number& x, const Number& y, const Number& h,
+                    const Number& distance, const Number& reach) {
   switch (kind) {
     case half_plane::CODE: return half_plane::core(c, x, y, h, distance, reach);
     case disc::CODE: return disc::core(c, x, y, h, distance, reach);

@@ -3,7 +3,8 @@
 
 namespace hcbf::speed_limit {
 
-inline double value(double v_max, double vx, double vy) {
+template <class Number>
+Number value(const Number& v_max, const Number& vx, const Number& vy) {
   return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max);
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include <hcbf/arrays.hpp>
+#include <hcbf/dual.hpp>
 
 namespace hcbf::weights {
 
@@ -15,8 +16,10 @@ inline double gamma0_of(Vector<const double> table, Index priority) {
 }
 
 // Returns lambda(h) of one row; infinity for one of a strict level.
-inline double weight_of(Vector<const double> table, Index priority, double h) {
-  return gamma0_of(table, priority) * (1.0 + table[0] * std::max(0.0, -h));
+template <class Number>
+Number weight_of(Vector<const double> table, Index priority, const Number& h) {
+  using namespace functions;
+  return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h));
 }
 
 }  // namespace hcbf::weights

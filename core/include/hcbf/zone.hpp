@@ -12,12 +12,13 @@
 
 namespace hcbf::zone {
 
-using row_settings::Row;
+using row_settings::RowOf;
 
 constexpr double BRAKING = 1.0;  // β, with which a robot slows down before a zone [m/s²]
 
 // h at the distance d⁺ = `away` [m] and the velocity (vx, vy).
-inline double value(double limit, double away, double vx, double vy) {
+template <class Number>
+Number value(const Number& limit, const Number& away, const Number& vx, const Number& vy) {
   return (limit * limit + 2.0 * BRAKING * away - vx * vx - vy * vy) / (2.0 * limit);
 }
 
@@ -25,16 +26,18 @@ inline double value(double limit, double away, double vx, double vy) {
 // d/dt of d⁺, not positive while the robot comes nearer [m/s], `limit` L [m/s]. u_max changes the
 // speed; `hardest` is the greatest acceleration of the position [m/s²], more than u_max where the
 // velocity turns by itself.
-inline Row row(double kept, double margin_rate, double closing, double vx, double vy, double limit,
-               const RowSettings& s, double hardest) {
-  const double alpha2_psi = class_k::value(s.alpha2, kept), drift = BRAKING * closing / limit;
-  double b = -alpha2_psi;
+template <class Number>
+RowOf<Number> row(const Number& kept, const Number& margin_rate, const Number& closing, const Number& vx,
+                  const Number& vy, const Number& limit, const RowSettings& s, double hardest) {
+  using namespace functions;
+  const Number alpha2_psi = class_k::value(s.alpha2, kept), drift = BRAKING * closing / limit;
+  Number b = -alpha2_psi;
   if (s.held == 0.0) return {b - drift + margin_rate, alpha2_psi, kept};
   const double strays = BRAKING * (hardest - s.u_max);
-  const double cost = ((s.u_max + BRAKING) * s.u_max + strays) * s.period / (2.0 * limit);
-  b = kept >= 0.0 ? std::max(b, cost - kept / s.period) : b + cost;
-  const double stop = (vx * vx + vy * vy) / (limit * s.period);  // a full stop gives no more
-  return {std::min(b - drift, stop) + margin_rate, alpha2_psi, kept};
+  const Number cost = ((s.u_max + BRAKING) * s.u_max + strays) * s.period / (2.0 * limit);
+  b = kept >= 0.0 ? max(b, cost - kept / s.period) : b + cost;
+  const Number stop = (vx * vx + vy * vy) / (limit * s.period);  // a full stop gives no more
+  return {min(b - drift, stop) + margin_rate, alpha2_psi, kept};
 }
 
 // The distance from which a robot has to brake for a zone [m]: `limit` L, `margin` m, and `fastest`, its

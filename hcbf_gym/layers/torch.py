@@ -1,0 +1,97 @@
+"""The safety filter as a layer of PyTorch, the extra ``rl``."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from hcbf_gym.barriers.set import Entry
+from hcbf_gym.errors import MissingDependencyError, install, instance
+from hcbf_gym.layers.flat import Filtered, FlatFilter
+
+try:
+    import torch
+    from torch.autograd.function import once_differentiable
+except ImportError as error:
+    raise MissingDependencyError(
+        f"SafetyLayer: got no torch, expected the extra rl: {install('rl')}"
+    ) from error
+
+
+class SafetyLayer(torch.nn.Module):
+    """u as a differentiable function of u*, the state, the barriers' numbers and their margins.
+
+    The filter is the rows and the program alone: it knows neither guidance nor whether a state is
+    plausible. Derivatives of the first order go backwards, on the CPU in 64 bit.
+
+    Args:
+        barriers: m of them, of built-in kinds, in order.
+        settings: `input_set`, `program`, `alpha1`, `alpha2`, `period` and the program's options,
+            see `layers.flat.FlatFilter`.
+
+    Raises:
+        InvalidInputError: on other barriers or malformed settings.
+        UnknownNameError: on an unknown program; the message lists the choices.
+
+    Attributes:
+        blocks: (m, 19) the barriers' numbers, a buffer.
+    """
+
+    blocks: torch.Tensor
+
+    def __init__(self, barriers: Sequence[Entry], **settings: Any) -> None:
+        super().__init__()
+        self._flat = FlatFilter(barriers, **settings)
+        self.register_buffer("blocks", torch.from_numpy(self._flat.blocks.copy()))
+
+    def forward(
+        self,
+        u_nominal: torch.Tensor,
+        x: torch.Tensor,
+        blocks: torch.Tensor | None = None,
+        margin: torch.Tensor | None = None,
+        t: torch.Tensor | float = 0.0,
+    ) -> Filtered:
+        """Filter nominal inputs; leading axes broadcast.
+
+        Args:
+            u_nominal: (…, 2) u*.
+            x: (…, 4) position and velocity.
+            blocks: (…, m, 19) the barriers' numbers in place of the layer's.
+            margin: (…, m, 3) what each row reserves: m, ṁ and m̈; 0 unless given.
+            t: (…,) the time, of barriers that move [s]; it has no derivative.
+
+        Returns:
+            u of the type and device of u*, the statuses, and where u has no derivative.
+
+        Raises:
+            InvalidInputError: on shapes that do not fit, or entries that are not finite.
+        """
+        numbers = self.blocks if blocks is None else blocks
+        zero = self.blocks.new_zeros((len(self.blocks), 3)) if margin is None else margin
+        times = torch.as_tensor(t).detach()
+        given = {"u_nominal": u_nominal, "x": x, "blocks": numbers, "margin": zero, "t": times}
+        tensors = [
+            instance(name, one, torch.Tensor).to("cpu", torch.float64)
+            for name, one in given.items()
+        ]
+        variables, times = self._flat.variables(torch, *tensors)
+        u, status, degenerate = _Filter.apply(variables, times, self._flat)
+        device = u_nominal.device
+        return Filtered(u.to(u_nominal), status.to(device), degenerate.to(device))
+
+
+class _Filter(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, variables: torch.Tensor, t: torch.Tensor, flat: FlatFilter) -> Any:
+        ctx.save_for_backward(variables, t)
+        ctx.flat = flat
+        found = flat.filter(variables.detach().numpy(), t.numpy())
+        u, status, degenerate = map(torch.from_numpy, found)
+        ctx.mark_non_differentiable(status, degenerate)
+        return u, status, degenerate
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *of_u: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+        variables, t = ctx.saved_tensors
+        pulled = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), of_u[0].numpy())
+        return torch.from_numpy(pulled), None, None
