@@ -18,8 +18,6 @@ Record = np.record
 """One entry of a structured array, whose fields are its attributes, in compiled code, too."""
 Records = NDArray[np.void]
 """Structured arrays, whose records have named fields."""
-Rationals = NDArray[np.object_]
-"""Exact numbers, as objects."""
 
 Info = dict[str, Any]
 """What an environment reports: numbers and arrays by their names, nested."""

@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+import importlib
 import re
 import sys
 from collections.abc import Iterable
@@ -31,10 +32,10 @@ def check() -> None:
         ImportError: with the remedy.
     """
     try:
-        from hcbf_gym import _core
+        compiled = importlib.import_module("hcbf_gym._core")
     except ImportError as error:
         raise ImportError(f"hcbf_gym: the compiled core is missing ({error}); {REMEDY}") from error
-    if (CORE / "CMakeLists.txt").is_file() and core_hash() != _core.HASH:
+    if (CORE / "CMakeLists.txt").is_file() and core_hash() != compiled.HASH:
         raise ImportError(f"hcbf_gym: the compiled core is older than core/; {REMEDY}")
 
 

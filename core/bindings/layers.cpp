@@ -19,7 +19,6 @@ gradient::Scene scene_of(const PlanarProgram& program, const Integers& kind, con
 }  // namespace
 
 void bind_layers(nb::module_& m) {
-  m.attr("LAYER_VARIABLES") = nb::make_tuple(gradient::U_NOMINAL, gradient::STATE, gradient::OF_BARRIER);
   m.def(
       "layer_filter",
       [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const Line& settings,
