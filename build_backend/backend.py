@@ -3,24 +3,30 @@
 An editable installation compiles into `hcbf_gym/`, so that a checkout stands for itself.
 """
 
+import contextlib
+import functools
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from in_place import compile_in_place
 from scikit_build_core import build
 from scikit_build_core.build import build_sdist as build_sdist
 from scikit_build_core.build import get_requires_for_build_sdist as get_requires_for_build_sdist
 from scikit_build_core.build import (
     prepare_metadata_for_build_wheel as prepare_metadata_for_build_wheel,
 )
+from scikit_build_core.errors import FailedLiveProcessError
 
-ROOT = Path(__file__).parents[1]
-COMPILERS = "c++", "g++", "clang++", "cl"
+COMPILERS = "c++", "g++", "clang++"
 ZIG = "ziglang==0.17.1"
+NEEDED = """the core was not compiled: see above why. It needs a C++17 compiler and Python's headers:
+    Debian, Ubuntu: apt install g++ python3-dev    Fedora: dnf install gcc-c++ python3-devel
+    macOS: xcode-select --install                  conda: conda install cxx-compiler"""
 Settings = dict[str, Any] | None
 
 
@@ -34,10 +40,32 @@ get_requires_for_build_editable = get_requires_for_build_wheel
 
 def _compiler() -> list[str]:
     """Return the wheel of a compiler where this machine has none."""
-    if os.environ.get("CXX") or any(map(shutil.which, COMPILERS)):
-        return []
+    if os.name == "nt" or os.environ.get("CXX") or any(map(_compiles, COMPILERS)):
+        return []  # on Windows CMake looks for its own
     print(f"no C++17 compiler found: {ZIG} compiles the core, once", file=sys.stderr)
     return [ZIG]
+
+
+@functools.cache
+def _compiles(compiler: str) -> bool:
+    """Return whether a command is a C++17 compiler."""
+    command = [compiler, "-std=c++17", "-fsyntax-only", "-x", "c++", "-"]
+    try:
+        tried = subprocess.run(
+            command, input=b"#include <optional>", capture_output=True, check=False
+        )
+    except OSError:
+        return False
+    return tried.returncode == 0
+
+
+@contextlib.contextmanager
+def _naming_what_is_needed() -> Iterator[None]:
+    """Let a build that fails end with what it needs."""
+    try:
+        yield
+    except (subprocess.CalledProcessError, FailedLiveProcessError, OSError):
+        raise SystemExit(NEEDED) from None
 
 
 def _use_zig() -> None:
@@ -58,7 +86,8 @@ def build_wheel(
 ) -> str:
     """Compile the core into a wheel."""
     _use_zig()
-    return build.build_wheel(wheel_directory, config_settings, metadata_directory)
+    with _naming_what_is_needed():
+        return build.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
 def build_editable(
@@ -66,7 +95,7 @@ def build_editable(
 ) -> str:
     """Compile the core into the checkout, and return a wheel that points there."""
     _use_zig()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, _naming_what_is_needed():
         compile_in_place(folder)
     return build.build_editable(wheel_directory, _pointing(config_settings), metadata_directory)
 
@@ -82,11 +111,3 @@ def _pointing(config_settings: Settings) -> dict[str, Any]:
     """Return the settings of a wheel that holds nothing but where the checkout lies."""
     points = {"wheel.cmake": "false", "wheel.py-api": "py3", "editable.mode": "inplace"}
     return {**(config_settings or {}), **points}
-
-
-def compile_in_place(folder: str, *options: str) -> None:
-    """Compile the core into `hcbf_gym/`, with CMake's files in a folder and options of its own."""
-    settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON", *options
-    generator = ("-G", "Ninja") if shutil.which("ninja") else ()
-    subprocess.run(["cmake", *generator, "-S", ROOT / "core", "-B", folder, *settings], check=True)
-    subprocess.run(["cmake", "--build", folder, "--parallel"], check=True)

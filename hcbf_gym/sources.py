@@ -35,7 +35,7 @@ def check() -> None:
         compiled = importlib.import_module("hcbf_gym._core")
     except ImportError as error:
         raise ImportError(f"hcbf_gym: the compiled core is missing ({error}); {REMEDY}") from error
-    if (CORE / "CMakeLists.txt").is_file() and core_hash() != compiled.HASH:
+    if (CORE / "include" / "hcbf").is_dir() and core_hash() != compiled.HASH:
         raise ImportError(f"hcbf_gym: the compiled core is older than core/; {REMEDY}")
 
 

@@ -269,6 +269,8 @@ std::vector<std::pair<std::string, Index>> columns() {
 }  // namespace
 
 void bind_barriers(nb::module_& m) {
+  m.attr("ZONE_BRAKING") = zone::BRAKING;
+  m.attr("VANISHED") = general_rows::VANISHED;
   bind_class_k(m);
   bind_shapes(m);
   bind_values(m);

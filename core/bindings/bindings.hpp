@@ -54,7 +54,6 @@ void bind_layouts(nb::module_& m);
 void bind_monitors(nb::module_& m);
 void bind_guidance(nb::module_& m);
 void bind_maps(nb::module_& m);
-void bind_scenarios(nb::module_& m);
 void bind_locomotion(nb::module_& m);
 void bind_estimation(nb::module_& m);
 void bind_robots(nb::module_& m);

@@ -102,6 +102,8 @@ void bind_locomotion(nb::module_& m) {
             return copied(self.memory.sums.data(), fault_detection::WINDOW, self.memory.columns());
           },
           nb::rv_policy::move, "(WINDOW, 4 + 2 delays) of each judgement in the window; a copy.");
+  m.attr("HEADING_STARTS") = body_reference::HEADING_STARTS;
+  m.attr("HEADING_STOPS") = body_reference::HEADING_STOPS;
   m.attr("WATCH_WINDOW") = fault_detection::WINDOW;
 
   nb::class_<Motors>(m, "Motors", "The motors of an A1, on views of MuJoCo's data.")

@@ -1,4 +1,5 @@
 #include <hcbf/axle.hpp>
+#include <hcbf/constants.hpp>
 #include <hcbf/reduced_order.hpp>
 #include <hcbf/vehicles.hpp>
 
@@ -80,6 +81,10 @@ void bind_axle(nb::module_& m) {
 }  // namespace
 
 void bind_models(nb::module_& m) {
+  m.attr("GRAVITY") = constants::GRAVITY;
+  m.attr("FARTHEST") = constants::FARTHEST;
+  m.attr("STANDING") = constants::STANDING;
+  m.attr("ASKING") = constants::ASKING;
   bind_reduced_order(m);
   bind_vehicles(m);
   bind_axle(m);

@@ -15,7 +15,6 @@ NB_MODULE(_core, m) {
   hcbf::bind_monitors(m);
   hcbf::bind_guidance(m);
   hcbf::bind_maps(m);
-  hcbf::bind_scenarios(m);
   hcbf::bind_locomotion(m);
   hcbf::bind_estimation(m);
   hcbf::bind_robots(m);

@@ -20,9 +20,6 @@ from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
 
-LONGEST_HOLD = 0.2
-"""Within which rows that know no period look ahead [s]: no held row allows a longer one."""
-
 ROOM = 256
 """For so many pieces at first."""
 

@@ -44,69 +44,26 @@ from typing import NamedTuple
 
 from hcbf_gym.arrays import Array
 
-UNIT = 1.0 + 1e-9
-"""A slope below it is taken for 1: that of a distance is 1 but for rounding, which no m shows."""
-
-SHORT = 1e-4
-"""By how much h − m [m], ψ [m/s] and a speed limit may be missed: all return to 0 without end."""
-
 MARGIN, RATE, QUICKENING, LEANING = range(4)
 """What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
 tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""
 
 
-class Known(NamedTuple):
-    """What is known of a plant at a sample; compiled code reads a record of these fields as well.
-
-    Attributes:
-        x: (4,) position [m] and velocity [m/s], as the rows read them.
-        time: [s].
-        model: (4,) the reduced-order model's own state.
-        lag: (4,) the body's state minus the reduced-order model's.
-        covariance: (4, 4) of x.
-        growth: g, by how much that of the velocity grows until the next sample [m²/s²].
-    """
-
-    x: Array
-    time: float
-    model: Array
-    lag: Array
-    covariance: Array
-    growth: float
-
-
-class Unknown(NamedTuple):
-    """What is not known of a state, as the row of any h reads it.
-
-    Attributes:
-        off: (n,) x − x_b, the state that the rows read less the body's.
-        lead: (n_p,) the body's position minus the model's.
-        slip: (1 + S, n_p) the body's ṗ minus the model's: of the drift, then of each input at its
-            largest.
-        state: (n, n) P.
-        drift: (k, k) V of the position, k = n_p, or of all of x, k = n.
-        growth: g, by how much V of the position grows until the next sample.
-        turns: (S, n, n) the covariance of g(x)u, of each input at its largest; none where g is the
-            same everywhere.
-    """
-
-    off: Array
-    lead: Array
-    slip: Array
-    state: Array
-    drift: Array
-    growth: float
-    turns: Array
-
-
 class Several(NamedTuple):
-    """The same of N plants, with a leading N, and what else their rows read.
+    """What is not known of N plants, as the rows of any model and any h read it.
 
     Attributes:
         x: (N, n) as the rows read it.
         time: (N,) [s].
         lag: (N, n) the body's state minus the model's.
-        off: as `Unknown` has it, and the fields below.
+        off: (N, n) x − x_b, the state that the rows read less the body's.
+        slip: (N, 1 + S, n_p) the body's ṗ minus the model's: of the drift, then of each input at
+            its largest.
+        state: (N, n, n) P.
+        drift: (N, k, k) V of the position, k = n_p, or of all of x, k = n.
+        growth: (N,) g, by how much V of the position grows until the next sample.
+        turns: (N, S, n, n) the covariance of g(x)u, of each input at its largest; none where g is
+            the same everywhere.
     """
 
     x: Array

@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-VANISHED = 1e-9
+VANISHED = _core.VANISHED
 """Below it, relative to its size at sampled states, L_g ψ counts as zero."""
 
 SAMPLES = 16

@@ -20,7 +20,6 @@ from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
 from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
-PlanarJet = tuple[float, float, float, float, float, float]
 Planar = Callable[[Any, Any], Any]
 
 TINY = 1e-9

@@ -11,7 +11,9 @@ in m/s as a speed limit's. Its zero is the speed from which braking by β reache
 
 import numpy as np
 
-BRAKING = 1.0
+from hcbf_gym import _core
+
+BRAKING = _core.ZONE_BRAKING
 """β, with which a robot slows down before a zone [m/s²]."""
 
 

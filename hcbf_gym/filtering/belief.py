@@ -1,6 +1,5 @@
 """A plant's state as numbers; the core's `state_check.hpp` checks whether it is valid."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,12 +55,3 @@ def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
         return None
     with np.errstate(all="ignore"):
         return array.astype(np.float64)
-
-
-def real_number(value: object) -> float | None:
-    """Return `value` as a float if it is one finite real number, or an array of one; else None."""
-    if type(value) is float:
-        return value if math.isfinite(value) else None
-    number = real_numbers(value, ())
-    number = real_numbers(value, (1,)) if number is None else number
-    return None if number is None else float(number.item())

@@ -57,8 +57,6 @@ _PLANTS = PLANT.names or ()
 _WORD = 8  # bytes of a number or a code
 ROW_WORDS = ROW.itemsize // _WORD
 """Numbers of a row."""
-PLANT_WORDS = PLANT.itemsize // _WORD
-"""Numbers of a plant of two inputs."""
 
 
 class ReportBuffer:

@@ -18,11 +18,6 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_float
 
-SPIN_UP = 0.25
-"""Seconds, in which the turning rate reaches its greatest at the soonest."""
-LEAST_ROOM = 0.1
-"""Share of the greatest acceleration by which a limit that was passed leaves U open."""
-
 
 class Axle(NamedTuple):
     """What limits a differential drive.
@@ -32,7 +27,7 @@ class Axle(NamedTuple):
         forward: the greatest speed ahead and back, V [m/s].
         turn: the greatest turning rate, Ω [rad/s].
         braking: the greatest acceleration along the heading, A [m/s²]; across it the point has no
-            more than that, and no more than turns the axle at Ω within `SPIN_UP`.
+            more than that, and no more than turns the axle at Ω within 0.25 s.
     """
 
     look_ahead: float

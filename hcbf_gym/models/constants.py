@@ -1,15 +1,17 @@
 """Constants of nature, and the numbers beyond which nothing makes sense."""
 
-GRAVITY = 9.81
+from hcbf_gym import _core
+
+GRAVITY = _core.GRAVITY
 """On the ground [m/s²]."""
 
-FARTHEST = 1e4
+FARTHEST = _core.FARTHEST
 """Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
 LONGEST = 1e4
 """Of the time between two samples [s]: beyond, nothing that is carried on says anything."""
 ON_EARTH = 5e7
 """Of regions and maps from the origin of a survey, such as UTM's, before they are shifted [m]."""
-STANDING = 0.05
+STANDING = _core.STANDING
 """Slower than that a robot stands [m/s]."""
-ASKING = 0.3
+ASKING = _core.ASKING
 """A policy that asks for more than that wants to move [m/s²]."""

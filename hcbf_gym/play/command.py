@@ -7,22 +7,9 @@ from typing import Annotated, Literal
 
 from hcbf_gym import policies, scenarios
 from hcbf_gym.arguments import Amount, Count, Positive, Range, Seed
-from hcbf_gym.barriers import Disc
 from hcbf_gym.play.page import FIRST_PORT, HERE, Page, check_port
 from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import HUMAN, Settings
-from hcbf_gym.scenarios import Scenario
-from hcbf_gym.scenarios.references import PointReference
-
-IN_CONFLICT = Scenario(
-    "in conflict",
-    (
-        Disc("strict", 1, center=(0.5, 0.0), radius=0.4),
-        Disc("soft", 2, center=(-0.5, 0.0), radius=0.6),
-    ),
-    PointReference((3.0, 0.0)),
-)
-"""A scene whose first step is relaxed, so that everything is asked for that a page can show."""
 
 
 @dataclass(frozen=True)

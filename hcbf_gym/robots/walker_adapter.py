@@ -22,13 +22,14 @@ import math
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import LEAST_GAIN, MOST_GAIN, UNKNOWN, Response
 
 TURNING = 2.0
 """Gain of the heading's loop [1/s]."""
-HEADING_STARTS, HEADING_STOPS = 0.15, 0.10
+HEADING_STARTS, HEADING_STOPS = _core.HEADING_STARTS, _core.HEADING_STOPS
 """Speeds [m/s] above which the heading follows the velocity, and below which it is held."""
 
 TURNED = 0.25

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/foothold.hpp>
 #include <hcbf/leg.hpp>
 #include <hcbf/matrices.hpp>
@@ -140,8 +141,8 @@ inline void rigid_body_terms(const Bodies& bodies, const LegGeometry& legs, cons
   double force[3][6];       // on a link and all beyond it
   double S[3][6], V[3][6], A[3][6], reaction[6];
   // the ground accelerates upwards
-  const double rest[6] = {foothold::GRAVITY * R[2][0], foothold::GRAVITY * R[2][1],
-                          foothold::GRAVITY * R[2][2]};
+  const double rest[6] = {constants::GRAVITY * R[2][0], constants::GRAVITY * R[2][1],
+                          constants::GRAVITY * R[2][2]};
 
   // the trunk's block of M is the inertia of everything
   add_inertia(M, bodies.mass[0], bodies.com[0], bodies.inertia[0], EYE);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/body_reference.hpp>
 #include <hcbf/matrices.hpp>
 
@@ -12,7 +13,6 @@ using body_reference::BodyReference;
 using matrices::Vector2;
 using matrices::Vector3;
 
-constexpr double GRAVITY = 9.81;    // [m/s²]
 constexpr double SIDEWAYS = 0.085;  // [m] the nominal foothold is this far outside the abad joint
 // [s] below √(h/g) = 0.166, which sways with the instantaneous velocity
 constexpr double VELOCITY_GAIN = 0.08;
@@ -40,7 +40,7 @@ inline Vector2 foothold(const Vector2& nominal, const Trunk& trunk, const BodyRe
                         double remaining, double stance_time) {
   const Vector3& position = trunk.position;
   const double vx = trunk.velocity[0], vy = trunk.velocity[1];
-  const double lean = 0.5 * trunk.height / GRAVITY * reference.yaw_rate;
+  const double lean = 0.5 * trunk.height / constants::GRAVITY * reference.yaw_rate;
   const double dx = 0.5 * stance_time * vx + VELOCITY_GAIN * (vx - reference.velocity[0]) + lean * vy;
   const double dy = 0.5 * stance_time * vy + VELOCITY_GAIN * (vy - reference.velocity[1]) - lean * vx;
   const double scale = std::min(1.0, MAX_OFFSET / std::max(std::sqrt(dx * dx + dy * dy), 1e-9));

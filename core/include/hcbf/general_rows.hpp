@@ -19,7 +19,7 @@ constexpr int MARGIN = 4, RATE = 5, QUICKENING = 6, LEANING = 7, REACH = 8, FAST
               CONDITIONING = 11, PLACED = 12, WIDTH = 13;
 
 constexpr Index ELSEWHERE = -1;     // the kind of a barrier whose row is made elsewhere: a function
-constexpr double VANISHED = 1e-9;   // as in `relative_degree`: a row that no input changes by more of its size is a constant
+constexpr double VANISHED = 1e-9;   // a row that no input changes by more of its size is a constant
 
 struct Scene {  // the barriers of N scenes
   Matrix<const Index> kind;       // (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`

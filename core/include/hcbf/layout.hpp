@@ -22,6 +22,4 @@ constexpr int KEPT = 4;                          // of zones: what is reserved a
 constexpr int AWAY = 3, AWAY_X = 4, AWAY_Y = 5;  // of one zone: the distance to it [m], and its gradient
 constexpr int WIDTH = 19;                        // the velocity, and what the longest shape needs
 
-constexpr double FARTHEST = 1e4;  // h where a map has no piece at all [m]
-
 }  // namespace hcbf::layout

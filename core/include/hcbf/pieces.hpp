@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/arrays.hpp>
 #include <hcbf/convex_polygon.hpp>
 #include <hcbf/layout.hpp>
@@ -160,9 +161,9 @@ struct Slope {
 // The signed distance from the nearest piece.
 inline Slope jet(Vector<const double> atlas, Index at, double x, double y) {
   const Nearest found = nearest(atlas, at, x, y);
-  if (found.block < 0) return {layout::FARTHEST, 0.0, 0.0};
+  if (found.block < 0) return {constants::FARTHEST, 0.0, 0.0};
   const auto there = convex_polygon::jet(&atlas[found.block], x, y);
-  return {std::min(found.distance, layout::FARTHEST), there.gx, there.gy};
+  return {std::min(found.distance, constants::FARTHEST), there.gx, there.gy};
 }
 
 // Writes the signed distances (N,) of points (N, 2) from the nearest piece [m].

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include <hcbf/layout.hpp>
 #include <hcbf/arrays.hpp>
 #include <hcbf/polygon.hpp>
 
@@ -10,9 +11,6 @@ namespace hcbf::program_records {
 
 using namespace functions;
 using polygon::LineOf, polygon::Point, polygon::PointOf, polygon::PolygonOf;
-
-// The largest number that a priority may be, unless there are more rows.
-constexpr Index LOWEST_RANK = 64;
 
 // What the rows that are not strict pay for; as numbers, what NumPy records hold.
 enum class Lower : Index { NOTHING, RELAXED, DRAWN };
@@ -111,7 +109,7 @@ struct WorkspaceOf {
     radius = new_radius;
     for (PolygonOf<Number>* each : {&feasible, &trial, &cell, &chord}) each->reserve(corners + m + 4);
     rows.resize(std::max<Index>(m, rows.size()));
-    const Index ranks = std::max(m, LOWEST_RANK) + 4;  // guidance may be below the lowest
+    const Index ranks = std::max(m, layout::LOWEST_RANK) + 4;  // guidance may be below the lowest
     start.resize(std::max<Index>(ranks, start.size()));
   }
 };

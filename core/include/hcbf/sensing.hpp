@@ -2,6 +2,7 @@
 #pragma once
 #include <cmath>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/foothold.hpp>
 #include <hcbf/locomotion_state.hpp>
 #include <hcbf/matrices.hpp>
@@ -90,7 +91,7 @@ inline void sense(const Errors& errors, const Slow& slow, const Noise& noise, co
 inline Vector2 planar_acceleration(const Errors& errors, const Noise& noise, const RobotState& truth,
                                    const Vector3& before, const Matrix3& R_sensed) {
   Vector3 acceleration = (truth.linear_velocity - before) / errors.timestep;
-  acceleration[2] += foothold::GRAVITY;
+  acceleration[2] += constants::GRAVITY;
   const Vector3 force =
       matrices::apply_transposed(rotation::rotation_matrix(truth.quaternion), acceleration) +
       errors.accelerometer * noise.accelerometer;

@@ -4,6 +4,7 @@
 #pragma once
 #include <algorithm>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/layout.hpp>
 #include <hcbf/pieces.hpp>
 #include <hcbf/shapes.hpp>
@@ -43,7 +44,7 @@ inline double height(Index kind, const double* c, double x, double y, double t) 
 
 // h of a class of a map at a distance from its nearest piece and a velocity.
 inline double of_map(Index kind, const double* c, double distance, double vx, double vy) {
-  distance = std::min(distance, layout::FARTHEST);  // where there is no piece at all
+  distance = std::min(distance, constants::FARTHEST);  // where there is no piece at all
   if (kind == layout::MAPPED) return distance;
   return zone::value(c[layout::V_MAX], std::max(0.0, distance - c[layout::KEPT]), vx, vy);
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <hcbf/margins.hpp>
+#include <hcbf/constants.hpp>
 #include <hcbf/plants.hpp>
 #include <hcbf/reason.hpp>
 #include <hcbf/reduced_order.hpp>
@@ -15,7 +16,8 @@
 
 namespace hcbf::state_check {
 
-constexpr double FARTHEST = 1e4;   // of anything from the origin [m]
+using constants::FARTHEST;
+
 constexpr double ROUNDING = 1e-6;  // of a covariance: how far its correlations may be from those of one
 constexpr double SAME = 1e-9;      // by how much a covariance that does not grow may differ from that before
 constexpr Index ON_STACK = 16;     // up to so many states nothing is allocated

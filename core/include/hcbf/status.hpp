@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <hcbf/constants.hpp>
 #include <hcbf/class_k.hpp>
 #include <hcbf/layout.hpp>
 #include <hcbf/margins.hpp>
@@ -27,8 +28,7 @@ using result::FilterStatus;
 // none.
 enum News : Index { COMPARED = 1, NEWS = 2 };
 
-constexpr double STANDING = 0.05;  // slower than that a robot is at rest [m/s]
-constexpr double ASKING = 0.3;     // a larger nominal input requests motion [m/s^2]
+using constants::ASKING, constants::STANDING;
 
 // What the strict conditions on the position lack at one sample.
 struct Shortfall {

@@ -25,8 +25,6 @@ LONGER, SHORTER = 6, 7  # semi-axes [m]
 
 HAIR = 1e-13
 """How far from the longer axis a point is at least, so that its normal has a side [m]."""
-MOST_STEPS = 20
-"""Newton's steps to the foot of a point; three to six are taken."""
 SURE_STEPS, DIFFERENTIATED = 8, 3
 """What JAX takes of them, without derivatives and with."""
 

@@ -1,7 +1,0 @@
-#include "bindings.hpp"
-
-namespace hcbf {
-
-void bind_scenarios(nb::module_&) {}
-
-}  // namespace hcbf
