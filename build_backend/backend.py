@@ -24,7 +24,7 @@ from scikit_build_core.errors import FailedLiveProcessError
 
 COMPILERS = "c++", "g++", "clang++"
 ZIG = "ziglang==0.17.1"
-NEEDED = """the core was not compiled: see above why. It needs a C++17 compiler and Python's headers:
+NEEDED = """the core was not compiled (see above); it needs a C++17 compiler and Python's headers:
     Debian, Ubuntu: apt install g++ python3-dev    Fedora: dnf install gcc-c++ python3-devel
     macOS: xcode-select --install                  conda: conda install cxx-compiler"""
 Settings = dict[str, Any] | None
