@@ -1,9 +1,12 @@
 """Arrays by what they hold; shapes and units stand in the docstrings of who takes them."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
+
+from hcbf_gym import _core
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -25,6 +28,41 @@ Info = dict[str, Any]
 Pair = tuple[float, float]
 
 
+def record_type(name: str, **behind: int) -> np.dtype[np.void]:
+    """Return the dtype of a struct of the core, whose header says what its fields are.
+
+    Args:
+        name: in `_core.RECORDS`.
+        behind: so many numbers each stand behind the struct, under these names.
+    """
+    struct = _core.RECORDS[name]
+    end = struct["itemsize"]
+    names, formats, offsets = (list(struct[key]) for key in ("names", "formats", "offsets"))
+    for part, count in behind.items():
+        names.append(part)
+        formats.append(("f8", (count,)))
+        offsets.append(end)
+        end += 8 * count
+    whole = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+    return np.dtype((np.record, np.dtype(whole)))
+
+
+def attributes(array: Records) -> np.record:
+    """Return the first record of an array as a view whose fields are its attributes."""
+    record: np.record = array.view((np.record, array.dtype))[0]
+    return record
+
+
 def numbers_of(records: Records) -> Array:
     """Return N records as the rows (N, …) of numbers that the core takes; one memory."""
     return records.view(np.float64).reshape(len(records), -1)
+
+
+def words_of(record: Records) -> Array:
+    """Return the numbers of one record (1,) as the core takes it; one memory."""
+    return record.view(np.float64)
+
+
+def packed(fields: Iterable[object], dtype: DTypeLike) -> Array:
+    """Return the numbers of one record with these fields."""
+    return words_of(np.array([tuple(fields)], dtype=dtype))

@@ -7,36 +7,12 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, record_type
 from hcbf_gym.locomotion.qp import QuadraticProgram
 
-FEET = np.dtype([("position", "f8", (4, 3)), ("jacobian", "f8", (4, 3, 3)), ("bias", "f8", (4, 3))])
-"""Kinematics of the feet in the trunk's axes."""
-
-DYNAMICS = np.dtype(
-    [
-        ("M", "f8", (18, 18)),  # mass matrix
-        ("bias", "f8", 18),  # forces, joint losses included
-        ("v", "f8", 18),  # generalised velocity
-        ("R", "f8", (3, 3)),  # trunk → world
-        ("feet", FEET),
-        ("stance", "?", 4),  # feet that do not move
-    ],
-    align=True,
-)
-"""The robot at one instant, as its QPs see it: ``M q̈ + bias = Sᵀτ + J_cᵀF``."""
-
-TASKS = np.dtype(
-    [
-        ("linear", "f8", 3),  # of the trunk's origin, in the world's axes [m/s²]
-        ("angular", "f8", 3),  # of the trunk, in its own axes [rad/s²]
-        ("feet", "f8", (4, 3)),  # in the world's axes, read for swinging feet only [m/s²]
-    ]
-)
-"""The accelerations that the tasks ask for."""
-
-PLAN = np.dtype([("robot", DYNAMICS), ("tasks", TASKS), ("feedback", "f8", 12)], align=True)
-"""What a tick has decided when it comes to the QP; the feedback is torques [N·m]."""
+DYNAMICS = record_type("Dynamics")
+TASKS = record_type("TaskAccelerations")
+PLAN = record_type("TickPlan")
 
 
 def foot_jacobian(R: Array, feet: Any, foot: int) -> Array:

@@ -9,7 +9,7 @@
 #include <hcbf/shape_terms.hpp>
 #include <optional>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 namespace {
@@ -37,11 +37,6 @@ Vector<const double> view_of(const Atlas& atlas) {
 Two array(const Pair& pair) { return {pair.first, pair.second}; }
 
 void bind_class_k(nb::module_& m) {
-  m.def("class_k_layout", [] {
-    using class_k::ClassK;
-    return layout_of(sizeof(ClassK),
-                     {FIELD(ClassK, kind), FIELD(ClassK, scale), FIELD(ClassK, rate), FIELD(ClassK, offset)});
-  }, "Return (size, {field: offset}) of the four numbers of a function.");
   m.def(
       "class_k_value", [](const Line& c, double h) { return class_k::value(alpha(c.data()), h); }, "c"_a,
       "h"_a, "Return α(h) of the function with the numbers c (4,).");

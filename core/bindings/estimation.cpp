@@ -1,6 +1,6 @@
 #include <hcbf/estimation_tick.hpp>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -32,26 +32,6 @@ struct EstimationTick {
   }
 };
 
-nb::dict layouts() {
-  using estimation_tick::Settings;
-  using kalman::Model;
-  using sensing::Errors;
-  nb::dict all;
-  all["MODEL"] = layout_of(
-      sizeof(Model), {FIELD(Model, timestep), FIELD(Model, keep), FIELD(Model, variance), FIELD(Model, fix)});
-  all["ERRORS"] =
-      layout_of(sizeof(Errors),
-                {FIELD(Errors, timestep), FIELD(Errors, fix), FIELD(Errors, drift), FIELD(Errors, keep_drift),
-                 FIELD(Errors, rotation), FIELD(Errors, keep_rotation), FIELD(Errors, slip),
-                 FIELD(Errors, keep_slip), FIELD(Errors, gyroscope), FIELD(Errors, accelerometer),
-                 FIELD(Errors, angle), FIELD(Errors, rate), FIELD(Errors, contact)});
-  all["SETTINGS"] =
-      layout_of(sizeof(Settings), {FIELD(Settings, model), FIELD(Settings, errors), FIELD(Settings, legs),
-                                   FIELD(Settings, foot_radius), FIELD(Settings, settled),
-                                   FIELD(Settings, period), FIELD(Settings, delay), FIELD(Settings, start)});
-  return all;
-}
-
 }  // namespace
 
 void bind_estimation(nb::module_& m) {
@@ -60,7 +40,7 @@ void bind_estimation(nb::module_& m) {
   nb::class_<EstimationTick>(m, "EstimationTick", "The estimator's tick, with all that it remembers.")
       .def(
           "__init__",
-          [](EstimationTick* self, const Bytes& settings) {
+          [](EstimationTick* self, const Word& settings) {
             const auto& known = record<estimation_tick::Settings>(settings);
             new (self)
                 EstimationTick{known, {}, std::vector<Past>(static_cast<std::size_t>(known.delay) + 1), {}};
@@ -84,10 +64,9 @@ void bind_estimation(nb::module_& m) {
           "covariance", [](const EstimationTick& self) { return copied(self.now().cov[0], AXIS, AXIS); },
           nb::rv_policy::move, "(5, 5) of either axis; a copy.");
   m.attr("NOISES") = sizeof(Noise) / sizeof(double);
-  m.def("estimation_layouts", &layouts, "Return (size, {field: offset}) of each record of the estimator.");
   m.def(
       "kalman_predict",
-      [](const Bytes& model, const Numbers<double, 2>& x, const Numbers<double, 2>& cov,
+      [](const Word& model, const Numbers<double, 2>& x, const Numbers<double, 2>& cov,
          const Given1& acceleration, double var_acc) {
         kalman::predict(record<kalman::Model>(model), *reinterpret_cast<kalman::Means*>(x.data()),
                         *reinterpret_cast<kalman::Covariance*>(cov.data()),

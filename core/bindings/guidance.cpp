@@ -4,7 +4,7 @@
 #include <hcbf/guidance_row.hpp>
 #include <hcbf/local_guidance.hpp>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -175,22 +175,9 @@ void bind_local(nb::module_& m) {
   "out"_a.noconvert(), "Write a_x, a_y and b (N, 3) of the rows along edges at N states.");
 }
 
-nb::dict layouts() {
-  using extent::Extent;
-  using local_guidance::Memory;
-  nb::dict all;
-  all["geometry"] = layout_of(sizeof(Geometry), {FIELD(Geometry, x), FIELD(Geometry, y), FIELD(Geometry, side),
-                                                 FIELD(Geometry, ny), FIELD(Geometry, nx), FIELD(Geometry, cos),
-                                                 FIELD(Geometry, sin)});
-  all["extent"] = layout_of(sizeof(Extent), {FIELD(Extent, low), FIELD(Extent, high)});
-  all["memory"] = layout_of(sizeof(Memory), {FIELD(Memory, side), FIELD(Memory, since)});
-  return all;
-}
-
 }  // namespace
 
 void bind_guidance(nb::module_& m) {
-  m.def("guidance_layouts", layouts, "Return (size, {field: offset}) of what guidance has as numbers.");
   bind_extent(m);
   bind_ground(m);
   bind_field(m);

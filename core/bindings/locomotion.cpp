@@ -5,7 +5,7 @@
 #include <hcbf/ros_robot.hpp>
 #include <hcbf/walker_physics.hpp>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -15,7 +15,7 @@ namespace {
 
 // The controller's tick on records that Python makes and reads.
 struct LocomotionTick {
-  Bytes settings, memory, workspace;
+  Word settings, memory, workspace;
 
   std::pair<int, bool> tick(const Given1& state, const Given1& u) const {
     const auto program = locomotion_tick::tick(
@@ -70,7 +70,7 @@ void bind_locomotion(nb::module_& m) {
   nb::class_<LocomotionTick>(m, "LocomotionTick", "The controller's tick on its three records.")
       .def(
           "__init__",
-          [](LocomotionTick* self, Bytes settings, Bytes memory, Bytes workspace) {
+          [](LocomotionTick* self, Word settings, Word memory, Word workspace) {
             new (self) LocomotionTick{settings, memory, workspace};
           },
           nb::arg("settings").noconvert(), nb::arg("memory").noconvert(), nb::arg("workspace").noconvert())
@@ -83,7 +83,7 @@ void bind_locomotion(nb::module_& m) {
   nb::class_<FaultDetection>(m, "FaultDetection", "The sums from which a watch judges.")
       .def(
           "__init__",
-          [](FaultDetection* self, const Bytes& legs, double foot_radius, Index settled, Index every,
+          [](FaultDetection* self, const Word& legs, double foot_radius, Index settled, Index every,
              Index delays) {
             new (self) FaultDetection{record<leg::LegGeometry>(legs),
                                       {foot_radius, settled, every},

@@ -3,7 +3,7 @@
 #include <hcbf/leg_odometry.hpp>
 #include <hcbf/locomotion_tick.hpp>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -25,51 +25,6 @@ using matrices::Vector3;
 using task_space::Workspace;
 using tasks::TaskAccelerations;
 using Mask = Numbers<const bool, 1>;
-
-nb::dict layouts() {
-  nb::dict all;
-  all["GAIT"] = layout_of(sizeof(Gait), {FIELD(Gait, period), FIELD(Gait, duty), FIELD(Gait, offsets),
-                                         FIELD(Gait, rests), FIELD(Gait, max_speed)});
-  all["LEGS"] = layout_of(sizeof(LegGeometry), {FIELD(LegGeometry, hip), FIELD(LegGeometry, offset),
-                                                FIELD(LegGeometry, thigh), FIELD(LegGeometry, calf)});
-  using dynamics::Bodies;
-  all["BODIES"] = layout_of(sizeof(Bodies),
-                            {FIELD(Bodies, mass), FIELD(Bodies, com), FIELD(Bodies, inertia),
-                             FIELD(Bodies, armature), FIELD(Bodies, damping), FIELD(Bodies, dry_friction)});
-  all["REFERENCE"] = layout_of(
-      sizeof(BodyReference),
-      {FIELD(BodyReference, position), FIELD(BodyReference, velocity), FIELD(BodyReference, acceleration),
-       FIELD(BodyReference, yaw), FIELD(BodyReference, yaw_rate), FIELD(BodyReference, yaw_acceleration),
-       FIELD(BodyReference, turning)});
-  all["TARGETS"] = layout_of(sizeof(FootTargets), {FIELD(FootTargets, stance), FIELD(FootTargets, motion),
-                                                   FIELD(FootTargets, foothold)});
-  all["SETTINGS"] =
-      layout_of(sizeof(Settings),
-                {FIELD(Settings, timestep), FIELD(Settings, friction), FIELD(Settings, stall_torque),
-                 FIELD(Settings, no_load_speed), FIELD(Settings, height), FIELD(Settings, max_speed),
-                 FIELD(Settings, follow_velocity), FIELD(Settings, foot_radius), FIELD(Settings, gait),
-                 FIELD(Settings, legs), FIELD(Settings, nominal), FIELD(Settings, bodies)});
-  all["MEMORY"] =
-      layout_of(sizeof(Memory), {FIELD(Memory, reference), FIELD(Memory, targets), FIELD(Memory, clock),
-                                 FIELD(Memory, ground), FIELD(Memory, lift)});
-  all["WORKSPACE"] = layout_of(
-      sizeof(Workspace), {FIELD(Workspace, H), FIELD(Workspace, f), FIELD(Workspace, A),
-                          FIELD(Workspace, lower), FIELD(Workspace, upper), FIELD(Workspace, torque_offset),
-                          FIELD(Workspace, z), FIELD(Workspace, feedforward), FIELD(Workspace, feedback),
-                          FIELD(Workspace, limits), FIELD(Workspace, torque)});
-  all["FEET"] = layout_of(
-      sizeof(FootKinematics),
-      {FIELD(FootKinematics, position), FIELD(FootKinematics, jacobian), FIELD(FootKinematics, bias)});
-  all["DYNAMICS"] =
-      layout_of(sizeof(Dynamics), {FIELD(Dynamics, M), FIELD(Dynamics, bias), FIELD(Dynamics, v),
-                                   FIELD(Dynamics, R), FIELD(Dynamics, feet), FIELD(Dynamics, stance)});
-  all["TASKS"] = layout_of(
-      sizeof(TaskAccelerations),
-      {FIELD(TaskAccelerations, linear), FIELD(TaskAccelerations, angular), FIELD(TaskAccelerations, feet)});
-  all["PLAN"] = layout_of(sizeof(TickPlan),
-                          {FIELD(TickPlan, robot), FIELD(TickPlan, tasks), FIELD(TickPlan, feedback)});
-  return all;
-}
 
 auto of_feet(const FootKinematics& feet) {
   return nb::make_tuple(copied(feet.position[0].at, 4, 3), copied(feet.jacobian[0][0].at, 4, 3, 3),
@@ -100,7 +55,7 @@ void bind_kinematics(nb::module_& m) {
       "Return (4,) an orientation turned by a small rotation (3,) about the world's axes [rad].");
   m.def(
       "foot_kinematics",
-      [](const Bytes& legs, const Given1& joints, const Given1& velocity) {
+      [](const Word& legs, const Given1& joints, const Given1& velocity) {
         return of_feet(
             leg::foot_kinematics(record<LegGeometry>(legs), &as<Vector3>(joints), &as<Vector3>(velocity)));
       },
@@ -120,14 +75,14 @@ void bind_kinematics(nb::module_& m) {
       "Return (3,) a foot's acceleration, in the trunk's axes, when all generalised ones are zero.");
   m.def(
       "inverse_kinematics",
-      [](const Bytes& legs, int leg, const Given1& foot) {
+      [](const Word& legs, int leg, const Given1& foot) {
         return copied(leg::inverse_kinematics(record<LegGeometry>(legs), leg, as<Vector3>(foot)).at, 3);
       },
       nb::arg("legs"), nb::arg("leg"), nb::arg("foot"),
       "Return (3,) the joints that bring the foot to a place (3,) [rad].");
   m.def(
       "trunk_velocity",
-      [](const Bytes& legs, double radius, int leg, const Given1& state) {
+      [](const Word& legs, double radius, int leg, const Given1& state) {
         const auto& now = as<RobotState>(state);
         const auto feet =
             leg::foot_kinematics(record<LegGeometry>(legs), now.joint_position, now.joint_velocity);
@@ -139,7 +94,7 @@ void bind_kinematics(nb::module_& m) {
       "Return the trunk's planar velocity (2,) as a foot shows it, and its gain.");
   m.def(
       "rigid_body_terms",
-      [](const Bytes& bodies, const Bytes& legs, const Given2& R, const Given1& v, const Given1& joints) {
+      [](const Word& bodies, const Word& legs, const Given2& R, const Given1& v, const Given1& joints) {
         double M[18][18], bias[18];
         dynamics::rigid_body_terms(record<dynamics::Bodies>(bodies), record<LegGeometry>(legs),
                                    as<Matrix3>(R), v.data(), &as<Vector3>(joints), M, bias);
@@ -152,7 +107,7 @@ void bind_kinematics(nb::module_& m) {
 void bind_feet(nb::module_& m) {
   m.def(
       "foot_phases",
-      [](const Bytes& gait, double clock, const Mask& contact) {
+      [](const Word& gait, double clock, const Mask& contact) {
         const auto phases = gait::foot_phases(record<Gait>(gait), clock, contact.data());
         nb::list stance;
         for (bool stands : phases.stance) stance.append(stands);
@@ -162,7 +117,7 @@ void bind_feet(nb::module_& m) {
       "Return which feet stand at a time of the clock [s], and the others' time until touchdown [s].");
   m.def(
       "advance_clock",
-      [](const Bytes& gait, double clock, bool quiet, double dt) {
+      [](const Word& gait, double clock, bool quiet, double dt) {
         return gait::advance_clock(record<Gait>(gait), clock, quiet, dt);
       },
       nb::arg("gait"), nb::arg("clock"), nb::arg("quiet"), nb::arg("dt"),
@@ -200,7 +155,7 @@ void bind_feet(nb::module_& m) {
   m.def(
       "foothold",
       [](const Given1& nominal, const Given1& position, const Given1& velocity, double yaw, double height,
-         const Bytes& reference, double remaining, double stance_time) {
+         const Word& reference, double remaining, double stance_time) {
         const foothold::Trunk trunk = {as<Vector3>(position), as<Vector3>(velocity), yaw, height};
         return copied(foothold::foothold(as<Vector2>(nominal), trunk, record<BodyReference>(reference),
                                          remaining, stance_time)
@@ -212,9 +167,9 @@ void bind_feet(nb::module_& m) {
       "Return (2,) the foothold in the world [m].");
   m.def(
       "plan_feet",
-      [](const Bytes& targets, const Bytes& gait, double clock, const Mask& contact, const Given2& measured,
+      [](const Word& targets, const Word& gait, double clock, const Mask& contact, const Given2& measured,
          const Given2& nominal, double touchdown, const Given1& position, const Given1& velocity, double yaw,
-         double height, const Bytes& reference, double dt) {
+         double height, const Word& reference, double dt) {
         feet::Places places;
         std::copy_n(&as<Vector3>(measured), 4, places.measured);
         std::copy_n(&as<Vector2>(nominal), 4, places.nominal);
@@ -230,7 +185,7 @@ void bind_feet(nb::module_& m) {
       "Move the feet's targets on by one tick of the gait's clock.");
   m.def(
       "advance_reference",
-      [](const Bytes& reference, const Given1& u, const Given1& robot_position, double dt, double max_speed,
+      [](const Word& reference, const Given1& u, const Given1& robot_position, double dt, double max_speed,
          bool follow_velocity, double grip) {
         body_reference::advance(record<BodyReference>(reference), u.data(), robot_position.data(), dt,
                                 max_speed, follow_velocity, grip);
@@ -243,8 +198,8 @@ void bind_feet(nb::module_& m) {
 void bind_program(nb::module_& m) {
   m.def(
       "task_accelerations",
-      [](const Given1& state, const Given2& R, const Bytes& feet, const Bytes& reference,
-         const Bytes& targets, double too_low, double max_speed, const Bytes& tasks) {
+      [](const Given1& state, const Given2& R, const Word& feet, const Word& reference,
+         const Word& targets, double too_low, double max_speed, const Word& tasks) {
         record<TaskAccelerations>(tasks) = tasks::task_accelerations(
             as<RobotState>(state), as<Matrix3>(R), record<FootKinematics>(feet),
             record<BodyReference>(reference), record<FootTargets>(targets), too_low, max_speed);
@@ -254,8 +209,8 @@ void bind_program(nb::module_& m) {
       "Fill in the accelerations that the task-space QP shall come close to.");
   m.def(
       "condense_task_space",
-      [](const Bytes& robot, const Bytes& tasks, double friction, const Given2& limits,
-         const Bytes& workspace) {
+      [](const Word& robot, const Word& tasks, double friction, const Given2& limits,
+         const Word& workspace) {
         return task_space::condense(record<Dynamics>(robot), record<TaskAccelerations>(tasks), friction,
                                     *reinterpret_cast<const double (*)[2][12]>(limits.data()),
                                     record<Workspace>(workspace));
@@ -264,15 +219,15 @@ void bind_program(nb::module_& m) {
       nb::arg("workspace").noconvert(), "Fill in the program in z (12,) and return how many feet stand.");
   m.def(
       "free_minimiser",
-      [](const Bytes& workspace, int rows) {
+      [](const Word& workspace, int rows) {
         return task_space::free_minimiser(record<Workspace>(workspace), rows);
       },
       nb::arg("workspace").noconvert(), nb::arg("rows"),
       "Set z = −H⁻¹f and return whether it meets every bound.");
   m.def(
       "plan_tick",
-      [](const Bytes& settings, const Bytes& memory, const Given1& state, const Given1& u,
-         const Bytes& plan) {
+      [](const Word& settings, const Word& memory, const Given1& state, const Given1& u,
+         const Word& plan) {
         locomotion_tick::plan(record<Settings>(settings), record<Memory>(memory), as<RobotState>(state),
                               u.data(), record<TickPlan>(plan));
       },
@@ -283,13 +238,6 @@ void bind_program(nb::module_& m) {
 }  // namespace
 
 void bind_locomotion_parts(nb::module_& m) {
-  m.def("locomotion_layouts", &layouts, "Return (size, {field: offset}) of each record of the controller.");
-  m.def("robot_state_layout", [] {
-    return layout_of(sizeof(RobotState),
-                     {FIELD(RobotState, position), FIELD(RobotState, quaternion), FIELD(RobotState, joint_position),
-                      FIELD(RobotState, linear_velocity), FIELD(RobotState, angular_velocity),
-                      FIELD(RobotState, joint_velocity), FIELD(RobotState, contact)});
-  }, "Return (size, {field: offset}) of the vector that holds a robot's state.");
   bind_kinematics(m);
   bind_feet(m);
   bind_program(m);

@@ -3,7 +3,7 @@
 #include <hcbf/reduced_order.hpp>
 #include <hcbf/vehicles.hpp>
 
-#include "bytes.hpp"
+#include "records.hpp"
 
 namespace hcbf {
 
@@ -57,11 +57,6 @@ axle::Axle axle_of(const Limits& limits) {
 }
 
 void bind_axle(nb::module_& m) {
-  m.def("axle_layout", [] {
-    using axle::Axle;
-    return layout_of(sizeof(Axle),
-                     {FIELD(Axle, look_ahead), FIELD(Axle, forward), FIELD(Axle, turn), FIELD(Axle, braking)});
-  }, "Return (size, {field: offset}) of the limits of a differential drive.");
   m.def("axle_across", [](const Limits& limits) { return axle::across(axle_of(limits)); }, "axle"_a,
         "Return the greatest acceleration of the point across the heading.");
   m.def("axle_speeds", [](const Limits& limits, const Numbers<const double, 1>& x, double heading) {

@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, packed
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.records import AXIS, SETTINGS, A, D, S
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.locomotion.leg import LegGeometry
-from hcbf_gym.locomotion.records import packed
 from hcbf_gym.locomotion.state import STATE_SIZE
 from hcbf_gym.models.constants import GRAVITY
 

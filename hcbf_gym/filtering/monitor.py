@@ -26,22 +26,5 @@ is what two ways to integrate may be apart, where the velocity turns or changes.
 integrator s is ``Δp − T (v + v')/2``, which is exact, so that c is 0 of one that is its model;
 `model_monitor` has s for any model.
 
-The core computes it and has the numbers in capitals: `monitor.hpp`; here is what is remembered.
+The core computes it and has the numbers in capitals: `monitor.hpp`.
 """
-
-MEMORY = [
-    ("error", "f8"),  # E
-    ("missed", "f8"),  # the share of misses
-    ("exact", "f8"),  # the share that was met exactly
-    ("off", "f8"),  # the share that was off by more than an exact plant ever is
-    ("samples", "f8"),  # that tell
-    ("bend", "f8"),  # c
-    ("in_a_row", "f8"),  # samples at which the motion was off
-]
-"""What is remembered of both signals; zeros at a reset."""
-PLANAR_MEMORY = [
-    ("drift", "f8", 2),  # r [m]
-    ("motion", "f8", 2),  # m [m]
-    ("body", "f8", 4),  # position [m] and velocity [m/s] at the last sample
-]
-"""What is remembered besides of the motion in the plane; zeros at a reset."""

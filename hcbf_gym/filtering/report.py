@@ -1,4 +1,4 @@
-"""What ``info["safety_filter"]`` says: its layout stands here, once; a line here is a field of it.
+"""The layout of ``info["safety_filter"]``; its fields are those of `report.hpp`.
 
 The keys are the same whoever answered. A field that a filter does not write is 0.
 """
@@ -7,49 +7,19 @@ from functools import cache
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Info, Records
+from hcbf_gym.arrays import Array, Info, Records, record_type
 
 
 @cache
 def plant_dtype(n_u: int) -> np.dtype[np.void]:
-    """Return what is said of a plant of so many inputs."""
-    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = [
-        ("intervention", "f8"),  # ‖u − u*‖
-        ("fallbacks", "f8"),  # projections that took more than doubles or a second solver
-        ("model_error", "f8"),  # how far the response is from the chosen input [unit of u]
-        ("reachable", "f8"),  # through which rank the way leads; 0 where nothing lies on it
-        ("deadlock", "f8"),  # 1 where the plant stands though u* asks it to move
-        ("alpha1_scale", "f8"),  # by how much α₁ was scaled down to what U can brake
-        ("status", "i8"),  # a `programs.FilterStatus`
-        ("reason", "i8"),  # a `models.plant.Reason`
-        ("covered", "i8"),  # a `models.plant.Coverage`
-        ("covered_by", "i8"),  # why it is not 1, a `models.plant.CoveredBy`
-        ("proved", "i8"),  # 1 where h ≥ m and ψ ≥ 0 of every strict condition on the position
-        ("u_nominal", "f8", (n_u,)),  # u*, as the filter received it
-        ("u_safe", "f8", (n_u,)),  # u, what the environment receives
-    ]
-    return np.dtype((np.record, fields))
+    """Return what is reported of a plant of so many inputs; u* and u are behind the struct."""
+    return record_type("report.Plant", u_nominal=n_u, u_safe=n_u)
 
 
 PLANT = plant_dtype(2)
 """What is said of a plant of two inputs."""
 
-ROW = np.dtype(
-    (
-        np.record,
-        [
-            ("slack", "f8"),  # the row's violation
-            ("delta", "f8"),  # the program's own relaxation
-            ("margin", "f8"),  # what the row keeps between h and zero
-            (
-                "h",
-                "f8",
-            ),  # NaN where no state is believed, ∞ where no piece of a map is near or no condition
-            ("psi", "f8"),  # the last ψ, which the row keeps from falling below zero; as h
-            ("conditioning", "f8"),  # 0 where no input matters to the row, less than 1 near a kink
-        ],
-    )
-)
+ROW = record_type("report.Row")
 """What is said of each row (m,), in the order of the barriers."""
 
 _ROWS = ROW.names or ()

@@ -7,13 +7,13 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Mask, attributes
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.gait import GAITS, Gait
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.records import MEMORY, SETTINGS, attributes
+from hcbf_gym.locomotion.records import MEMORY, SETTINGS
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.locomotion.task_space_qp import TaskSpaceQp
 from hcbf_gym.robots import a1

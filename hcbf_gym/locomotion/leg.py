@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
-from hcbf_gym.locomotion.records import LEGS, packed
+from hcbf_gym.arrays import Array, packed
+from hcbf_gym.locomotion.records import LEGS
 
 
 class LegGeometry(NamedTuple):

@@ -3,9 +3,9 @@
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Records
+from hcbf_gym.arrays import Array, Records, attributes, words_of
 from hcbf_gym.locomotion import qp
-from hcbf_gym.locomotion.records import WORKSPACE, as_bytes, attributes
+from hcbf_gym.locomotion.records import WORKSPACE
 from hcbf_gym.locomotion.state import RobotState
 
 
@@ -23,7 +23,7 @@ class TaskSpaceQp:
 
     def __init__(self, settings: Records, memory: Records) -> None:
         workspace = np.zeros(1, dtype=WORKSPACE)
-        self._compiled = _core.LocomotionTick(*map(as_bytes, (settings, memory, workspace)))
+        self._compiled = _core.LocomotionTick(*map(words_of, (settings, memory, workspace)))
         work = attributes(workspace)
         self._torque, self.feedforward, self._z = work.torque, work.feedforward, work.z
         self._programs = [

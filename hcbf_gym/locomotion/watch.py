@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.arrays import Array, Mask, packed
 from hcbf_gym.locomotion.leg import LegGeometry
-from hcbf_gym.locomotion.records import LEGS, packed
+from hcbf_gym.locomotion.records import LEGS
 from hcbf_gym.locomotion.state import STATE_SIZE
 
 JUDGED = 0.04

@@ -16,24 +16,11 @@ that. The core computes it: `motion_monitor.hpp`.
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
-from hcbf_gym.filtering import monitor
+from hcbf_gym.arrays import Array, record_type, words_of
 
 PAUSE = 1.5
 """Periods from one sample to the next, beyond which some are missing."""
-NOTES = np.dtype(
-    [
-        *monitor.MEMORY,
-        *monitor.PLANAR_MEMORY,
-        ("time", "f8"),  # [s]
-        ("begun", "i8"),
-        ("missing", "f8"),  # [m]
-        ("apart", "f8", 2),  # e [m]
-        ("noise", "f8"),  # NOISE² − σ² [m²]
-        ("place", "f8", 2),  # the position, averaged [m]
-        ("left", "f8"),  # σ of it [m]
-    ]
-)
+NOTES = record_type("motion_monitor.Notes")
 
 
 class MotionMonitor:
@@ -59,7 +46,7 @@ class MotionMonitor:
             body: (4,) position [m] and velocity [m/s] in the world.
             time: of both [s]; one that does not go on says nothing.
         """
-        words = self._notes.view(np.float64)
+        words = words_of(self._notes)
         return _core.motion_observe(words, body, time, self._longest, self._hardest)
 
     @property

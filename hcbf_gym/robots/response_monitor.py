@@ -44,8 +44,7 @@ import math
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
-from hcbf_gym.robots.command_history import LAW, NOTES
+from hcbf_gym.arrays import Array, record_type, words_of
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response, assumed
 
@@ -99,7 +98,7 @@ class ResponseMonitor:
         share = DOUBTED if doubted else SHARE
         if doubted:
             most, lasting = known.sway / (SWAYS * follows), LASTING * command.fastest
-        law = np.zeros(1, dtype=LAW)
+        law = np.zeros(1, dtype=record_type("command_history.Law"))
         law["tau"], law["delay"] = known.time_constant, known.delay
         law["first"] = max(follows, SHORTEST)
         law["most"], law["lasting"] = widened * most, widened * lasting
@@ -108,7 +107,7 @@ class ResponseMonitor:
         law["arc"] = widened * ARC if doubted else 0.0
         self._law = law
         self.is_measured = not doubted
-        self._notes = np.zeros(1, dtype=NOTES)
+        self._notes = np.zeros(1, dtype=record_type("command_history.Notes"))
 
     def forget(self) -> None:
         """Start anew: after a reset, or where nothing is known of what the robot did."""
@@ -124,7 +123,7 @@ class ResponseMonitor:
         """
         follows = self._gains * command
         ahead, aside = self._command.in_plane(follows)
-        words = self._notes.view(np.float64)
+        words = words_of(self._notes)
         _core.response_tell(words, (ahead, aside, follows[-1]), time, False)
         if until < math.inf:
             _core.response_tell(words, (0.0, 0.0, 0.0), until, True)
@@ -157,7 +156,7 @@ class ResponseMonitor:
     @property
     def _words(self) -> tuple[Array, Array]:
         """Notes and law as the core takes them."""
-        return self._notes.view(np.float64), self._law.view(np.float64)
+        return words_of(self._notes), words_of(self._law)
 
     @property
     def worst(self) -> float:

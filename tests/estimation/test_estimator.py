@@ -3,9 +3,10 @@ import pytest
 from scipy.stats import chi2
 
 from hcbf_gym._core import trunk_velocity
+from hcbf_gym.arrays import packed
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.estimation import PRESETS, Estimator, Sensors
-from hcbf_gym.locomotion.records import LEGS, packed
+from hcbf_gym.locomotion.records import LEGS
 from hcbf_gym.robots.reader import read_robot
 
 BASE = [0, 1, 19, 20]

@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 
 from hcbf_gym._core import kalman_correct, kalman_predict
-from hcbf_gym.estimation.records import AXIS, MODEL, A, D, P, S, V
-from hcbf_gym.locomotion.records import as_bytes, attributes
+from hcbf_gym.arrays import attributes, record_type, words_of
+from hcbf_gym.estimation.records import AXIS, A, D, P, S, V
 
 DT = 0.002
 
 
 @pytest.fixture
 def model():
-    """(1,) `MODEL`."""
-    model = np.zeros(1, dtype=MODEL)
+    """(1,) of the core's `kalman::Model`."""
+    model = np.zeros(1, dtype=record_type("kalman.Model"))
     record = attributes(model)
     record.timestep = DT
     record.keep[:] = 1.0, 1.0, 0.999, 0.99, 0.98
@@ -40,7 +40,7 @@ def test_prediction_is_that_of_the_matrices(model, estimate):
     noise += np.diag((1.0 - model["keep"][0] ** 2) * slow)
     expected_x = transition @ x + np.outer(drive, acceleration)
     expected_cov = transition @ cov @ transition.T + noise
-    kalman_predict(as_bytes(model), x, cov, acceleration, var_acc)
+    kalman_predict(words_of(model), x, cov, acceleration, var_acc)
     np.testing.assert_allclose(x, expected_x, atol=1e-13)
     np.testing.assert_allclose(cov, expected_cov, atol=1e-13)
 
@@ -62,5 +62,5 @@ def test_correction_is_the_least_squares_answer(estimate, shown):
 def test_slow_errors_keep_their_variance_in_the_long_run(model):
     x, cov = np.zeros((AXIS, 4)), np.zeros((AXIS, AXIS))
     for _ in range(20_000):
-        kalman_predict(as_bytes(model), x, cov, np.zeros(4), 0.0)
+        kalman_predict(words_of(model), x, cov, np.zeros(4), 0.0)
     np.testing.assert_allclose(np.diag(cov)[D:], [0.01, 0.02, 0.03], rtol=1e-6)

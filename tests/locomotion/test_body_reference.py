@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym._core import LEASH, MAX_YAW_ACCELERATION, MAX_YAW_RATE, advance_reference
-from hcbf_gym.locomotion.records import REFERENCE, as_bytes, attributes
+from hcbf_gym.arrays import attributes, words_of
+from hcbf_gym.locomotion.records import REFERENCE
 
 DT = 0.002
 ORIGIN = np.zeros(3)
@@ -16,7 +17,7 @@ speeds = st.floats(-1.0, 1.0)
 def at_rest() -> tuple[np.record, np.ndarray]:
     """Return a reference at rest, and its bytes."""
     reference = np.zeros(1, dtype=REFERENCE)
-    return attributes(reference), as_bytes(reference)
+    return attributes(reference), words_of(reference)
 
 
 @examples

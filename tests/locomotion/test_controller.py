@@ -6,11 +6,11 @@ import pytest
 from benchmarks.judges.task_space import PLAN, paper_program
 from benchmarks.suites import walks
 from hcbf_gym import _core
+from hcbf_gym.arrays import attributes, words_of
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.controller import LocomotionController
-from hcbf_gym.locomotion.records import as_bytes, attributes
 from hcbf_gym.robots.reader import read_robot
 
 ROBOT = read_robot()
@@ -49,10 +49,10 @@ def test_the_torques_of_a_walk_are_those_of_the_paper_s_program():
         torque = controller.step(state, u)
         rate = state.joint_velocity
         limits = _core.torque_limits(robot.stall_torque, robot.no_load_speed, rate)
-        _core.plan_tick(as_bytes(settings), as_bytes(before), state.vector, u, as_bytes(planned))
+        _core.plan_tick(words_of(settings), words_of(before), state.vector, u, words_of(planned))
         solution = qp.solve(paper_program(plan.robot, plan.tasks, friction, limits))
         assert solution.x is not None
-        expected = np.clip(solution.x[18:30] + plan.feedback, *limits)
+        expected = np.clip(solution.x[18:30] + plan.feedback.ravel(), *limits)
         np.testing.assert_allclose(torque, expected, atol=1e-2)
         simulation.step(torque)
     assert controller.solved == 300

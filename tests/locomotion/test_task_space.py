@@ -11,19 +11,11 @@ from hypothesis import strategies as st
 from benchmarks.judges.task_space import DYNAMICS, TASKS, paper_program
 from hcbf_gym import _core
 from hcbf_gym._core import CATCH_UP, LEASH, PLANE_KD, PLANE_KP, rotation_matrix
+from hcbf_gym.arrays import attributes, packed, words_of
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.records import (
-    BODIES,
-    LEGS,
-    REFERENCE,
-    TARGETS,
-    WORKSPACE,
-    as_bytes,
-    attributes,
-    packed,
-)
+from hcbf_gym.locomotion.records import BODIES, LEGS, REFERENCE, TARGETS, WORKSPACE
 from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots.reader import read_robot
 
@@ -84,8 +76,8 @@ def paper(robot: np.ndarray, tasks: np.ndarray) -> qp.QuadraticProgram:
 def condensed(robot: np.ndarray, tasks: np.ndarray) -> tuple[qp.QuadraticProgram, np.ndarray]:
     """Return the program that runs, and its workspace (1,)."""
     workspace = np.zeros(1, dtype=WORKSPACE)
-    packed = map(as_bytes, (robot, tasks))
-    contacts = _core.condense_task_space(*packed, 0.6, LIMITS, as_bytes(workspace))
+    packed = map(words_of, (robot, tasks))
+    contacts = _core.condense_task_space(*packed, 0.6, LIMITS, words_of(workspace))
     w, rows = attributes(workspace), 12 + 4 * contacts
     program = qp.QuadraticProgram(
         w.H, w.f, w.A[:rows], w.lower[: 12 + rows], w.upper[: 12 + rows], 0
@@ -106,8 +98,8 @@ def test_the_trunk_is_never_asked_to_catch_up_much_above_the_speed_cap(course, s
     state = RobotState(np.zeros(STATE_SIZE))
     state.quaternion[0] = 1.0
     state.linear_velocity[:] = velocity
-    records = map(as_bytes, (robot["feet"].copy(), references, targets))
-    _core.task_accelerations(state.vector, np.eye(3), *records, 0.0, 1.0, as_bytes(tasks))
+    records = map(words_of, (robot["feet"].copy(), references, targets))
+    _core.task_accelerations(state.vector, np.eye(3), *records, 0.0, 1.0, words_of(tasks))
     asked = tasks["linear"][0, :2]
     wanted = asked / PLANE_KD + velocity[:2]  # the velocity at which nothing more is asked
     assert np.linalg.norm(wanted) <= 1.0 + CATCH_UP + 1e-9
@@ -156,7 +148,7 @@ def test_without_a_binding_bound_the_free_minimiser_is_the_solver_s_answer():
     counts = {True: 0, False: 0}
     for seed in range(20):
         program, work = condensed(*problem(seed, (1, 1, 1, 1), 0.25 * seed)[:2])
-        free = _core.free_minimiser(as_bytes(work), len(program.A))
+        free = _core.free_minimiser(words_of(work), len(program.A))
         counts[free] += 1
         solution = qp.solve(program)
         if free:

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from hcbf_gym._core import trunk_velocity
+from hcbf_gym.arrays import packed
 from hcbf_gym.envs.a1_plant import watch_bounds
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.locomotion import records, watch
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.records import packed
 from hcbf_gym.locomotion.watch import Fault, Watch, WatchBounds
 from hcbf_gym.robots.reader import read_robot
 

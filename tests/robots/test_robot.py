@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 from benchmarks.judges.task_space import foot_drift, foot_jacobian
 from hcbf_gym._core import inverse_kinematics, rigid_body_terms, rotation_matrix
+from hcbf_gym.arrays import packed
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import RobotModelError
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.records import BODIES, LEGS, packed
+from hcbf_gym.locomotion.records import BODIES, LEGS
 from hcbf_gym.locomotion.state import STATE_SIZE, RobotState
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot

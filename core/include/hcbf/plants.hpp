@@ -1,5 +1,5 @@
 // What a filter reads and writes: constants, plants with their scenes, and their reports.
-// `filtering.plants` has the dtypes.
+// `bindings/layouts.cpp` describes the records to NumPy.
 #pragma once
 #include <hcbf/axle.hpp>
 #include <hcbf/layout.hpp>

@@ -1,4 +1,4 @@
-// The fields of info["safety_filter"]: `filtering.report` has the same dtypes.
+// The fields of info["safety_filter"]: `bindings/layouts.cpp` describes them to NumPy.
 #pragma once
 #include <hcbf/arrays.hpp>
 
